@@ -204,11 +204,6 @@ SEARCHES = 3
 FALLS = 0.8
 # This part of the first step tells whether sigma falls.
 GLANCE = 0.1
-# A loss of rank is looked for where sigma is less at one of these parts of a step,
-# or falls over this first part of it and rises over the last, and located to this part.
-PARTS = 8
-NUDGE = 1e-3
-NARROW = 1e-9
 
 
 def record_sigma(s: Rank, sigma: float, h: float) -> None:
@@ -338,53 +333,6 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
     z[s.positions] += h * s.y[s.velocities]
     velocity_step(s.t + h, z, p, s.spare)
     return float(s.spare[n + 1])
-
-
-def watch(s: Rank, p: Parameters) -> int:
-    """Look for a loss of rank within the last step; return 1 where there is one.
-
-    The state where it is found is left in the working memory.
-    """
-    if s.watched == 0.0:
-        return 0
-    low = lowest_part(s, p)
-    if low < 0.0:
-        return 0
-    high = 1.0
-    if low > 0.0:
-        high = low + 1.0 / PARTS
-        low -= 1.0 / PARTS
-    while high - low > NARROW:
-        left = low + (high - low) / 3.0
-        right = high - (high - low) / 3.0
-        if sigma_at(s, p, left) < sigma_at(s, p, right):
-            high = right
-        else:
-            low = left
-    if sigma_at(s, p, low) < s.lost_below:
-        s.lost_at = s.step_t + low * s.step_h
-        return 1
-    return 0
-
-
-def lowest_part(s: Rank, p: Parameters) -> float:
-    """Fraction of the last step at which the smallest singular value is least.
-
-    0 where it is somewhere in it, and below 0 where it is at an end. What the sigma is
-    told as jumps a little where rows change their order: close to an end that hides
-    whether it falls.
-    """
-    lowest = FALLS * min(s.previous_sigma, s.sigma)
-    found = -1.0
-    for k in range(1, PARTS):
-        sigma = sigma_at(s, p, k / PARTS)
-        if sigma < lowest:
-            lowest = sigma
-            found = k / PARTS
-    falls = found < 0.0 and sigma_at(s, p, NUDGE) < s.previous_sigma
-    if falls and sigma_at(s, p, 1.0 - NUDGE) < s.sigma:
-        return 0.0
-    return found
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:

@@ -9,25 +9,22 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts import missed
+from lagsim.methods.parts import missed, search
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.constraints import clear_of_loss, project, watch
+from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
-from lagsim.methods.parts.missed import BETWEEN, GOLDEN, Signals
-from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.search import Events
 from lagsim.methods.parts.state import (
-    derivative,
-    event_functions,
     inertias,
     interpolate,
-    located,
     observe,
     project_sliding,
     start,
     step,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import SUM_ROUNDOFF, SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
+from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF
 
 CONSTRAINED = True
 UNTIL = True
@@ -40,15 +37,10 @@ SETTLING = 10.0
 NOWHERE = -1
 
 
-class State(Signals):
+class State(Events):
     """State of every method: the above, events, and bounds of a step."""
 
-    surfaces: int  # that switches are located on, and laws whose modes end
     inertias: int  # which are followed, whether they vanish on the way
-    conditions: int  # of events and `until`, which are located when they become true
-
-    event: float  # the number, from 1, of the condition that has been located; or 0
-    switched: float  # the number, from 1, of the surface a switch was located on; or 0
     # The farthest a state was pulled onto what it slides along, against the motion.
     projected: float
     longest: float  # no step is longer than this; 0: any
@@ -61,19 +53,6 @@ class State(Signals):
     feature_width: float  # ... of this width; 0: nothing is known of
     feature_reach: float  # it counts from so far before it ...
     feature_end: float  # ... to this time
-
-    # A condition holds where this times its function is <= 0; 0: not armed, it has not
-    # been false since, that is less than 0 by more than the leeway.
-    orientation: Floats = array("conditions")
-    equation: Floats = array("conditions")  # 1 of an equation
-    leeway: Floats = array("conditions")
-
-    # Event functions of surfaces and of conditions at a point; with their slopes, at
-    # the start of a stretch, within it and at its end.
-    event_functions: Floats = array(lambda s: s.surfaces + s.conditions)
-    event_starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
-    event_middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
-    event_ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
 
     # Of each inertia: the largest, the smallest, its time, and the state there.
     inertia_largest: Floats = array("inertias")
@@ -113,7 +92,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             begin(s, p)
             continue
         inspect(s, p)
-        if CONSTRAINED and watch(s, p) > 0:
+        if CONSTRAINED and search.loses_rank(s, p):
             return at.RANK_LOST
 
 
@@ -175,7 +154,7 @@ def has_missed(s: State, p: Parameters) -> int:
     """Take the last step back where it missed something; return whether it did."""
     x = 0.0
     if LOCALIZED and s.feature_possible > 0.0:
-        x = missed.missed_feature(s, p)
+        x = search.missed_feature(s, p)
     if x == 0.0:
         x = missed.find_defect(s, p)
     if x == 0.0:
@@ -211,7 +190,7 @@ def inspect(s: State, p: Parameters) -> None:
     if counts and (known == 0.0 or s.step_h < known):
         s.smallest_step = s.step_h
     if SWITCHES or UNTIL:
-        find_end(s, p)
+        search.find_end(s, p)
     if SWITCHES and s.cut == 0.0:
         project_state(s, p, s.t, s.y)
     if s.inertias > 0:
@@ -277,7 +256,7 @@ def begin(s: State, p: Parameters) -> None:
         drop_compensation(s)
         start(s, p)
         if UNTIL:
-            orient(s, p, s.t, s.y, inf)
+            search.orient(s, p, s.t, s.y, inf)
         s.fresh = 0.0
 
 
@@ -331,23 +310,6 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
             s.extras -= 1.0
             return 0
         s.row += 1.0
-
-
-def orient(s: State, p: Parameters, t: float, y: Floats, most: float) -> None:
-    """Arm the conditions that are false at a state: they count from then on.
-
-    Of inequalities those with no more leeway than `most`.
-    """
-    values = s.event_functions
-    located(t, y, p, values)
-    for k in range(s.conditions):
-        if s.orientation[k] == 0.0 and (s.equation[k] > 0.0 or s.leeway[k] <= most):
-            if values[k] < -s.leeway[k]:
-                s.orientation[k] = -1.0
-                s.leeway[k] = 0.0
-            elif s.equation[k] > 0.0 and values[k] > s.leeway[k]:
-                s.orientation[k] = 1.0
-                s.leeway[k] = 0.0
 
 
 def tabulate(
@@ -479,431 +441,3 @@ def record_speed(
         s.off_bound += 1.0
         if s.off_bound >= FREE_STEPS:
             s.at_bound = 0.0
-
-
-# --- events: the first switch, or condition, within a step ----------------------------
-# Each surface has an event function: how far the state is from leaving the
-# mode it is in; so has each condition, while it is false. Margins are evaluated at
-# several points of a step, and once more between each two: where the value there does
-# not follow from values and slopes at both, the points come closer until it does. One
-# that has become negative, and by the slopes one that has been so in between (a touch,
-# a narrow pulse), ends the step. The first root is located by bisection on the dense
-# output, to the last bit. A step that needs more points than are allowed ends where
-# they do, and the next one begins there.
-
-# Event functions are evaluated at so many points of a step at least.
-POINTS = 8
-# Slopes are differences over this part of the way between points: closer than anything
-# that a method resolves.
-BESIDE = 2.0**-10
-# One is known between two points where that in the middle is what the ends tell up
-# to the first part of how it varies, or the last of the least of it; the slope there
-# counts as the second says. Of points that are too far apart one of both may agree by
-# chance, hardly both.
-KNOWN = 0.1
-TURNED = 0.25
-CLEAR = 0.25
-# Points come no closer than this, and there are so many in a step.
-FINEST = 2.0**-14
-# Or than this about a localized term; this many times it where points have run out
-# before this part of the step: so many steps at most for one.
-NARROWEST = 2.0**-40
-COARSER = 16.0
-LEAST_PART = 2.0**-5
-MOST_POINTS = 2000
-# A minimum is located to this part of the stretch it lies in: its own error is of
-# the square of that.
-NARROW = 1e-8
-
-
-def of_surfaces(p: Parameters) -> int:
-    """Count of the event functions of surfaces and laws; conditions come after."""
-    if SWITCHES:
-        return p.surfaces + p.laws
-    return 0
-
-
-def watched(s: State, p: Parameters) -> int:
-    """Count of all event functions (C)."""
-    if UNTIL:
-        return of_surfaces(p) + s.conditions
-    return of_surfaces(p)
-
-
-def find_end(s: State, p: Parameters) -> None:
-    """Search the last step for its first event, and end it there.
-
-    s.switched becomes the number of the surface, or s.event that of the condition. One
-    that is true is followed until it is false: from there on it counts.
-    """
-    t = s.t
-    rows = s.row_limit
-    if UNTIL:
-        if true_at_once(s, p):
-            cut(s, p, 0.0, TINY)
-            return
-        follow_true(s, p)
-    search(s, p, 0.0)
-    while UNTIL and s.event > 0.0 and follows(s, int(s.event) - 1):
-        low = s.cut
-        s.orientation[int(s.event) - 1] = -1.0
-        s.leeway[int(s.event) - 1] = 0.0
-        s.event = 0.0
-        s.cut = 0.0
-        s.t = t
-        s.row_limit = rows
-        search(s, p, low)
-    if UNTIL:
-        for k in range(s.conditions):
-            if follows(s, k):
-                s.orientation[k] = 0.0
-
-
-def true_at_once(s: State, p: Parameters) -> bool:
-    """Whether a condition that was false is true at the start: a velocity has jumped.
-
-    It need not be true for long, and be false at all points of the step.
-    """
-    events_at(s, p, 0.0)
-    for k in range(s.conditions):
-        if not s.event_functions[of_surfaces(p) + k] > 0.0:
-            return True
-    return False
-
-
-def follow_true(s: State, p: Parameters) -> None:
-    """Follow the inequalities that are true at the start of the last step."""
-    waits = False
-    for k in range(s.conditions):
-        waits = waits or s.orientation[k] == 0.0
-    if waits:
-        x = BESIDE / POINTS
-        interpolate(s, p, x, s.work)
-        orient(s, p, s.step_t + x * s.step_h, s.work, 0.0)
-        for k in range(s.conditions):
-            if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
-                s.orientation[k] = 1.0
-
-
-def follows(s: State, k: int) -> bool:
-    """Whether condition k is an inequality that is true, and watched for its end."""
-    return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
-
-
-def search(s: State, p: Parameters, low: float) -> None:
-    """Go through the last step from its fraction `low` on."""
-    count = watched(s, p)
-    first, middle, last = s.event_starts, s.event_middles, s.event_ends
-    widest = 2.0 / POINTS
-    width = widest
-    narrowest = NARROWEST
-    points = 0
-    high = 0.0
-    sample(s, p, low, BESIDE * width, first)
-    while low < 1.0 and high == 0.0:
-        x = min(low + width, 1.0)
-        half = low + BETWEEN * (x - low)
-        sample(s, p, half, -BESIDE * width, middle)
-        sample(s, p, x, -BESIDE * width, last)
-        points += 2
-        clear = x - low < FINEST or known(s, p, x - low)
-        if LOCALIZED and clear and x - low > narrowest:
-            clear = none_approaches(s, p, low, x)
-        if clear:
-            high = first_end(s, p, low, half, first, middle)
-            if high > 0.0:
-                x = half
-            else:
-                high = first_end(s, p, half, x, middle, last)
-                if high > 0.0:
-                    low = half
-            if high > 0.0:
-                cut(s, p, low, high)
-            first[: 2 * count] = last[: 2 * count]
-            low = x
-            width = min(2.0 * width, widest)
-        elif points >= MOST_POINTS and low > LEAST_PART:
-            s.cut = low
-            s.t = s.step_t + low * s.step_h
-            return
-        else:
-            if points >= MOST_POINTS:
-                points = 0
-                narrowest *= COARSER
-            width = 0.5 * (x - low)
-            sample(s, p, low, BESIDE * width, first)
-
-
-def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
-    """Whether no signal comes closer inside a stretch than at its ends.
-
-    A event function that is made of one would be flat at every point.
-    """
-    missed.signals_at(s, p, low, s.signals_first)
-    missed.signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
-    missed.signals_at(s, p, x, s.signals_last)
-    still = True
-    for k in range(s.signals):
-        if still and missed.may_approach(s, k, (x - low) * s.step_h):
-            still = missed.hardly_varies(s, p, k, x)
-    return still
-
-
-def events_at(s: State, p: Parameters, x: float) -> None:
-    """Leave the event functions at the fraction x of the last step."""
-    z, now = s.work, s.event_functions
-    t = s.step_t + x * s.step_h
-    interpolate(s, p, x, z)
-    if SWITCHES:
-        event_functions(t, z, p, now)
-    if UNTIL:
-        own = now[of_surfaces(p) :]
-        located(t, z, p, own)
-        for k in range(s.conditions):
-            own[k] = own[k] * s.orientation[k] + s.leeway[k]
-            if s.orientation[k] == 0.0:
-                own[k] = 1.0
-            if own[k] == 0.0 and follows(s, k):
-                own[k] = TINY  # of what is true, 0 is not its end
-
-
-def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
-    """Margins and slopes (2 C,) at the fraction x of the last step."""
-    count = watched(s, p)
-    now = s.event_functions
-    events_at(s, p, x + beside)
-    out[count : 2 * count] = now[:count]
-    events_at(s, p, x)
-    out[:count] = now[:count]
-    out[count : 2 * count] = (out[count : 2 * count] - now[:count]) / beside
-
-
-def known(s: State, p: Parameters, width: float) -> bool:
-    """Whether all event functions on a stretch follow from values at its ends."""
-    count = watched(s, p)
-    for k in range(count):
-        a = s.event_starts[k]
-        m = s.event_middles[k]
-        b = s.event_ends[k]
-        A = width * s.event_starts[count + k]
-        B = width * s.event_ends[count + k]
-        P = 3.0 * (b - a) - 2.0 * A - B
-        Q = A + B - 2.0 * (b - a)
-        off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
-        turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-        turned = TURNED * abs(turned - width * s.event_middles[count + k])
-        reach = max(abs(m - a), abs(m - b))
-        # What is off by no more than counts as none cannot be known better, nor can
-        # slopes where that rounds.
-        enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
-        rounding = 0.0  # also by that of the time
-        nothing = -1.0
-        if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
-            # That of a law may be rounding, and its slopes with it.
-            rounding = p.law_rounding[k - p.surfaces]
-            nothing = -least_allowed(p, k)
-        if UNTIL and k >= of_surfaces(p):
-            # Of a condition that is held on its edge all is, and its leeway beside it.
-            rounding = s.leeway[k - of_surfaces(p)]
-            nothing = 2.0 * rounding
-        unknown = off > max(enough, rounding)
-        unknown = unknown or turned > max(enough, TURNED / BESIDE * rounding)
-        if unknown and not max(abs(a), abs(m), abs(b)) <= nothing:
-            return False
-    return True
-
-
-def least_allowed(p: Parameters, k: int) -> float:
-    """Value of an event function below which a mode ends; 0 of a condition."""
-    if SWITCHES and k < p.surfaces + p.laws:
-        return -max(float(p.slack[k]), float(p.band[k]))
-    return 0.0
-
-
-def over(p: Parameters, k: int, value: float) -> bool:
-    """Whether the mode is over by event function k."""
-    if UNTIL and k >= of_surfaces(p):
-        return not value > 0.0
-    return not value >= least_allowed(p, k)
-
-
-def ends(s: State, p: Parameters, k: int, value: float, x: float) -> bool:
-    """Whether a mode ends at the fraction x of the last step, by event function k."""
-    return over(p, k, value) and x >= errs_until(s, p, k, value)
-
-
-def errs_until(s: State, p: Parameters, k: int, value: float) -> float:
-    """Fraction of the last step up to which a gap has such a value by an error.
-
-    One that is open after the step, and neither closes at its start nor is pushed to,
-    is open in between: where it is not, the interpolant errs, as it does about what
-    leaves the ground as a power of the time. What has not risen at the end of such a
-    step either is below its ground by the method's error, and on it from then on.
-    """
-    law = k - p.surfaces
-    if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
-        return 0.0
-    is_open = not over(p, k, event_function_at(s, p, k, 1.0))
-    if p.law_kind[law] > FREEWHEEL or not value >= -error_of_gap(s, p, law, is_open):
-        return 0.0
-    if is_open:
-        return inf
-    return 1.0 if not ADAPTIVE and p.slack[k] > 0.0 else 0.0
-
-
-def error_of_gap(s: State, p: Parameters, k: int, is_open: bool) -> float:
-    """Error in the last step of law k, if it parts at the start; 0 if it does not.
-
-    Of the interpolant, by what the accelerations change in the step; of the method
-    where the gap is not open after it, by these themselves; or the tolerance.
-    """
-    last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
-    interpolate(s, p, 1.0, s.work)
-    derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
-    interpolate(s, p, 0.0, s.work)
-    derivative(s.step_t, s.work, p, s.spare)
-    at = p.m - p.laws + k
-    row, push, error = p.A[at * s.n :], -p.b[at], 0.0
-    roundoff, moved = abs(push), 0.0
-    h = s.step_h
-    for i in range(s.n):
-        push += row[i] * first[i]
-        roundoff += abs(row[i]) * max(s.parts[i], abs(first[i]))
-        moved += abs(row[i]) * s.sizes[s.n + i]
-        bend = abs(last[i] - first[i]) if is_open else max(abs(last[i]), abs(first[i]))
-        bend *= h if p.law_kind[k] == FREEWHEEL else 0.5 * h * h
-        error += abs(row[i]) * (s.tolerances[i] if ADAPTIVE else bend)
-    moved = max(moved, h * roundoff)
-    if p.law_speeds[k] < -SUM_ROUNDOFF * moved or push < -SUM_ROUNDOFF * roundoff:
-        return 0.0
-    return float(error)
-
-
-def first_end(
-    s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
-) -> float:
-    """Point in (low, x] where something ends, or 0.
-
-    No later than any least function that is negative: what has ended is so there still.
-    before, after : (2 C,), event functions and slopes there.
-    """
-    count = watched(s, p)
-    high = 0.0
-    for k in range(count):
-        if ends(s, p, k, after[k], x):
-            high = x
-    for k in range(count):
-        fall = before[count + k]
-        rise = after[count + k]
-        if touches(x - low, before[k], fall, after[k], rise):
-            least = least_event(s, p, k, low, x)
-            if ends(s, p, k, event_function_at(s, p, k, least), least):
-                high = least if high == 0.0 else min(high, least)
-    if SWITCHES and high == 0.0:
-        slack = p.slack
-        for k in range(p.surfaces + p.laws):
-            if after[k] > slack[k]:
-                slack[k] = 0.0
-    return high
-
-
-def event_function_at(s: State, p: Parameters, k: int, x: float) -> float:
-    """Return one event function at the fraction x of the last step."""
-    events_at(s, p, x)
-    return float(s.event_functions[k])
-
-
-def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
-    """Whether a event function could be negative between a and b.
-
-    It falls at the start and rises at the end; a convex one stays above its tangents.
-    """
-    if fall >= 0.0 or rise <= 0.0:
-        return False
-    meets = (b - a - rise * width) / (fall - rise)
-    return a + fall * meets < 0.0
-
-
-def least_event(s: State, p: Parameters, k: int, low: float, high: float) -> float:
-    """Minimum of event function k in [low, high], by golden section."""
-    left = high - GOLDEN * (high - low)
-    right = low + GOLDEN * (high - low)
-    at_left = event_function_at(s, p, k, left)
-    at_right = event_function_at(s, p, k, right)
-    narrow = NARROW * (high - low)
-    while high - low > narrow:
-        if at_left < at_right:
-            high = right
-            right = left
-            at_right = at_left
-            left = high - GOLDEN * (high - low)
-            at_left = event_function_at(s, p, k, left)
-        else:
-            low = left
-            left = right
-            at_left = at_right
-            right = low + GOLDEN * (high - low)
-            at_right = event_function_at(s, p, k, right)
-    return 0.5 * (low + high)
-
-
-def cut(s: State, p: Parameters, low: float, high: float) -> None:
-    """End the step at the first moment in (low, high] at which something ends.
-
-    That is where its function vanishes, also where only one well below 0 tells it.
-    """
-    count = watched(s, p)
-    first = count
-    for k in range(count):
-        if ends(s, p, k, event_function_at(s, p, k, high), high):
-            first = k
-            least = least_allowed(p, k)
-            if event_function_at(s, p, k, low) >= 0.0:
-                least = 0.0
-            if errs_until(s, p, k, event_function_at(s, p, k, high)) == 0.0:
-                high = end_of(s, p, k, least, low, high)
-            if SWITCHES and least < 0.0:
-                # A flight that began a rounding below ends where it is over.
-                middle = 0.5 * (low + high)
-                if event_function_at(s, p, k, middle) > p.slack[k]:
-                    high = end_of(s, p, k, -float(p.band[k]), middle, high)
-    if UNTIL and first >= of_surfaces(p):
-        s.event = first - of_surfaces(p) + 1.0
-    else:
-        s.switched = first + 1.0
-    if SWITCHES:
-        for k in range(p.laws):
-            law = p.surfaces + k
-            value = event_function_at(s, p, law, high)
-            errs = over(p, law, value) and errs_until(s, p, law, value) > 0.0
-            p.law_opens[k] = 1.0 if errs else 0.0
-    shorten(s, high)
-
-
-def end_of(
-    s: State, p: Parameters, k: int, least: float, low: float, high: float
-) -> float:
-    """Return the first point in (low, high] at which function k is below `least`."""
-    middle = 0.5 * (low + high)
-    while low < middle and middle < high:
-        value = event_function_at(s, p, k, middle)
-        ended = not value >= least
-        if UNTIL and k >= of_surfaces(p):
-            ended = not value > 0.0
-        if ended:
-            high = middle
-        else:
-            low = middle
-        middle = 0.5 * (low + high)
-    return high
-
-
-def shorten(s: State, x: float) -> None:
-    """End the last step at its fraction x.
-
-    Its state stays until the rows before that moment are written: methods may
-    interpolate from it.
-    """
-    s.cut = x
-    s.t = s.step_t + x * s.step_h
-    s.row_limit = min(s.row_limit, s.t)

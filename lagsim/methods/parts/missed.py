@@ -47,29 +47,16 @@ BETWEEN = 0.6180339887498949
 # counts as the second says.
 KNOWN = 0.1
 TURNED = 0.25
-# On the shoulders of a closest approach, where the distance has grown by so much: at
-# the top of a hill itself there is no force.
-SHOULDER = 0.3
-FOOT = 8.0
-# So many doublings lead from there to the other end of any step.
-DOUBLINGS = 60
 # A closest approach is found well enough once the distance changes by less than this.
 FLAT = 0.1
 # Multiples of it, less their whole parts, are spread evenly, too.
 GOLDEN = 0.6180339887498949
-SEARCH = 80
-# Signals are evaluated at so many points of a step; one that needs more is too long.
-MOST_POINTS = 400
-# Nothing is divided further, and a step not shortened to less than the second.
-FINEST = 2.0**-12
-PART = 0.25
 # y' from the equations and the slope of the dense output differ by up to so many
 # tolerances where nothing has been missed: dense output is of lower order.
 PASSED = 1e4
 # Slopes are differences over this part of a step, of fourth order: exact to rounding
 # for the polynomials that they are taken of.
 BESIDE = 2.0**-8
-AT_END = 1e-9
 
 
 class Signals(Rank):
@@ -157,6 +144,20 @@ def may_approach(s: Signals, k: int, h: float) -> bool:
     return dip > APPROACH
 
 
+def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
+    """Value at x of the cubic with values a, b and slopes A, B at 0 and 1."""
+    P = 3.0 * (b - a) - 2.0 * A - B
+    Q = A + B - 2.0 * (b - a)
+    return a + x * (A + x * (P + x * Q))
+
+
+def cubic_slope(x: float, a: float, A: float, b: float, B: float) -> float:
+    """Slope of that."""
+    P = 3.0 * (b - a) - 2.0 * A - B
+    Q = A + B - 2.0 * (b - a)
+    return A + x * (2.0 * P + 3.0 * x * Q)
+
+
 def goes_one_way(s: Signals, k: int, h: float) -> bool:
     """Whether signal k only rises or only falls in a step, and is never 0.
 
@@ -205,12 +206,8 @@ def known(s: Signals, k: int, width: float) -> bool:
     rate = s.signals + k
     A = width * s.signals_first[rate]
     B = width * s.signals_last[rate]
-    P = 3.0 * (b - a) - 2.0 * A - B
-    Q = A + B - 2.0 * (b - a)
-    guess = a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
-    turned = (
-        A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * s.signals_middle[rate]
-    )
+    guess = cubic(BETWEEN, a, A, b, B)
+    turned = cubic_slope(BETWEEN, a, A, b, B) - width * s.signals_middle[rate]
     off = max(abs(guess - m), TURNED * abs(turned))
     if not off < OVERFLOW:
         return False
@@ -252,41 +249,6 @@ def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> fl
     return least
 
 
-def missed_feature(s: Signals, p: Parameters) -> float:
-    """Fraction of the last step at which the dense output misses a feature.
-
-    Or 0 where there is none. A step that cannot be searched by MOST_POINTS counts too.
-    """
-    h = s.step_h
-    signals_at(s, p, 0.0, s.signals_first)
-    for k in range(s.signals):
-        s.farthest[k] = away(s, k, s.signals_first)
-    low = 0.0
-    width = 0.5
-    points = 0
-    while low < 1.0:
-        high = min(low + width, 1.0)
-        signals_at(s, p, high, s.signals_last)
-        signals_at(s, p, low + BETWEEN * (high - low), s.signals_middle)
-        points += 2
-        clear = True
-        for k in range(s.signals):
-            if clear and not known(s, k, (high - low) * h):
-                clear = hardly_varies(s, p, k, high)
-        if clear or high - low < FINEST:
-            found = search_stretch(s, p, low, high)
-            if found > 0.0:
-                return found
-            s.signals_first[:] = s.signals_last
-            low = high
-            width = 2.0 * width
-        elif points >= MOST_POINTS:
-            return max(high, PART)
-        else:
-            width = 0.5 * (high - low)
-    return 0.0
-
-
 def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Signals and their rates (2 K,) at the fraction x of the last step."""
     interpolate(s, p, x - 2.0 * BESIDE, s.far_before)
@@ -299,80 +261,6 @@ def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     )
     interpolate(s, p, x, s.point)
     signals(s.step_t + x * s.step_h, s.point, p, out)
-
-
-def search_stretch(s: Signals, p: Parameters, low: float, high: float) -> float:
-    """Search between two points for signals that come close, see `missed_feature`.
-
-    Keeps how far each has been since.
-    """
-    farthest = s.farthest
-    width = (high - low) * s.step_h
-    found = 0.0
-    for k in range(s.signals):
-        least = min(
-            closest(s, k, s.signals_first, s.signals_middle, BETWEEN * width),
-            closest(s, k, s.signals_middle, s.signals_last, (1.0 - BETWEEN) * width),
-        )
-        end = away(s, k, s.signals_last)
-        if farthest[k] - least > APPROACH and found == 0.0:
-            found = search_approach(s, p, k, low, high)
-            if end - least > FLAT:
-                farthest[k] = least
-        farthest[k] = max(farthest[k], end)
-    return found
-
-
-def search_approach(
-    s: Signals, p: Parameters, k: int, low: float, high: float
-) -> float:
-    """Compare slopes at the closest approach of signal k in [low, high], and around."""
-    x = approach(s, p, k, low, high)
-    if high - x < AT_END * (high - low):
-        return 0.0  # it comes closer still, or the next step begins there
-    if is_missed(s, p, x):
-        return x
-    least = apart(s, p, k, x)
-    beside = 2.0**-50
-    left = True
-    right = True
-    for _ in range(DOUBLINGS):
-        beside *= 2.0
-        if left:
-            left = x - beside > 0.0
-            far = apart(s, p, k, x - beside) - least if left else 0.0
-            left = left and far < FOOT
-            if left and far > SHOULDER and is_missed(s, p, x - beside):
-                return x - beside
-        if right:
-            right = x + beside < 1.0
-            far = apart(s, p, k, x + beside) - least if right else 0.0
-            right = right and far < FOOT
-            if right and far > SHOULDER and is_missed(s, p, x + beside):
-                return x
-    return 0.0
-
-
-def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
-    """Where signal k is closest in [low, high], by golden section."""
-    left = high - GOLDEN * (high - low)
-    right = low + GOLDEN * (high - low)
-    at_left = apart(s, p, k, left)
-    at_right = apart(s, p, k, right)
-    for _ in range(SEARCH):
-        if at_left < at_right:
-            high = right
-            right = left
-            at_right = at_left
-            left = high - GOLDEN * (high - low)
-            at_left = apart(s, p, k, left)
-        else:
-            low = left
-            left = right
-            at_left = at_right
-            right = low + GOLDEN * (high - low)
-            at_right = apart(s, p, k, right)
-    return 0.5 * (low + high)
 
 
 def apart(s: Signals, p: Parameters, k: int, x: float) -> float:

@@ -3,7 +3,7 @@
 Modes are words of the parameters, constant in an arc. At an event the arc ends, the
 modes are set, and another begins. Events at one time act in the order of the file; what
 becomes true by them acts next, at the same time. Conditions are located by the kernels
-(`methods.parts.driver`), as `until` is: each counts once it has been false.
+(`methods.parts.search`), as `until` is: each counts once it has been false.
 
 At an event rounding decides whether a condition holds. So one whose event has acted is
 not false before it is by more than rounding, its leeway. Another that is about to
