@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 247
-LINES = 75_080
+FILES = 248
+LINES = 75_140
 LINES_OF_TESTS = 56_840
 
 
