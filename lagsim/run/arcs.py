@@ -37,7 +37,7 @@ from lagsim.run.events.constraints import (
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Features, Knots, TimeBreaks, clocks
-from lagsim.run.events.transitions import Transitions
+from lagsim.run.events.transitions import Transitions, give_leeway
 from lagsim.run.failures import (
     FAILED,
     Fallback,
@@ -244,6 +244,7 @@ class Run:
         self._set_modes()
         ending = self._past_table() or self._strike(before)
         if ending is None:
+            give_leeway(self.arc)
             self._set_out(self.arc.settings.end)
         return ending
 

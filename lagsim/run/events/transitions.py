@@ -106,6 +106,35 @@ class Transitions(Source):
         return moment.through(due, found)
 
 
+def give_leeway(arc: Arc) -> None:
+    """Let conditions that are true at the start not be false within the tolerance.
+
+    Where a constraint holds one on its edge, as the ground does `y <= 0`, what rounding
+    leaves is no change of it. The tolerance is for the sizes of what a condition
+    depends on; a velocity at rest has that of its position over the run.
+    """
+    state, count = arc.state, len(arc.state.orientation)
+    if not count or not arc.equations.model.constraints:
+        return
+    of, sizes = arc.runner.function("located", count), arc.seen.copy()
+    values = of(arc.t, arc.y)
+    if not (values >= 0.0).any():
+        return
+    speeds = sizes[state.positions] / arc.settings.duration
+    sizes[state.velocities] = np.maximum(sizes[state.velocities], speeds)
+    scale = np.zeros(count)
+    for i in np.flatnonzero(sizes[state.dynamic]):
+        y = arc.y.copy()
+        y[i] += BACK * sizes[i]
+        with np.errstate(invalid="ignore"):
+            scale += np.abs(of(arc.t, y) - values) / BACK
+    true = (values >= 0.0) & np.isfinite(scale)
+    part = float(arc.plan.tolerance)
+    if arc.system.moreau is not None:  # whose contacts move by a step's way
+        part = max(part, (arc.plan.step or 0.0) / arc.settings.duration)
+    state.leeway[true] = part * scale[true]
+
+
 def _same(arc: Arc, time: float) -> float:
     """Difference of times that are one."""
     return SAME_TIME * math.ulp(max(abs(time), abs(arc.settings.start)))

@@ -47,3 +47,33 @@ simulation: {{duration: 20, output_step: 0.1, {method}}}
     assert result["x"] == pytest.approx((s + d) / 2.0, abs=bound)
     assert result["n"][-1] == 1.0
     assert result.record["steps"] < 2100
+
+
+# A mass on a spring along a ground on which y = 0.3 u + 0.7 w stays, but for rounding.
+GROUND = """
+coordinates: {u: {}, w: {}}
+definitions: {y: 0.3*u + 0.7*w, x: 0.7*u - 0.3*w}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y + 2*x^2}
+constraints: {floor: {relation: y >= 0, restitution: 0}}
+initial: {u: 0.7, w: -0.3}
+modes: {n: 0}
+events: {low: {at: y <= 0, set: {n: n + 1}}}
+"""
+
+
+@pytest.mark.parametrize("until", ["y <= 0", "y_dot <= 0", "y = 0"])
+@pytest.mark.parametrize("method", ["dop853", "rk4, step: 0.01", "moreau, step: 0.01"])
+def test_what_is_true_at_the_start_and_held_stays_true(until, method):
+    settings = f"{{duration: 5, output_step: 0.1, until: {until}, method: {method}}}"
+    found = simulate(f"{GROUND}simulation: {settings}\n", error_bar="never")
+    assert found.outcome == "done"
+    assert found["n"][-1] == 0.0
+    bound = 1e-9 if method == "dop853" else 1e-2
+    assert found["x"] == pytest.approx(0.58 * np.cos(2.0 * found.t), abs=bound)
+
+
+def test_what_is_true_at_the_start_and_leaves_counts_again():
+    text = GROUND.replace("w: -0.3", "w: -0.3, u_dot: 0.3/0.58, w_dot: 0.7/0.58")
+    found = simulate(f"{text}simulation: {{duration: 5, until: y <= 0}}\n")
+    assert found.outcome == "until"  # thrown up at 1 m/s
+    assert found.t[-1] == pytest.approx(2.0 / 9.81, abs=1e-10)
