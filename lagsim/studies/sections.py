@@ -1,11 +1,12 @@
 """Sections of a motion: its states where a relation is crossed, and every period.
 
 The run is repeated with the same steps and more rows, which its method interpolates
-within them: at least SAMPLES in the shortest step. Where the relation's function has
-another sign in the next row is a crossing; where it comes close to 0 between two rows,
-its extreme is looked for, which has a crossing on both sides if it lies past 0. The run
-is repeated for states at better and better times. So a section changes no step, and
-what is between two rows of the table is not lost.
+within them: at least SAMPLES in the shortest step, and more until the values of the
+relation's function follow from each other. Where it has another sign in the next row is
+a crossing; where it comes close to 0 between two rows, its extreme is looked for, which
+has a crossing on both sides if it lies past 0. The run is repeated for states at better
+and better times. So a section changes no step, and what is between two rows of the
+table is not lost.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
+from lagsim.methods.parts.missed import BETWEEN
 from lagsim.outputs.letters import letters_of, raised
 from lagsim.outputs.table import table_of
 from lagsim.outputs.units import units
@@ -41,6 +43,9 @@ NOTHING = 2.0**-46
 # Beside a row there may be a dip by so many of the second differences there; smooth is
 # what is known to a tenth of one. Each run divides a stretch by so many.
 NEAR, PARTS = 0.25, 8
+# Values follow from those around where they are off by no more than this part of how
+# those vary; that is asked at so many places at most.
+KNOWN, PROBES = 0.1, 2000
 # Runs in which a crossing is looked for: three do, and bisection needs no more.
 PASSES = 60
 # Of the values beside it, what is left at a crossing; more is a jump without a state.
@@ -103,15 +108,40 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
 
 
 def _sampled(session: Session, made: Trajectory, names: list[int]) -> Floats:
-    settings, interrupt = session.case.settings, Interrupt()
+    """Return times and values of columns (1 + columns, k), as dense as these need."""
+    settings, arcs = session.case.settings, made.statistics.arcs
     finest = max(
         made.statistics.smallest_step or settings.duration / FEW,
         SAMPLES * settings.duration / MOST,
     )
     spacing = min(finest, settings.output_step) / SAMPLES
-    samples = _Samples(names, made.end, interrupt)
-    session.asking(output_step=spacing).run([samples], interrupt=interrupt)
-    return samples.table
+    while True:
+        interrupt = Interrupt()
+        samples = _Samples(names, made.end, interrupt)
+        session.asking(output_step=spacing).run([samples], interrupt=interrupt)
+        table = samples.table
+        if PARTS * table.shape[1] > MOST or _unknown(session, names, table) <= 6 * arcs:
+            return table
+        spacing /= PARTS
+
+
+def _unknown(session: Session, names: list[int], table: Floats) -> int:
+    """Count the probes between rows that do not follow from the two on both sides.
+
+    At up to PROBES places. A few do not beside each jump, and most where the relation
+    has many periods in a step, as the sine of an angle that grows evenly.
+    """
+    t, g = table[0], table[1:]
+    if len(t) < 4:
+        return 0
+    k, x = np.unique(np.linspace(1, len(t) - 3, PROBES).astype(int)), BETWEEN
+    near = np.stack([g[:, k + j] for j in (-1, 0, 1, 2)], axis=-1)
+    cubic = (x - 1) * (x - 2) * np.array([-x / 6, (x + 1) / 2, 0, 0])
+    cubic += (x + 1) * x * np.array([0, 0, (2 - x) / 2, (x - 1) / 6])
+    now = rows_at(session, t[k] + x * (t[k + 1] - t[k]))[:, names].T
+    off, sizes = abs(near @ cubic - now), np.max(abs(g), axis=1, keepdims=True)
+    unknown = off > np.maximum(KNOWN * np.ptp(near, axis=-1), SMALL * sizes)
+    return int(np.count_nonzero(unknown.any(axis=0)))
 
 
 def _approaches(t: Floats, g: Floats) -> tuple[Floats, Floats, Floats]:

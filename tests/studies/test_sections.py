@@ -122,6 +122,20 @@ def test_two_crossings_are_found_however_close_they_are(depth):
             assert found == pytest.approx(times, abs=1e-10 / math.sqrt(abs(depth)))
 
 
+def test_a_relation_with_many_periods_in_a_step():
+    text = """
+coordinates: {theta: {}, x: {}}
+energy: {kinetic: (theta_dot^2 + x_dot^2)/2, potential: x^2/2}
+initial: {theta: 0.1, theta_dot: 1000, x: 1}
+simulation: {duration: 10, output_step: 0.1}
+output: {sections: {cut: {at: sin(theta) = 0, direction: down}}}
+"""
+    times = ((2.0 * np.arange(1592) + 1.0) * math.pi - 0.1) / 1000.0
+    assert times[-1] < 10.0 < times[-1] + 2e-3 * math.pi
+    found = sections("", text)
+    assert found["t"] == pytest.approx(times, abs=1e-11)
+
+
 @pytest.mark.parametrize("name", names())
 def test_every_method(name):
     adaptive = method(name).ADAPTIVE or name == "exponential"
