@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_170
-LINES_OF_TESTS = 56_870
+LINES = 75_200
+LINES_OF_TESTS = 56_880
 
 
 def lines(folder):
