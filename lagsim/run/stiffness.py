@@ -22,7 +22,6 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution
 from lagsim.plan.cost import STAGES
 from lagsim.program.system import System
 from lagsim.run.arc import LONG, SERIES
@@ -79,7 +78,6 @@ class Stiffness(Source):
     """
 
     def __init__(self, arc: Arc) -> None:
-        self._warned = False
         # The steps at which it is asked whether to go on with the method that there is,
         # and the state when it was asked last.
         series = arc.settings.method == "auto" and arc.plan.method == SERIES
@@ -146,9 +144,6 @@ class Stiffness(Source):
         return by_method(stiff, reason, {})
 
     def _warning(self, arc: Arc, where: tuple[str, ...], advice: str) -> Decision:
-        if self._warned:
-            return GO_ON
-        self._warned = True
         h, rate = arc.state.step_h, arc.state.speed
         text = (
             f"at t = {arc.t:.9g} the step ({h:.3g}) is held at the stability bound of "
@@ -156,7 +151,7 @@ class Stiffness(Source):
             f"{rate:.3g} per unit of time"
         )
         text = f"{text}; {advice}" if advice else text
-        return Decision(cautions=(Caution("step-at-stability-bound", text),))
+        return Decision(cautions=self.once("step-at-stability-bound", text))
 
     def _series_reviewed(self, arc: Arc) -> Decision:
         """Ask for the stiff method where fast motion is damped.

@@ -9,13 +9,14 @@ from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lagsim.notes import Caution
 from lagsim.run.interrupt import MOST_STEPS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.notes import Caution, Choice, Event
+    from lagsim.notes import Choice, Event
     from lagsim.run.arc import Arc
 
 
@@ -124,6 +125,11 @@ class Ending(NamedTuple):
     about: str = ""
 
 
+def quoted(names: Iterable[str]) -> str:
+    """Names as a message has them, each once."""
+    return ", ".join(f"`{name}`" for name in dict.fromkeys(names))
+
+
 class Decision(NamedTuple):
     """Decision of a source of events.
 
@@ -170,6 +176,15 @@ class Source:
     It may remember what it has seen, and changes nothing else than the mode that it
     answers for.
     """
+
+    _warned: frozenset[str] = frozenset()
+
+    def once(self, code: str, text: str, about: str = "") -> tuple[Caution, ...]:
+        """Warn, unless that has been done by this code, and about the same things."""
+        if f"{code} {about}" in self._warned:
+            return ()
+        self._warned |= {f"{code} {about}"}
+        return (Caution(code, text),)
 
     def begin(self, arc: Arc) -> Decision:  # noqa: ARG002
         """Set the mode at the state reached, where all of them are set."""

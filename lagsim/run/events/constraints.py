@@ -210,8 +210,8 @@ class Dependence(Source):
                 f"{found}, and there are too many for a QR decomposition: from there "
                 "on multipliers may lose digits"
             )
-            caution = Caution("nearly-dependent", text)
-            return Decision(cautions=(caution,), numbers={"degenerate_below": 0.0})
+            cautions = (Caution("nearly-dependent", text),)
+            return Decision(cautions=cautions, numbers={"degenerate_below": 0.0})
         text = f"{found}; from there on they are solved by a QR decomposition"
         plan = by_loops(arc.plan)
         return Decision(
@@ -228,7 +228,6 @@ class RankLosses(Source):
     """Losses of rank of a run, and the constraints reported so far."""
 
     def __init__(self) -> None:
-        self._told: set[tuple[str, ...]] = set()
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -249,12 +248,10 @@ class RankLosses(Source):
         rows = zip(arc.equations.rows, np.abs(left) > HEAVY, strict=True)
         names = tuple(row.name for row, is_in in rows if is_in)
         events = tuple(Event(time, "rank", name, smallest) for name in names)
-        if names in self._told:
-            return Decision(events)
-        self._told.add(names)
+        some = ", ".join(names)
         text = (
-            f"at t = {time:.9g} the constraints {', '.join(names)} become dependent "
+            f"at t = {time:.9g} the constraints {some} become dependent "
             f"(smallest singular value {smallest:.1e}): a singular configuration, "
             "where motions branch; their multipliers are large around it"
         )
-        return Decision(events, (Caution("rank", text),))
+        return Decision(events, self.once("rank", text, some))

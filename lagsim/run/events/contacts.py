@@ -21,11 +21,11 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution, Event
+from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.sliders import at_edge, settle
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     LEAST_CLOSING,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact
+    from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Shape
 
@@ -46,8 +47,6 @@ if TYPE_CHECKING:
 
 FORCING = (kept.HELD, kept.SLIDING)
 HOLDING = (kept.HELD, kept.REDUNDANT)
-# Rates of forces are taken over this part of the time between rows.
-SOON = 1e-6
 # Where forces change, each moment looked at is so many times as late as the last.
 LATER = 10.0
 # What has bounced so often comes to rest by a series, not by one impact.
@@ -99,7 +98,6 @@ class Contacts(Source):
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
         self.shape: Shape | None = None
-        self.reported: set[str] = set()
         self.ended = False
         # What slid until this time, whoever asks once more at it.
         self.slid: set[int] = set()
@@ -163,14 +161,11 @@ class Contacts(Source):
         self, found: Found, code: str, some: list[int], **numbers: float
     ) -> None:
         """Warn of what the laws of some contacts leave open, or get wrong, once."""
-        if code not in self.reported:
-            self.reported.add(code)
-            text = WARNINGS[code].format(names=self._names(some), **numbers)
-            found.cautions.append(Caution(code, text))
+        text = WARNINGS[code].format(names=self._names(some), **numbers)
+        found.cautions += self.once(code, text)
 
     def _names(self, some: Collection[int]) -> str:
-        names = dict.fromkeys(self.laws[k].constraint for k in some)
-        return ", ".join(f"`{name}`" for name in names)
+        return quoted(self.laws[k].constraint for k in some)
 
     def _through(self, arc: Arc, met: int | None) -> Found:
         """Go through impacts, then choose the modes."""
@@ -238,8 +233,7 @@ class Contacts(Source):
             work = arc.energies(found.y) - arc.energies(before)
             found.y[arc.state.quadratures][: arc.system.works] += work
         if settled.unmet:
-            about = ", ".join(f"`{name}`" for name in settled.unmet)
-            found.ending = Ending(Outcome.PARADOX, about)
+            found.ending = Ending(Outcome.PARADOX, quoted(settled.unmet))
         after = Kinematics(here.arc, found.y, known=here.shape)
         after.grazing = here.grazing
         return after
@@ -444,17 +438,14 @@ def select_modes(
 
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
     """State (size,) a moment later, with multipliers p of laws, to second order."""
-    arc, velocities = here.arc, here.arc.velocities
     rates = here.free.copy()
-    rates[velocities] += here.shape.reply.response[:, some] @ p
-    y = here.y + moment * rates
-    y[arc.state.positions] += moment**2 / 2.0 * rates[velocities]
-    return np.asarray(y)
+    rates[here.arc.velocities] += here.shape.reply.response[:, some] @ p
+    return here.arc.later(here.y, rates, moment)
 
 
 def _ahead(here: Kinematics, some: list[int]) -> Ahead:
     """Rates of change, and their rounding, of accelerations at given multipliers."""
-    moment = SOON * here.arc.state.row_step
+    moment = here.arc.moment
 
     def change(p: Floats) -> tuple[Floats, Floats]:
         y = _state_after(here, some, p, moment)
@@ -550,7 +541,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 
     Looked for at ever later moments: a force may begin to change at a rate of 0.
     """
-    moment, steady = SOON * here.arc.state.row_step, here.arc.settings.end - here.t
+    moment, steady = here.arc.moment, here.arc.settings.end - here.t
     while moment < steady:
         y = _state_after(here, found.some, found.multipliers, moment)
         later = Kinematics(here.arc, y, here.t + moment, here.shape)

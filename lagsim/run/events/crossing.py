@@ -214,8 +214,6 @@ def _jump(modes: Modes, k: int) -> float:
 # A motion that comes to rest in a time goes no farther by then than this many times
 # what its rate makes of it.
 REACH = 4.0
-# Rates of forces are taken over this part of the time between rows.
-SOON = 1e-6
 # All corners of up to so many surfaces are looked at for the scales of their rates.
 FEW_CORNERS = 3
 
@@ -493,7 +491,7 @@ class Crossing:
     def _ahead(self, w: Floats) -> tuple[float, Floats]:
         """Return a short time, and how fast rates (k,) with shares (k,) change."""
         modes, arc = self.modes, self.modes.arc
-        moment = SOON * arc.state.row_step
+        moment = arc.moment
         for k, share in zip(self.open, w.tolist(), strict=True):
             modes.put(k, self.levels[k], REDUNDANT, share)
         modes.write()

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 # A force is at its limit within so many tolerances, as a contact closes.
 CLOSING = 10.0
-# A moment later is this part of the time between rows later.
-SOON = 1e-6
 # Newton's steps to their velocities, which are linear but for dampers that are not; and
 # to their places after a jump, of springs that are stiffer by the second part, since
 # two sliders in series have one force; their stiffness is a difference over the third.
@@ -142,8 +140,7 @@ class _Sliders:
         if later:
             self._set(self.sliding)
             rates = arc.runner.function("field", system.size + system.m)(arc.t, y)
-            y = y + later * rates[: system.size]
-            y[arc.state.positions] += later**2 / 2.0 * rates[arc.velocities]
+            y = arc.later(y, rates[: system.size], later)
         self._set(some)
         return Kinematics(arc, y, arc.t + later)
 
@@ -155,7 +152,7 @@ class _Sliders:
             if before == self.sliding:
                 break
         if len(self.sliding) < len(edge):
-            self.sliding = self._slipping(edge, SOON * self.arc.state.row_step)
+            self.sliding = self._slipping(edge, self.arc.moment)
 
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
         """Which of some (e,) slide, now or later, where velocities change linearly.

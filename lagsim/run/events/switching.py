@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution, Event
+from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import ABOVE, BELOW, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TIME_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.filippov import Rows
 
@@ -55,7 +56,6 @@ class Switching(Source):
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
-        self.reported: set[str] = set()
         self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
@@ -178,17 +178,14 @@ class Switching(Source):
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Warn of a choice that nothing decides, once."""
         names = self._names(several)
-        if not several or names in self.reported:
-            return ()
-        self.reported.add(names)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
             "is not unique: one of several was taken"
         )
-        return (Caution("unresolved-switch", text),)
+        return self.once("unresolved-switch", text, names) if several else ()
 
     def _names(self, several: Collection[int]) -> str:
-        return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
+        return quoted(self.sides[k].text for k in sorted(several))
 
     def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
         """Set slack and band, so that no mode ends by rounding or tolerated errors."""

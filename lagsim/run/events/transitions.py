@@ -23,7 +23,7 @@ import numpy as np
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.sequence import NO_TIME, Sequence
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SAME_TIME
 
 if TYPE_CHECKING:
@@ -270,8 +270,8 @@ class _Moment:
         run.sequence.add(arc.t, k)
         undone = after != before and any(x.modes == after for x in run.lately)
         if undone or run.sequence.is_stuck(HARDLY):
-            names = dict.fromkeys(f"`{x.name}`" for x in run.lately)
-            self.ending = Ending(Outcome.EVENTS_CHATTER, ", ".join(names))
+            about = quoted(x.name for x in run.lately)
+            self.ending = Ending(Outcome.EVENTS_CHATTER, about)
         if self.events[k].once:
             state.leeway[c] = math.inf  # never false again
 
