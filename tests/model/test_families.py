@@ -294,6 +294,23 @@ expression-component | a number has | definitions: {a: [x, y], c: x⟪.x⟫}
 wrong-count | is a vector of 2 | definitions: {a: [x, y]}¶forces: {a: ⟪[1, 2, 3]⟫}
 expression-member | components 1 to 2 | definitions: {a: [x, y], c: ⟪a⟫(3)}
 not-an-expression | a list | definitions: {a: [x, y], c: ⟪[x]⟫}
+not-an-expression | a list | constraints: {c: ⟪[x = 0, y = 0]⟫}
+not-an-expression | a list | constraints: {c: ⟪[]⟫}
+# what cannot be read is reported, and not what stands on it
+unknown-key | `component` in the coordinate |
+    coordinates: {x: {}, y: {}, r: {⟪component⟫: xy}}¶definitions: {a: r.x, b: [x, y]}
+expression-component | found `xz` |
+    coordinates: {x: {}, y: {}, r: {components: ⟪xz⟫}}¶definitions: {b: norm(r + r)}
+not-a-mapping | found a list |
+    coordinates: {x: {}, y: {}, r: ⟪[1, 2]⟫}¶definitions: {a: r.x, b: [x, y]}
+unknown-key | did you mean `definitions` | ⟪definition⟫: {s(1..3): x}¶forces: {s(2): 1}
+unknown-name | unknown name `r` | definitions: {a: [x, y], b: ⟪r⟫.x}
+unknown-name | unknown name `r` | definitions: {a: [x, y], b: "dot(a, ⟪r⟫)"}
+expression-component | a number has | definitions: {a: [x, y], b: t⟪.x⟫}
+unknown-name | no coordinate or definition `r` |
+    definitions: {a: [x, y]}¶forces: {⟪r⟫: [1, 2]}
+expression-subscript | whole number, found 1.5 |
+    scene: {points: {p(i = 1⟪..⟫3/2): [x, y]}, links: [[p(1), p(2)]]}
 """
 FAULTS = {row[2].replace("\n", "¶"): row for row in faults.table(FAULTS)}
 

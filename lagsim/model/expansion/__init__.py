@@ -36,7 +36,7 @@ from lagsim.model.nodes import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.graph import Graph
@@ -108,9 +108,10 @@ class Expansion:
         report: Callable[..., None],
         is_unit: Callable[[str], bool],
         graph: Graph,
+        built_in: Collection[str],
     ) -> None:
         self._top = {key.text: node for key, node in entries_of(root)}
-        self.scope = Scope(graph)
+        self.scope = Scope(graph, built_in)
         self.scope.tables = frozenset(key.text for key, _ in self._entries("tables"))
         self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
@@ -365,6 +366,9 @@ class Expansion:
             return None
         if section == "coordinates":
             family.letters = self._components(node)
+            if not _is_coordinate(node):  # the reader says why
+                family.broken = True
+                self.broken.add(name)
         if indexed and not self._may_be(name, family, section, key):
             return None
         return self._join(_Given(key, node, family, "{}", parsed, members))
@@ -590,7 +594,9 @@ class Expansion:
             return None
         meant = self.scope.reference(found[0].name) if found else None
         if found is None or meant is None:
-            return key, self.bound(node, Reading(self.scope, outer or {}))
+            several = isinstance(node, Sequence)  # of a vector that is not given
+            known = Broken(node.place) if several else node
+            return key, self.bound(known, Reading(self.scope, outer or {}))
         (parsed, members), (family, form) = found, meant
         if family.broken:
             return None
@@ -719,8 +725,10 @@ class Expansion:
         parsed, members = found
         meant = self.scope.reference(parsed.name) if space is None else None
         family = space.get(parsed.name) if space is not None else meant and meant[0]
-        if family is None or family.broken:
-            return [node if family is None else Broken(node.place)]
+        if parsed.name in self.broken or (family and family.broken):
+            return [Broken(node.place)]
+        if family is None:
+            return [node]
         if not parsed.subscripts:
             members = [({}, m) for m in sorted(family.members)]
         if missing := family.missing(parsed.name, members):
@@ -792,6 +800,17 @@ class Expansion:
             self.bound(node._replace(text=f"({node.text}).{c}"))
             for c in trees.components(len(spread.items))
         ]
+
+
+def _is_coordinate(node: Node) -> bool:
+    """Return whether a coordinate has components that can be read, or none."""
+    below = {key.text: value for key, value in entries_of(node)}
+    if "components" in below:
+        named = below["components"]
+        return isinstance(named, Scalar) and named.text in _COMPONENTS
+    known = all(k in ("unit", "description") or k.startswith("x-") for k in below)
+    empty = isinstance(node, Scalar) and node.empty
+    return empty or (known and isinstance(node, Mapping))
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:

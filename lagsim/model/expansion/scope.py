@@ -34,7 +34,7 @@ from lagsim.model.expansion.rotations import OF_A_FRAME, spin
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Collection, Iterable
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
@@ -120,11 +120,12 @@ class UnresolvedError(Exception):
 class Scope:
     """Families of a file, values of its parameters, and expressions of them.
 
-    What evaluates raises an ExpressionError with the place of the first fault.
+    What evaluates raises an ExpressionError with the place of the first fault. Names
+    that are `built_in` are known without being given.
     """
 
-    def __init__(self, graph: Graph) -> None:
-        self._graph = graph
+    def __init__(self, graph: Graph, built_in: Collection[str]) -> None:
+        self._graph, self._built_in = graph, built_in
         self.variables: dict[str, Family] = {}
         self.constraints: dict[str, Family] = {}
         self.numbers = {"pi": math.pi}
@@ -249,8 +250,19 @@ class Scope:
                 return _component(args[0], payload.word)
             return _operation(op, args, token)
         except UnfitError as fault:
+            for a in args:
+                if self._is_unknown(a):
+                    return a  # the reader says so
             code = "component" if op == "component" else "size"
             raise token.fault(fault.text, fault.hint, code) from None
+
+    def _is_unknown(self, value: Value) -> bool:
+        """Return whether a value is a name that the file does not give."""
+        name = (
+            str(value.value) if isinstance(value, Tree) and value.op == "name" else ""
+        )
+        given = "." in name or name in self._built_in or self.reference(name)
+        return bool(name) and not given
 
     def _frame_of(self, named: Steps, indices: Indices) -> Frame:
         if self.frame is None:

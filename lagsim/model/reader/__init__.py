@@ -19,7 +19,15 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.loading import STDIN, TEXT, load, text_of, unusable
-from lagsim.model.model import Coordinate, Gimbal, Level, Model, Transition
+from lagsim.model.model import (
+    APPROACH_SPEED,
+    SLIP_SPEED,
+    Coordinate,
+    Gimbal,
+    Level,
+    Model,
+    Transition,
+)
 from lagsim.model.nodes import (
     Broken,
     Entry,
@@ -48,6 +56,7 @@ from lagsim.model.reader.sections import (
     BODY,
     FRAME,
     OUTPUT_KEYS,
+    RESERVED,
     SCENE,
     SECTIONS,
     SIMULATION,
@@ -167,17 +176,21 @@ class File:
         self.scope: Scope | None = None
         self.expansion: Expansion | None = None
         reading, broken = None, set[str]()
+        top = fields(node, "the file", SECTIONS, faults, node.place)
+        if not top.sound:
+            faults.raise_if_any()
         if has_members(node):
             from lagsim.model.expansion import Expansion
 
             faults.once = set()
-            written = Expansion(node, overrides, faults.add, is_unit, graph)
+            meant = ((k._replace(text=name), v) for name, (k, v) in top.found.items())
+            node = Mapping(tuple(meant), node.place)
+            built_in = (*RESERVED, SLIP_SPEED, APPROACH_SPEED)
+            written = Expansion(node, overrides, faults.add, is_unit, graph, built_in)
             node, reading, self.scope = written.node, written.plain, written.scope
             broken, self.expansion = written.broken, written
-        self.node, self.root = node, node.place
-        self.top = top = fields(node, "the file", SECTIONS, faults, node.place)
-        if not top.sound:
-            faults.raise_if_any()
+            top = replace(top, found={k.text: (k, v) for k, v in entries_of(node)})
+        self.node, self.root, self.top = node, node.place, top
         for section, one, keys in (
             ("frames", "frame", FRAME),
             ("bodies", "body", BODY),
@@ -204,6 +217,9 @@ class File:
             for key, kind in NAMED.items()
         )
         self.parameters, self.modes, self.coordinates, *others = sections
+        if broken:  # what is wrong with them
+            given = entries(top.value("coordinates"), "`coordinates`", faults)
+            values.read_coordinates([e for e in given if e[0].text in broken], x)
         self.states, self.definitions, self.tables = others
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()

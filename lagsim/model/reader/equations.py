@@ -271,7 +271,7 @@ class _Reader:
         mapping = isinstance(self.node, Mapping)
         expression = below.value("relation") if mapping else self.node
         pair = self._component()
-        if isinstance(expression, Sequence):
+        if mapping and isinstance(expression, Sequence):
             pair = 1 if self.key.text.endswith(".1") else -1
             expression = expression.items[0 if pair > 0 else 1]
         if expression is None:

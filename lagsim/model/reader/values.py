@@ -372,7 +372,7 @@ class Initial(_Numbers):
         every = [(q, "coordinate", "guess") for q in x.names.of(Kind.COORDINATE)]
         every += [(s, "state", "steady") for s in x.names.of(Kind.STATE)]
         for q, what, key in every:
-            if q not in self._all:
+            if q not in self._all and not x.names.is_faulty(q):
                 own, text = in_file(q), f"`initial` has no value for the {what} `{q}`"
                 hint = f"write `{own}: 0`, or `{own}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
