@@ -52,6 +52,8 @@ _VALUES = {
 }  # fmt: skip
 # Sections that declare names, beside `parameters`.
 _DECLARING = ("modes", "coordinates", "states", "constraints", "definitions")
+# Those whose names have the size of their value.
+_SIZED = ("definitions", "parameters")
 _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
 _MATRIX = 6
@@ -473,11 +475,14 @@ class Expansion:
             fits = len(node.items) in sizes and not self._with_unit(node)
             return trees.components(len(node.items)) if fits else ()
         if not isinstance(node, Scalar) or not one.members:
+            # Without a value it has no size that others could miss.
+            one.family.broken |= isinstance(node, Mapping) and section in _SIZED
             return ()
         parser: Callable[[str], Any] = parse
         if section == "constraints":
             parser = parse_relation
         size = self.scope.size(node.text, parser, one.members[0][0])
+        one.family.broken |= size == 0 and section in _SIZED
         return trees.components(size) if size > 1 else ()
 
     def _components(self, given: Node) -> tuple[str, ...]:
@@ -617,13 +622,23 @@ class Expansion:
 
     def spread(self, node: Node, reading: Reading) -> Node:
         """Return a list of components for a vector that stands where a list does."""
-        size = 1
-        if isinstance(node, Scalar):
-            size = self.scope.size(node.text, parse, reading.indices)
-        if size == 1 or not isinstance(node, Scalar):
+        if not isinstance(node, Scalar):
+            return self.bound(node, reading)
+        size = self.scope.size(node.text, parse, reading.indices)
+        if not size and self._is_reported(node, reading):
+            return Broken(node.place)
+        if size < min(_SIZES):
             return self.bound(node, reading)
         readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
+
+    def _is_reported(self, node: Scalar, reading: Reading) -> bool:
+        """Return whether an expression depends on what is faulty itself."""
+        try:
+            self.scope.values(node.text, parse, reading.indices)
+        except ExpressionError as fault:
+            return fault.code == SILENT
+        return False
 
     def _scene(self, node: Node | None) -> Node:
         """Return the scene: points and shapes by members, links between points."""

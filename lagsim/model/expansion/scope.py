@@ -196,7 +196,7 @@ class Scope:
         return self._value
 
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
-        """Return size of an expression for a member, 1 where it is faulty.
+        """Return size of an expression for a member, 0 where it is faulty.
 
         Its fault is left for those who read the expression to report. Where the size of
         a definition is needed that is not known yet, this is an UnresolvedError.
@@ -206,7 +206,7 @@ class Scope:
             left, right, _ = self.values(text, parser, indices)
         except ExpressionError:
             self._faulty = known
-            return 1
+            return 0
         finally:
             self._terms = terms
         return max(trees.size(left), 1 if right is None else trees.size(right))
