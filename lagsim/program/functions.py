@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind, scale_of
@@ -86,6 +86,7 @@ class Columns:
         for section in model.output.sections:
             if section.at is not None:
                 nodes[f"section.{section.name}"] = section.at
+                nodes[f"section.{section.name}.terms"] = _terms(equations, section.at)
         new = {g.variable("energy"): equations.energy}
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
@@ -108,6 +109,14 @@ class Columns:
     def of_table(self) -> tuple[str, ...]:
         """The names of those that the table shows."""
         return self.names[: self.table]
+
+
+def _terms(equations: Equations, node: int) -> int:
+    """Return the largest of the terms of a node, and of |q_i d/dq_i| and such of it."""
+    g = equations.graph
+    moving = frozenset(map(g.variable, (*equations.q, *equations.velocities)))
+    found = slopes(g, node, frozenset(g.cone([node])) & moving)
+    return scale_of(g, node, [*found], dict(enumerate(found.values())))
 
 
 def _in_order(equations: Equations) -> dict[str, Row]:

@@ -38,7 +38,7 @@ SAMPLES = 8
 FEW = 500
 # Rows at most: of the samples, and of a strobe.
 MOST, STROBES = 4_000_000, 1_000_000
-# Of the largest value, what rounding makes of 0.
+# Of the largest of its terms, what rounding makes of 0.
 NOTHING = 2.0**-46
 # Beside a row there may be a dip by so many of the second differences there; smooth is
 # what is known to a tenth of one. Each run divides a stretch by so many.
@@ -94,9 +94,11 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
     if located:
         names = [columns.names.index(f"section.{s.name}") for s in located]
-        t, *values = _sampled(session, made, names)
-        for section, name, g in zip(located, names, values, strict=True):
-            nothing = float(NOTHING * np.max(np.abs(g), initial=0.0))
+        t, *values = _sampled(session, made, [x for k in names for x in (k, k + 1)])
+        pairs = zip(values[::2], values[1::2], strict=True)
+        for section, name, (g, terms) in zip(located, names, pairs, strict=True):
+            # What a constraint holds at 0 crosses nothing.
+            nothing = float(NOTHING * np.max(terms, initial=0.0))
             clear = np.abs(g) > nothing
             dense = _with_dips(session, name, t[clear], g[clear], nothing)
             brackets = _crossings(*dense, section.direction)

@@ -221,3 +221,18 @@ def test_a_strobe_without_a_period_is_refused():
     for every in ("w - 1", "-w", "1e-6"):
         with pytest.raises(InputError, match="`every` of the section `cut`"):
             sections(f"every: {every}")
+
+
+def test_what_a_constraint_holds_on_a_section_does_not_cross_it():
+    text = """
+coordinates: {u: {}, w: {}}
+definitions: {y: 0.3*u + 0.7*w, x: 0.7*u - 0.3*w}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y + 2*x^2}
+constraints: {floor: {relation: y >= 0, restitution: 0}}
+initial: {u: 0.7, w: -0.3}
+simulation: {duration: 5, output_step: 0.1}
+output: {sections: {cut: {at: y = 0, direction: both}, swing: {at: x = 0, direction: up}}}
+"""
+    found = simulate(load(text), error_bar="never").sections
+    assert len(found["cut"]["t"]) == 0
+    assert found["swing"]["t"] == pytest.approx([0.75 * math.pi], abs=1e-10)
