@@ -474,3 +474,33 @@ simulation: {duration: 1}
     (found,) = problems(text)
     assert found.code == "wrong-count"
     assert "the constraint `pad` is of two relations, found 3" in found.text
+
+
+FRAMED = """
+parameters: {J: [1, 1, 2]}
+coordinates: {a: {}, b: {}}
+frames: {arm: {axis: [0, 0, 1], angle: a}}
+definitions: {w: omega(arm), tip: "rotate(arm, vec(1, 0, 0))", up: "tip + vec(0, 0, b)"}
+bodies: {hand: {mass: 1, at: up, frame: arm, inertia: J}}
+energy: {kinetic: "bodies + spin(J, w)", potential: up.z}
+initial: {a: 0, b: 0}
+scene: {points: {tip: tip, up: up}}
+simulation: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("axis: [0, 0, 1]", "axis: [0, 1]"),
+        ("axis: [0, 0, 1], angle: a", "axis: [0, 0, 1]"),
+        ('tip: "rotate(arm, vec(1, 0, 0))"', "tip: {unit: m}"),
+        ('tip: "rotate(arm, vec(1, 0, 0))"', 'tip: "rotate(arm, vec(1, 0, 0)"'),
+        ("J: [1, 1, 2]", "J: 1 2"),
+        ("J: [1, 1, 2]", "J: {unit: kg*m^2}"),
+    ],
+)
+def test_what_depends_on_a_fault_is_passed_over(old, new):
+    assert not problems(FRAMED)
+    (found,) = problems(FRAMED.replace(old, new))
+    assert found.hint
