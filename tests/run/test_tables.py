@@ -449,3 +449,22 @@ simulation: {duration: 2}
         with pytest.raises(InputError) as fault:
             load(text.replace(old, new))
         assert {p.code for p in fault.value.problems} == {code}
+
+
+@pytest.mark.parametrize("every", [0.4, 0.5])
+def test_an_event_at_the_end_of_a_run_where_a_table_ends(every):
+    text = f"""
+coordinates: {{x: {{}}}}
+tables: {{f: {{points: [[0, 0], [1, 1], [2, 0]], interpolation: linear}}}}
+modes: {{k: 0}}
+events: {{tick: {{every: {every}, set: {{k: k + 1}}}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: f(t)}}
+initial: {{x: 0}}
+definitions: {{ticks: k}}
+simulation: {{duration: 2}}
+"""
+    found = simulate(text, error_bar="never")
+    assert found.outcome == "done"
+    assert found["x"][-1] == pytest.approx(1.0, abs=1e-12)
+    assert found["ticks"][-1] == round(2.0 / every) + 1

@@ -231,7 +231,8 @@ energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y + 2*x^2}
 constraints: {floor: {relation: y >= 0, restitution: 0}}
 initial: {u: 0.7, w: -0.3}
 simulation: {duration: 5, output_step: 0.1}
-output: {sections: {cut: {at: y = 0, direction: both}, swing: {at: x = 0, direction: up}}}
+output:
+  sections: {cut: {at: y = 0, direction: both}, swing: {at: x = 0, direction: up}}
 """
     found = simulate(load(text), error_bar="never").sections
     assert len(found["cut"]["t"]) == 0

@@ -142,7 +142,10 @@ class Knots(_Ahead):
                 first, *_ = next(self._of(k, clock), (arc.settings.end,))
                 arc.system.set_modes(prevailing(value, arc.t, first), [k])
             self._fill(arc)
-        while p.passed < p.known and p.knot_times[int(p.passed)] <= arc.t + p.apart:
+        reached = arc.t + p.apart
+        if arc.t >= arc.settings.end:
+            reached = -math.inf  # a table may end where the run does
+        while p.passed < p.known and p.knot_times[int(p.passed)] <= reached:
             pass_knot(p)
         return GO_ON
 
