@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_250
-LINES_OF_TESTS = 56_900
+LINES = 75_270
+LINES_OF_TESTS = 56_970
 
 
 def lines(folder):
