@@ -232,13 +232,13 @@ def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) ->
     """Node of a table's value at `args`."""
     chosen = []
     for axis, x in zip(axes, args, strict=True):
-        ends, smooth = axis, axis.numbers[1] > 0.0
-        if smooth:
-            ends = ends_of(axis)
+        smooth = axis.numbers[1] > 0.0
         if smooth and axis.numbers[2] > 0.0:
             chosen.append(g.zero)
+        elif smooth:
+            chosen.append(at_ends(g, axis, x))
         else:
-            chosen.append(g.call("floor", g.call("table.knot", g.data(ends), x)))
+            chosen.append(g.call("floor", g.call("table.knot", g.data(axis), x)))
     op = "table.piece" if len(axes) == 1 else "table.piece2"
     data = map(g.data, (*axes, pieces))
     return g.call(op, *data, *[g.zero] * len(axes), *args, *chosen)
@@ -259,22 +259,10 @@ def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
     return g.payload(axis), x
 
 
-def is_smooth(g: Builder, discrete: int) -> bool:
-    """Tell whether a discrete function is the cell of a smooth table."""
-    cell = cell_of(g, discrete)
-    return cell is not None and cell[0].numbers[1] != 0.0
-
-
-def ends_of(axis: Data) -> Data:
-    """Return the axis that has the first knot and the last one alone."""
-    return _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
-
-
-def at_ends(g: Builder, cell: int) -> int:
-    """Discrete function that changes at the ends of a table, from its cell."""
-    axis, x = g.args[g.args[cell][0]]
-    ends = g.data(ends_of(g.payload(axis)))
-    return g.call("floor", g.call("table.knot", ends, x))
+def at_ends(g: Builder, axis: Data, x: int) -> int:
+    """Discrete function that changes at the ends of a table alone."""
+    ends = _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
+    return g.call("floor", g.call("table.knot", g.data(ends), x))
 
 
 def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:

@@ -84,8 +84,9 @@ class Side(NamedTuple):
         One of the switches, as it may have been written.
     floor
         The name of the least size of which roots of it are taken, or empty.
-    smooth
-        Between these levels, which are excluded, it is passed without a jump of y'.
+    smooth, met
+        Levels of a table between these, which are excluded, are passed without a jump
+        of y', or without one of velocities: then its rate tells to which side.
     """
 
     variable: str
@@ -95,6 +96,7 @@ class Side(NamedTuple):
     text: str
     floor: str = ""
     smooth: tuple[float, float] = (0.0, 0.0)
+    met: tuple[float, float] = (0.0, 0.0)
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

@@ -536,6 +536,7 @@ def find_switches(
     speeds: Collection[str] = (),
     ignored: frozenset[int] = frozenset(),
     accelerations: Sequence[int] = (),
+    rates: Sequence[int] | None = None,
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -552,9 +553,10 @@ def find_switches(
         The names of velocities: roots of these are switches, see `Roots`.
     ignored
         Switches of the motion at the end of a mode anyway.
-    accelerations
-        All that y' depends on, but for quadratures: where tables in it have no jump,
-        their points are passed, see `_smooth`.
+    accelerations, rates
+        All that y' depends on, but for quadratures, and the rates of rows (None: forces
+        decide on more than velocities): where tables in them have no jump, their points
+        are passed, see `_smooth` and `_passed`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
@@ -577,20 +579,12 @@ def find_switches(
         sides, sides_of = _sides(g, [state[d] for d in watched])
         roots = Roots.among(g, dynamics, sides, speeds)
         floors = roots.floors
-        sides = tuple(
-            s._replace(
-                floor=floors.get(s.node, ""),
-                smooth=_smooth(g, g.call("floor", s.node), orders)
-                if s.whole
-                else s.smooth,
-            )
-            for s in sides
-        )
+        sides = tuple(s._replace(floor=floors.get(s.node, "")) for s in sides)
         every = tuple(state.values())
         found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
         if len(moves) == len(watched):
-            return found
+            return _passed(g, found, orders, rates, speeds) if accelerations else found
         watched = moves
 
 
@@ -622,6 +616,31 @@ def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, 
     """
     cell = cell_of(g, discrete)
     return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)
+
+
+def _passed(
+    g: Graph,
+    found: Switches,
+    orders: Mapping[int, int],
+    rates: Sequence[int] | None,
+    speeds: Collection[str],
+) -> Switches:
+    """Switches with the levels that kernels pass, see `Side`.
+
+    A table of positions is met at a rate that no force changes at once: where that is
+    clear the motion crosses, whatever y' does, unless a velocity jumps as that of a row
+    does, or another side by what decides it.
+    """
+    jumps = highest_orders(g, [*(rates or ()), *(s.node for s in found.sides)])
+    fast = g.dependent([s.node for s in found.sides], speeds)
+    sides = []
+    for side in found.sides:
+        cell = g.call("floor", side.node)
+        smooth = met = _smooth(g, cell, orders)
+        if rates is not None and side.node not in fast:
+            met = _smooth(g, cell, jumps)
+        sides.append(side._replace(smooth=smooth, met=met) if side.whole else side)
+    return replace(found, sides=tuple(sides))
 
 
 class _Finder:
@@ -713,10 +732,10 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     deciding = [*e.of_accelerations, *(row.transport for row in e.every_row)]
     deciding += [law.when for law in e.laws if law.when is not None]
-    return _found(
-        e.graph, (*dynamics, e.energy), moving, sided, e.velocities, sizes,
-        tuple(deciding) if e.model.tables else (),
-    )  # fmt: skip
+    rates = None if e.laws or e.states else tuple(row.rate for row in e.rows)
+    tables = (tuple(deciding), rates) if e.model.tables else ()
+    known = (*dynamics, e.energy), moving, sided, e.velocities, sizes
+    return _found(e.graph, *known, *tables)
 
 
 _found = memoized(find_switches)

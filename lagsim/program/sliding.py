@@ -15,11 +15,11 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
-from math import sqrt
+from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
-from lagsim.methods.parts.state import columns, of_model
+from lagsim.methods.parts.state import columns, of_model, surface_rows, surfaces
 from lagsim.program import mass
 from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF
 
@@ -31,12 +31,6 @@ LAWS = True
 
 # Rates y' (size,) and lambda (m,) with each surface on its side.
 field = of_model("field")
-# Expressions (K,) of the surfaces.
-surfaces = of_model("surfaces")
-# Residuals (K,), rates (K,), b (K,), scales (K,), and what J has. One on the level of
-# velocities has no residual on that of positions. J (K, n + l) is given row by row,
-# without what vanishes; where its elements belong is kept before.
-surface_rows = of_model("surface_rows")
 law_event_functions = of_model("law_event_functions")
 
 
@@ -56,6 +50,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         # Roots are shown as written unless the motion keeps to them.
         if not slides[k] > 0.0:
             p.floor[k] = 0.0
+    take_cells(t, y, p)
     combine(t, y, p)
     p.gain = gain
     a = p.side_fields[p.velocities]
@@ -72,6 +67,18 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         if slides[k] > 0.0:
             p.side[k] = low[k]
         p.floor[k] = p.least_root[k]
+        if p.first_met[k] < p.last_met[k]:
+            p.side[k] = p.side_before[k]
+
+
+def take_cells(t: float, y: Floats, p: Parameters) -> None:
+    """Take the cells of tables in which a state is, as far as kernels pass them."""
+    for k in range(p.surfaces):
+        p.side_before[k] = p.side[k]
+        if p.first_met[k] <= p.side[k] < p.last_met[k]:
+            surfaces(t, y, p, p.rows)
+            last = p.last_met[k] - 1.0
+            p.side[k] = max(p.first_met[k], min(floor(p.rows[k]), last))
 
 
 def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:

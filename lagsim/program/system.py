@@ -320,6 +320,10 @@ class System:
         p.sigma = p.least_sigma = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
+        levels = np.array([(*x.smooth, *x.met) for x in self.switches.sides])
+        p.first_smooth[:], p.last_smooth[:], p.first_met[:], p.last_met[:] = (
+            levels.reshape(-1, 4).T
+        )
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
@@ -506,6 +510,7 @@ class Runner:
             surfaces=system.watched,
             inertias=len(system.inertias),
             conditions=len(system.equations.model.located),
+            noted=KNOTS * any(x.whole for x in system.switches.sides),
             **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
         ends = bool(system.equations.model.located) or system.watched > 0

@@ -286,7 +286,7 @@ class Arc(NamedTuple):
         state.end = ahead = min(end, ahead)
         # A row within rounding of the end is the end's.
         last = settings.end - SAME_STEP * settings.output_step
-        state.row_limit = min(ahead, last)
+        state.row_limit = state.arc_rows = min(ahead, last)
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = state.event = 0.0

@@ -277,12 +277,18 @@ def _trial(arc: Arc) -> tuple[State, State]:
 
     On a copy; its beginning counts only if that is all.
     """
-    state = arc.state.copy()
-    state.row_limit, state.extras, state.ask_at = -np.inf, 0.0, 0.0
-    before = state.copy()
+    state, p = arc.state.copy(), arc.system.p
+    state.row_limit = state.arc_rows = -np.inf
+    state.extras = state.ask_at = 0.0
+    before, passed = state.copy(), p.passed
+    cells = p.fixed, p.side, p.low, p.high, p.least, p.most
+    kept = [values.copy() for values in cells]
     if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
         before = state.copy()
         arc.runner.advance(state, 1, TRIAL)
+    p.passed = passed  # and it is where it was, in the cells of tables, too
+    for values, former in zip(cells, kept, strict=True):
+        values[:] = former
     return before, state
 
 

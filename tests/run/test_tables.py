@@ -299,6 +299,96 @@ simulation: {duration: 2, output_step: 0.01}
     assert times == pytest.approx([0.5, 1.0, 1.25, 1.625, 1.75, 1.875], abs=1e-13)
 
 
+def over_a_ground(place, height, speed, w):
+    """End of z'' = w^2 (ground - z) at the last point, from 0: a vibration apiece."""
+    z = rate = 0.0
+    for dx, low, high in zip(np.diff(place), height[:-1], height[1:], strict=True):
+        slope, t = (high - low) / dx * speed, dx / speed
+        off, v = z - low, rate - slope
+        c, s = math.cos(w * t), math.sin(w * t)
+        z, rate = high + off * c + v * s / w, slope - w * off * s + v * c
+    return z, rate
+
+
+@pytest.mark.parametrize("name", ["dop853", "radau", "rk4"])
+def test_kinks_in_positions_are_passed_in_one_arc(name):
+    """However many there are; and every row of a block has its own piece."""
+    place, w = np.linspace(0.0, 10.0, 2001), 3.0
+    height = np.round(np.cumsum(np.random.default_rng(4).normal(size=2001)) * 0.05, 4)
+    points = np.stack([place, height], axis=1).tolist()
+    text = f"""
+coordinates: {{x: {{}}, z: {{}}}}
+tables: {{ground: {{points: {points}, outside: extend}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: {w}^2*z^2/2}}
+forces: {{z: {w}^2*ground(x)}}
+initial: {{x: 0, z: 0, x_dot: 2}}
+simulation: {{duration: 5, output_step: 0.01}}
+"""
+    options = {} if method(name).ADAPTIVE else {"step": 0.001}
+    found = run(text, method=name, **options)
+    assert found.trajectory.statistics.arcs == 1
+    times = [e.time for e in found.trajectory.events]
+    assert times == pytest.approx(place[1:-1] / 2.0, abs=1e-10)
+    found = simulate(load(text), method=name, error_bar="never", **options)
+    near = 1e-9 if method(name).ADAPTIVE else 1e-5
+    exact = over_a_ground(place, height, 2.0, w)
+    assert [found["z"][-1], found["z_dot"][-1]] == pytest.approx(exact, abs=near)
+    force = w**2 * (np.interp(found["x"], place, height) - found["z"])
+    assert found["z_ddot"] == pytest.approx(force, abs=1e-9)
+
+
+def test_a_force_that_jumps_at_points_is_passed_by_the_rate_they_are_met_at():
+    """A potential has steps in its slope: the energy stays, and no point is decided."""
+    rng = np.random.default_rng(9)
+    x = np.linspace(0.0, 10.0, 501)
+    y = 0.05 * rng.normal(size=501)
+    y[-1] = y[0]
+    points = np.stack([x, y], axis=1).tolist()
+    text = f"""
+coordinates: {{x: {{}}, z: {{}}}}
+tables: {{ground: {{points: {points}, outside: repeat}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: 2*(z - ground(x))^2}}
+initial: {{x: 0.01, z: 0, x_dot: 3}}
+simulation: {{duration: 5, output_step: 0.05}}
+"""
+    found = run(text)
+    assert found.trajectory.statistics.arcs == 1
+    energy = simulate(load(text), error_bar="never")["energy"]
+    assert energy == pytest.approx(energy[0], abs=1e-9)
+    assert len(found.trajectory.events) == math.floor(found["x"][-1] / 0.02)
+
+
+@pytest.mark.parametrize("name", ["dop853", "radau"])
+def test_a_kink_is_passed_in_both_directions_as_often_as_it_is_met(name):
+    quarter_period, first = quarter()
+    text = SPRING.replace("duration: 8", "duration: 80")
+    found = run(text, method=name)
+    assert found.trajectory.statistics.arcs == 1
+    half = 2.0 * quarter_period
+    turns = half * np.arange(100)
+    times = np.stack([turns + first, turns + half - first], axis=1).ravel()
+    times = times[times < 80.0]
+    found = [e.time for e in found.trajectory.events]
+    assert found == pytest.approx(times, abs=1e-7)
+
+
+def test_a_kink_that_is_touched_or_rested_on_is_none():
+    text = """
+coordinates: {x: {}, y: {}}
+tables: {f: {points: [[-1, -1], [1, 1], [2, 9]], outside: extend},
+  g: {points: [[-1, -3], [0, 0], [1, 7]], outside: extend}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+forces: {x: -f(x), y: -g(y)}
+initial: {x: 1, y: 0}
+simulation: {duration: 30, output_step: 0.1}
+"""
+    for name in ("dop853", "radau", "taylor"):
+        found = simulate(load(text), method=name, error_bar="never")
+        assert found.complete
+        assert found["x"] == pytest.approx(np.cos(found.t), abs=1e-8)
+        assert not found["y"].any()
+
+
 @pytest.mark.parametrize("how", ["linear", "cubic"])
 def test_a_run_ends_with_its_table(how):
     text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 0, x_dot: 1}}\n"

@@ -22,9 +22,16 @@ from lagsim.methods.parts.state import (
     project_sliding,
     start,
     step,
+    surface_rows,
+    surfaces,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    RESIDUAL_ROUNDOFF,
+    SURFACE_ROUNDOFF,
+    TIME_ROUNDOFF,
+)
 
 CONSTRAINED = True
 UNTIL = True
@@ -41,6 +48,11 @@ class State(Events):
     """State of every method: the above, events, and bounds of a step."""
 
     inertias: int  # which are followed, whether they vanish on the way
+    noted: int  # room for so many levels of tables that have been passed
+    crossed: float  # how many there are of them
+    cross_times: Floats = array("noted")
+    cross_surfaces: Floats = array("noted")  # the number of each one's surface
+    cross_levels: Floats = array("noted")
     # The farthest a state was pulled onto what it slides along, against the motion.
     projected: float
     longest: float  # no step is longer than this; 0: any
@@ -106,13 +118,13 @@ def arrived(s: State, p: Parameters) -> int:
             begin(s, p)
     if s.event > 0.0:
         return at.EVENT_FOUND
-    if SWITCHES and s.switched > 0.0:
+    if SWITCHES and s.switched > 0.0 and not passes_level(s, p):
         return at.SWITCH_FOUND
     if s.t >= s.end:
         return at.DONE
     if p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
         pass_knots(s, p)
-    if p.passed >= p.known and p.known > 0.0:
+    if (p.passed >= p.known and p.known > 0.0) or s.crossed >= max(s.noted, 1):
         return at.KNOTS_PASSED
     if s.feature_width > 0.0 and s.t >= s.feature_end:
         return at.FEATURE_PASSED
@@ -122,12 +134,65 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def pass_knots(s: State, p: Parameters) -> None:
-    """Go on with the pieces of tables that begin at the time reached.
-
-    As y' goes on without a jump, the next step may be as long as the last one.
-    """
+    """Go on with the pieces of tables that begin at the time reached."""
     while p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
         pass_knot(p)
+    go_on(s, p)
+
+
+def passes_level(s: State, p: Parameters) -> bool:
+    """Go on past a level of a table that was met; False where it is not clear how."""
+    k = int(s.switched) - 1
+    if k >= p.surfaces or p.slides[k] != 0.0:
+        return False
+    surfaces(s.t, s.y, p, s.event_functions)
+    value = s.event_functions[k]
+    way = 1.0 if value - p.least[k] > p.most[k] - value else -1.0
+    level = p.most[k] if way > 0.0 else p.least[k]
+    if not p.first_smooth[k] < level < p.last_smooth[k]:
+        if not p.first_met[k] < level < p.last_met[k] or not is_met(
+            s, p, k, way, level
+        ):
+            return False
+        s.arc_start = s.t
+    p.side[k] += way
+    p.low[k] += way
+    p.high[k] += way
+    p.least[k] += way
+    p.most[k] += way
+    p.slack[k] = 2.0 * max(0.0, way * (level - value))
+    s.cross_times[int(s.crossed)] = s.t
+    s.cross_surfaces[int(s.crossed)] = k
+    s.cross_levels[int(s.crossed)] = level
+    s.crossed += 1.0
+    s.switched = 0.0
+    s.row_limit = s.arc_rows
+    go_on(s, p)
+    return True
+
+
+def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
+    """Whether surface k passes a level at a clear rate, and nothing else is decided.
+
+    One that is passed again may be that of a motion that comes to rest there.
+    """
+    last = int(s.crossed) - 1
+    again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
+    for i in range(p.surfaces):
+        again = again or p.slides[i] != 0.0 or p.floor[i] > 0.0
+    if again:
+        return False
+    surface_rows(s.t, s.y, p, p.rows)
+    terms = 0.0
+    seen = s.sizes[s.driven]
+    for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
+        terms += abs(p.J[e]) * seen[int(p.row_columns[e])]
+    clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * terms
+    return float(way * p.rates[k]) > clear
+
+
+def go_on(s: State, p: Parameters) -> None:
+    """Begin another piece; without a jump of y' steps may be as long as the last."""
     last = s.step_h
     start(s, p)
     if ADAPTIVE:

@@ -135,6 +135,13 @@ class Surfaces(Knots):
     most: Floats = array("surfaces")
     # Of the upper side, in the combination that stays on the surface.
     share: Floats = array("surfaces")
+    # Levels of tables between these are passed without a jump of y', and between these
+    # by the rate at which they are met, see `surfaces.Side`.
+    first_smooth: Floats = array("surfaces")
+    last_smooth: Floats = array("surfaces")
+    first_met: Floats = array("surfaces")
+    last_met: Floats = array("surfaces")
+    side_before: Floats = array("surfaces")  # the sides, while a row has its own
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array("surfaces")
     roundoff: Floats = array("surfaces")  # a rate so small is rounding, while it slides

@@ -134,7 +134,6 @@ def find_end(s: Events, p: Parameters) -> None:
     that is true is followed until it is false: from there on it counts.
     """
     t = s.t
-    rows = s.row_limit
     if UNTIL:
         if s.step_t == s.arc_start and true_at_once(s, p):
             cut(s, p, 0.0, TINY)
@@ -148,7 +147,7 @@ def find_end(s: Events, p: Parameters) -> None:
         s.event = 0.0
         s.cut = 0.0
         s.t = t
-        s.row_limit = rows
+        s.row_limit = s.arc_rows
         search(s, p, low)
     if UNTIL:
         for k in range(s.conditions):

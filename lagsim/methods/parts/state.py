@@ -50,7 +50,8 @@ class Output(Clock):
     arc_start: float
     row_start: float  # row k is at row_start + k*row_step ...
     row_step: float
-    row_limit: float  # ... while that is less than this
+    row_limit: float  # ... while that is less than this ...
+    arc_rows: float  # ... or, before an end has been located, this
     row: float  # the next row
     extras: float  # states asked for beside the rows that are still to be written ...
     extra: float  # ... and the time of the next
@@ -145,6 +146,12 @@ observe = of_model("observe")
 inertias = of_model("inertias")
 # The residuals or gaps of conditions: of those of events, then of `until`.
 located = of_model("located")
+# Expressions (K,) of the surfaces.
+surfaces = of_model("surfaces")
+# Residuals (K,), rates (K,), b (K,), scales (K,), and what J has. One on the level of
+# velocities has no residual on that of positions. J (K, n + l) is given row by row,
+# without what vanishes; where its elements belong is kept before.
+surface_rows = of_model("surface_rows")
 # How far the state is from leaving the mode of each surface (K,).
 event_functions = of_model("event_functions")
 # The arguments that are watched and their rates (2 K,) at y and y' (2 size,), where y'

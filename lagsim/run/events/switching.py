@@ -19,7 +19,15 @@ from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import ABOVE, BELOW, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
+from lagsim.run.trajectory import (
+    GO_ON,
+    Decision,
+    Ending,
+    Outcome,
+    Source,
+    Turn,
+    quoted,
+)
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TIME_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -59,7 +67,7 @@ class Switching(Source):
         self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
-        self.tried_at = math.nan
+        self.tried_at = self.passed_at = math.nan
 
     @property
     def slides(self) -> Flags:
@@ -70,6 +78,19 @@ class Switching(Source):
         """Return when it is asked next whether steps lead to a surface."""
         return (arc.steps // NEAR + 1) * NEAR
 
+    def passed(self, arc: Arc) -> Decision:
+        """Report the points of tables that the kernel has passed."""
+        state, value = arc.state, self.modes.value
+        count = int(state.crossed)
+        if not count:
+            return GO_ON
+        which, state.crossed = state.cross_surfaces[:count].astype(int), 0.0
+        value[which] = arc.system.p.side[which]
+        pairs = zip(state.cross_times[:count].tolist(), which.tolist(), strict=True)
+        events = (Event(t, "switch", switch=self.sides[k].text) for t, k in pairs)
+        self.passed_at = float(state.cross_times[count - 1])
+        return Decision(events=tuple(events))
+
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through a switch that was located, or towards one that is close by."""
         self.modes.arc = arc
@@ -77,7 +98,8 @@ class Switching(Source):
             hit = int(arc.state.switched) - 1
             return self._meet(arc, hit) if hit < self.modes.count else None
         if code == at.PAUSED:
-            return self._stuck(arc) if arc.is_looked_at else None
+            asked = arc.is_looked_at and arc.t != self.passed_at
+            return self._stuck(arc) if asked else None
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 

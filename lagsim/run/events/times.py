@@ -22,7 +22,7 @@ import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.intervals import Enclosures
-from lagsim.language.tables import at_ends, is_smooth
+from lagsim.language.tables import at_ends
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
@@ -160,14 +160,12 @@ class Knots(_Ahead):
     def _fill(self, arc: Arc) -> None:
         """Give the kernel the next of them."""
         p = arc.system.p
-        found = list(
-            islice(iter(partial(self._following, None), None), len(p.knot_times))
-        )
+        coming = iter(partial(self._following, None), None)
+        found = list(islice(coming, len(p.knot_times)))
         p.known, p.passed = len(found), 0.0
-        for k, name in enumerate(
-            ("knot_times", "knot_modes", "cells_before", "cells_after")
-        ):
-            getattr(p, name)[: len(found)] = [x[k] for x in found]
+        arrays = (p.knot_times, p.knot_modes, p.cells_before, p.cells_after)
+        for k, values in enumerate(arrays):
+            values[: len(found)] = [x[k] for x in found]
         self._are_events, self._told = [x[-1] for x in found], 0
 
     def passed(self, arc: Arc) -> Decision:
@@ -184,7 +182,8 @@ class Knots(_Ahead):
         """Give the kernel more of them."""
         if code != at.KNOTS_PASSED:
             return None
-        self._fill(arc)
+        if arc.system.p.passed >= arc.system.p.known:
+            self._fill(arc)
         return GO_ON
 
 
@@ -194,14 +193,10 @@ class TimeBreaks(_Ahead):
     DERIVED = ("_coming", "_discrete")
 
     def __init__(self, arc: Arc) -> None:
-        g, modes, passed = arc.equations.graph, arc.system.switches.modes, clocks(arc)
-        self._set = [k for k in range(len(modes)) if k not in passed]
+        modes, passed = arc.system.switches.modes, clocks(arc)
+        self._own = [k for k in range(len(modes)) if k not in passed]
         self._closed = [k for k in passed if modes[k].smooth[0] == 0.0]
         super().__init__(arc, [x.discrete for x in modes])
-        # The knots of smooth tables are no events.
-        numbers = (*self._set, *self._closed)
-        self._quiet = [is_smooth(g, modes[k].discrete) for k in numbers]
-        self._branches: list[float] = []
         self._discrete: Values | None = None
         self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
@@ -214,36 +209,25 @@ class TimeBreaks(_Ahead):
         return break_times(g, self._nodes(arc), self._values, *ends)
 
     def _nodes(self, arc: Arc) -> list[int]:
-        """Discrete functions: of the modes that it sets, then the ends of `Knots`."""
+        """Return discrete functions: of its own modes, then of the ends of `Knots`."""
         g, modes = arc.equations.graph, arc.system.switches.modes
-        return [modes[k].discrete for k in self._set] + [
-            at_ends(g, modes[k].discrete) for k in self._closed
-        ]
+        closed = (clock for k, clock in clocks(arc).items() if k in self._closed)
+        ends = (at_ends(g, clock.axis, clock.argument) for clock in closed)
+        return [*(modes[k].discrete for k in self._own), *ends]
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
         if self._is_other(arc):
             self._next = self._following(inf)
-        if self._quiet:
-            self._branches = self._next_branches(arc)
-            arc.system.set_modes(self._branches[: len(self._set)], self._set)
+        if self._own:
+            if self._discrete is None:
+                nodes = self._nodes(arc)[: len(self._own)]
+                self._discrete = Values(arc.equations.graph, nodes, self._values)
+            end = min(self._next, arc.settings.end)
+            branches = prevailing(self._discrete, arc.t, end)
+            arc.system.set_modes(branches, self._own)
         arc.runner.prepare()
         return GO_ON
-
-    def _next_branches(self, arc: Arc) -> list[float]:
-        """Return the branches (modes,) from the time reached to the next break."""
-        if self._discrete is None:
-            self._discrete = Values(arc.equations.graph, self._nodes(arc), self._values)
-        end = min(self._next, arc.settings.end)
-        return prevailing(self._discrete, arc.t, end)
-
-    def _is_event(self, arc: Arc) -> bool:
-        """Whether more than the pieces of smooth tables changes."""
-        if not any(self._quiet):
-            return True
-        pairs = zip(self._branches, self._next_branches(arc), strict=True)
-        changed = [k for k, (a, b) in enumerate(pairs) if repr(a) != repr(b)]
-        return not all(self._quiet[k] for k in changed)
 
     def limit(self, arc: Arc) -> float:  # noqa: ARG002
         """Next break."""
@@ -261,7 +245,7 @@ class TimeBreaks(_Ahead):
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following(inf)
-        switch = (Event(arc.t, "switch"),) if self._is_event(arc) else ()
+        switch = (Event(arc.t, "switch"),)
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 
