@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_270
-LINES_OF_TESTS = 56_970
+LINES = 75_390
+LINES_OF_TESTS = 57_060
 
 
 def lines(folder):
