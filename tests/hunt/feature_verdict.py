@@ -42,7 +42,7 @@ def tried(told, lagsim):
     """Run a scene on both sides and judge."""
     try:
         exact = truth(told)
-    except NoTruthError as fault:
+    except (NoTruthError, np.linalg.LinAlgError) as fault:
         return Verdict("uncounted", str(fault))
     answer = lagsim.run(told.text)
     if fault := broken(answer):
