@@ -255,7 +255,8 @@ class Run:
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
         if left <= 0:
             return Ending(Outcome.TOO_MANY_STEPS)
-        asked = min(source.ask_at(arc) for source in self.sources) - arc.steps
+        asked = min(source.ask_at(arc) for source in self.sources)
+        asked = min(asked, self._horizon.ask_at) - arc.steps
         budget = min(self.pace.steps, left, asked)
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
@@ -271,12 +272,14 @@ class Run:
             return Ending(Outcome.INTERRUPTED)
         if not arc.state.projected <= largest_shift(arc.plan.rtol):
             return Ending(Outcome.STATE_JUMPS)
-        if code == at.PAUSED and left <= budget:
-            return Ending(Outcome.TOO_MANY_STEPS)
-        passed = self._horizon.before(arc.settings.end, arc.t, arc.steps, most_steps)
-        if code == at.PAUSED and passed is not None:
-            about = f"; {most_steps:,} would not pass t = {passed:.6g}"
-            return Ending(Outcome.TOO_MANY_STEPS, about)
+        if code == at.PAUSED:
+            if left <= budget:
+                return Ending(Outcome.TOO_MANY_STEPS)
+            end = arc.settings.end
+            passed = self._horizon.before(end, arc.t, arc.steps, most_steps)
+            if passed is not None:
+                about = f"; {most_steps:,} would not pass t = {passed:.6g}"
+                return Ending(Outcome.TOO_MANY_STEPS, about)
         return self._decide(code)
 
     def _hand_on_block(self) -> Ending | None:

@@ -29,10 +29,15 @@ class Horizon:
 
     Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
     doubling of their number brings half of the time that the one before has brought.
+
+    Attributes
+    ----------
+    ask_at : int
+        The steps after which it is asked next.
     """
 
     def __init__(self) -> None:
-        self._ask_at = ASKED
+        self.ask_at = ASKED
         self._times: list[float] = []
 
     def before(self, end: float, t: float, steps: int, most: int) -> float | None:
@@ -43,9 +48,9 @@ class Horizon:
         t, steps
             The time reached, and the steps made.
         """
-        if steps < self._ask_at:
+        if steps < self.ask_at:
             return None
-        self._ask_at *= 2
+        self.ask_at *= 2
         self._times = [*self._times[-3:], t]
         if len(self._times) < 4:
             return None

@@ -28,6 +28,16 @@ class Regular:
         """Take no notice of the clock."""
 
 
+# Steps shrink with the distance to t = 0.6: no number of them passes it.
+CONVERGING = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: sin(1/(t - 0.6))}
+initial: {x: 0}
+simulation: {duration: 1, output_step: 0.01, method: dop853}
+"""
+
+
 def moved(monkeypatch, model, method, pace):
     monkeypatch.setattr(system, "Pace", lambda: Regular(*pace))
     return run(model, method=method)
@@ -47,6 +57,16 @@ def equal_runs(monkeypatch, model, method):
 @pytest.mark.parametrize(("model", "method"), FEW)
 def test_a_run_is_the_same_however_often_its_kernels_pause(monkeypatch, model, method):
     equal_runs(monkeypatch, model, method)
+
+
+@pytest.mark.slow
+def test_a_run_ends_at_the_same_step_however_often_its_kernels_pause(monkeypatch):
+    ends = [
+        moved(monkeypatch, CONVERGING, "dop853", pace).trajectory
+        for pace in ((1000, 1000), (4001, 4001))
+    ]
+    assert "would not pass t = 0.6" in ends[0].reason
+    assert repr(ends[0]) == repr(ends[1])
 
 
 @pytest.mark.slow

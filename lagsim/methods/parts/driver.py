@@ -92,7 +92,6 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             return at.STIFF
         if made >= budget:
             return at.PAUSED
-        made += 1
         if SWITCHES or ADAPTIVE:
             missed.keep_extents(s)
         s.satisfied = 0.0
@@ -103,6 +102,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         if ADAPTIVE and has_missed(s, p) > 0:
             begin(s, p)
             continue
+        made += 1
         inspect(s, p)
         if CONSTRAINED and search.loses_rank(s, p):
             return at.RANK_LOST
