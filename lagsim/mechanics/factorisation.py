@@ -10,6 +10,7 @@ Unknowns may be sums of others, with which the matrix is shorter. From the outsi
 from __future__ import annotations
 
 from collections import Counter
+from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
@@ -152,11 +153,16 @@ class Factorisation:
                 self._add(i, j, g.call("neg", g.call("mul", column[i], row[j])))
         return others
 
+    @cached_property
+    def _filled(self) -> list[tuple[int, Vector]]:
+        """Columns that are not empty, once all unknowns are eliminated."""
+        return [(k, column) for k, column in self.columns.items() if column]
+
     def forward(self, right: Mapping[int, int]) -> Vector:
         """L^-1 right, with what unknowns that are sums bear handed on."""
         z = {i: node for i, node in right.items() if node != self.g.zero}
-        for k, column in self.columns.items():
-            if column and k in z:
+        for k, column in self._filled:
+            if k in z:
                 op, value = ("add", z.pop(k)) if k in self.sums else ("sub", z[k])
                 for i, entry in column.items():
                     term = self._times(entry, value)

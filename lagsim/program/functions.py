@@ -199,7 +199,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             *(row.residual_scale for row in rows),
             *(row.rate_scale for row in rows),
         ]  # fmt: skip
-        found["second_order"] = [_second_order(e, row) for row in rows]
+        found["second_order"] = _second_orders(e, rows)
         found["second_order"] += _unknown(g, rows)
     if e.laws:
         found["gaps"] = [
@@ -239,21 +239,25 @@ def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
-def _second_order(e: Equations, row: Row) -> int:
-    """Return what a Newton step leaves of a residual, against its scale.
+def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
+    """Return what a Newton step leaves of each residual, against its scale.
 
     The step stands in the place of the velocities: the residual and its first two
     derivatives, of which the first cancels it where the rows are independent.
     """
     g: Graph = e.graph
-    if not row.holonomic:
-        return g.zero
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
-    (first,) = tangent(g, [row.residual], step)
-    (second,) = tangent(g, [first], step)
-    half = g.call("mul", g.constant(0.5), second)
-    whole = g.call("add", g.call("add", row.residual, first), half)
-    return _against(g, whole, row.residual_scale)
+    found = []
+    for row in rows:
+        if not row.holonomic:
+            found.append(g.zero)
+            continue
+        (first,) = tangent(g, [row.residual], step)
+        (second,) = tangent(g, [first], step)
+        half = g.call("mul", g.constant(0.5), second)
+        whole = g.call("add", g.call("add", row.residual, first), half)
+        found.append(_against(g, whole, row.residual_scale))
+    return found
 
 
 def _against(g: Graph, value: int, scale: int) -> int:
@@ -512,7 +516,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     off = [_against(g, x, r.residual_scale) for x, r in zip(held, rows, strict=True)]
     off_rates = [_against(g, r.rate, r.rate_scale) for r in rows]
     step = elimination.correction(held)
-    left = _largest(g, [_second_order(e, r) for r in rows])
+    left = _largest(g, _second_orders(e, rows))
     velocities = map(g.variable, e.velocities)
     left_by_step = g.substitute([left], dict(zip(velocities, step, strict=True)))
     return {
@@ -550,17 +554,16 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     rates = [g.call("abs", x) for x in elimination.motion()[0]]
     if e.chains is not None:
         return _in_parts(g, e.chains.sizes(g, rates, moving))
-    found = []
-    for row in e.M:
-        entries = row.entries if len(row.entries) > 1 else {}
-        errors = roundings(g, entries.values(), moving, e.q)
-        sizes = [
-            (g.call("add", g.call("abs", node), error), rates[j])
-            for (j, node), error in zip(entries.items(), errors, strict=True)
-            if g.depends([node]) & moving
-        ]
-        found.append(g.product_sum(sizes))
-    return _in_parts(g, found)
+    off = [(i, *entry) for i, row in enumerate(e.M) if len(row.entries) > 1
+           for entry in row.entries.items()]  # fmt: skip
+    nodes = [node for *_, node in off]
+    varying = g.dependent(nodes, moving)
+    sizes: list[list[tuple[int, int]]] = [[] for _ in e.q]
+    errors = roundings(g, nodes, moving, e.q)
+    for (i, j, node), error in zip(off, errors, strict=True):
+        if node in varying:
+            sizes[i].append((g.call("add", g.call("abs", node), error), rates[j]))
+    return _in_parts(g, [g.product_sum(row) for row in sizes])
 
 
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
