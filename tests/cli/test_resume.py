@@ -123,6 +123,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
         ("dry-friction", ("--no-plots",)),
         ("dc-motor", ("--no-plots",)),
         ("hopper", ("--no-plots",)),
+        ("car-on-a-road", ("--no-plots",)),
     ],
 )
 def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):

@@ -277,6 +277,18 @@ simulation: {{duration: 4}}
     assert [found["z"][-1], found["z_dot"][-1]] == pytest.approx(state, abs=1e-9)
 
 
+def test_points_that_tables_share_are_one_event():
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 0}}\n"
+    text += "tables: {f: {points: [[0, 0], [1, 1], [3, 0]]}, "
+    text += "g: {points: [[0, 0], [1, 2], [2, 1], [3, 0]]}}\n"
+    text += "forces: {x: f(t) + g(t) + g(3 - t)}\nsimulation: {duration: 3}"
+    found = simulate(load(text))
+    assert [e.time for e in found.events] == pytest.approx([1.0, 2.0], abs=1e-14)
+    x, y = [0.0, 1.0, 2.0, 3.0], [0.0, 3.0, 1.5, 0.0]
+    expected = np.interp(found.t, x, y) + np.interp(3 - found.t, x, [0, 2, 1, 0])
+    assert found["x_ddot"] == pytest.approx(expected, abs=1e-13)
+
+
 def test_knots_follow_a_mode_that_an_event_sets():
     text = """
 modes: {pace: 1}

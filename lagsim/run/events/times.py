@@ -114,7 +114,7 @@ class Knots(_Ahead):
         modes = arc.system.switches.modes
         super().__init__(arc, [modes[k].discrete for k in clocks(arc)])
         self._are_events: list[bool] = []  # of those that the kernel knows
-        self._told = 0
+        self._told, self._last = 0, -inf
 
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
         """Return times, modes, cells before and after, whether each is an event."""
@@ -174,8 +174,12 @@ class Knots(_Ahead):
         if p.passed == first:
             return GO_ON
         self._told = int(p.passed)
-        numbers = (k for k in range(first, self._told) if self._are_events[k])
-        events = (Event(float(p.knot_times[k]), "switch") for k in numbers)
+        events = []
+        for k in range(first, self._told):
+            time = float(p.knot_times[k])
+            if self._are_events[k] and not time - self._last <= p.apart:
+                events.append(Event(time, "switch"))  # one, of several tables
+                self._last = time
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
