@@ -292,8 +292,9 @@ class _Reader:
             limit = self._limit(relation)
         elif pair:
             hint = "two relations are equalities: write them with `=`"
-            place = expression.place
-            x.faults.add("not-an-equality", f"{what} is one-sided", place, hint)
+            if equality is False:  # what has a fault itself may be one
+                text = f"{what} is one-sided"
+                x.faults.add("not-an-equality", text, expression.place, hint)
         elif mapping or equality is False:
             law = self._one_sided(expression, relation)
         if relation is None or not (equality or law):

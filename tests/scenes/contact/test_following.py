@@ -395,6 +395,7 @@ simulation: {duration: 1, output_step: 0.1}
         ("{relation: [x_dot = 0], limit: 1}", "wrong-count", "["),
         ("{relation: [x_dot = 0, y = 0], limit: 1}", "not-a-velocity", "limit"),
         ("{relation: [x_dot = 0, y_dot >= 0], limit: 1}", "not-an-equality", "y_dot"),
+        ("{relation: [x_dot = 0, y_dot +], limit: 1}", "expression-syntax", "]"),
         ("{relation: [x_dot = 0, y_dot = 0], limit: -1}", "out-of-range", "-1"),
         ("{relation: [x_dot = 0, y_dot = 0], limit: v}", "unknown-name", "v"),
     ],
