@@ -294,6 +294,7 @@ class Found(NamedTuple):
     least: str = ""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # starts of any size
 def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
     """Point nearest to x0 in `metric` (k, k) that satisfies `relations`.
 
@@ -398,6 +399,7 @@ def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
     return found
 
 
+@np.errstate(over="ignore", invalid="ignore")  # starts of any size
 def reach(
     relations: Relations, start: Floats, metric: Floats, guess: Floats | None = None
 ) -> Found:

@@ -117,3 +117,15 @@ def test_a_system_that_has_no_more_to_give(lagsim, write, monkeypatch, error, to
     called = lagsim("run", write(PENDULUM))
     assert (called.code, "Traceback" in called.err) == (_faults.STARVED, False)
     assert told in called.err
+
+
+def test_a_guess_whose_square_is_no_number(lagsim, write):
+    # Warnings are errors here, and would be bugs of lagsim's.
+    called = lagsim("check", write("""
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+constraints: {c: x^2 + y^2 = 1e300}
+initial: {x: {guess: 1e200}, y: {guess: 1e180}}
+"""))  # fmt: skip
+    assert called.code == 2
+    assert "`x^2` in the constraint `c` is inf at the start" in called.err

@@ -256,7 +256,8 @@ class EnergyMonitor:
     @property
     def ranges(self) -> Floats:
         """The range of each column."""
-        return np.asarray(self._extremes.high - self._extremes.low)
+        with np.errstate(invalid="ignore"):  # what is infinite in all rows has none
+            return np.asarray(self._extremes.high - self._extremes.low)
 
     @property
     def held(self) -> Floats:
