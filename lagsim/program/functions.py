@@ -618,7 +618,16 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
-def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+def _powers(e: Equations, plan: Plan) -> list[int]:
+    """Rates of works; an eliminated moving constraint's depends on q'', solved here."""
+    g = e.graph
+    if plan.elimination is None or g.depends(e.powers).isdisjoint(e.accelerations):
+        return e.powers
+    solved = zip(e.accelerations, plan.elimination.motion()[0], strict=True)
+    return list(g.substitute(e.powers, {g.variable(k): x for k, x in solved}))
+
+
+def _lagrangian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     """Momenta, dL/dq + Q and powers; their slopes; and the slopes M alone."""
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
@@ -635,7 +644,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
         for slope in gradient(g, force, variables)
     ]
     return {
-        "lagrangian": [*e.momenta, *forces, *e.powers],
+        "lagrangian": [*e.momenta, *forces, *_powers(e, plan)],
         "lagrangian_slopes": [*by_position, *M, *second],
         "inertia": M,
     }
@@ -652,7 +661,7 @@ NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     "lagrangian": _lagrangian,
     "linear": _linear,
     # The rates of works by themselves, for scenes without constraints.
-    "power": lambda e, _plan: {"power": e.powers},
+    "power": lambda e, plan: {"power": _powers(e, plan)},
 }
 # Made by the system from y' with its branches frozen.
 AFTER_FREEZING = "series"

@@ -86,3 +86,24 @@ simulation: {{duration: 2, output_step: 0.1}}
     t = result.t
     assert result["y"] == pytest.approx(5 * t - t**2 / 2, abs=1e-12)
     assert result["x"] == pytest.approx(5 * t + (0 if held else t**2 / 2), abs=1e-12)
+
+
+@pytest.mark.parametrize("method", ["midpoint", "gauss4", "verlet", "rk4"])
+def test_the_work_of_an_eliminated_drive_beside_a_force(method):
+    # x'' = t from rest, and z = sin(2 pi t)/10 whatever it takes.
+    text = """
+coordinates: {u: {}, w: {}}
+definitions: {x: 0.6*u + 0.8*w, z: 0.8*u - 0.6*w}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+forces: {x: t}
+constraints: {drive: z = 0.1*sin(2*pi*t)}
+initial: {u: 0, w: 0, u_dot: 0.8*0.2*pi, w_dot: -0.6*0.2*pi}
+simulation: {duration: 2, output_step: 0.05}
+"""
+    found = lagsim.simulate(
+        lagsim.load(text), method=method, step=0.001, error_bar="never"
+    )
+    assert found.record["formulation"] == "elimination"
+    t = found.t
+    gained = t**4 / 8 - (0.2 * np.pi * np.sin(2 * np.pi * t)) ** 2 / 2
+    assert found["work"] == pytest.approx(gained, abs=1e-5)
