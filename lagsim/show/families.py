@@ -7,6 +7,7 @@ from the row's own, are the same with a letter in its place.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from dataclasses import replace
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 _NUMBER = re.compile(r"(\.|(?<=[^\W\d]))([0-9]+)(?=\.|\Z)")
 # So few names or terms that differ in a number are no family.
 FEW = 2
+# Expressions are compared multiplied out where that makes no more terms.
+MOST_TERMS = 1_000
 
 
 class Rows(NamedTuple):
@@ -78,7 +81,8 @@ class Families:
             if k is not None:
                 common = (self._counted(e, k, self.letter) for e in parts)
                 # Signs of sums within depend on the order of the names.
-                key = self._name(name, k, self.letter), tuple(map(sp.expand, common))
+                whole = (e if _terms(e) > MOST_TERMS else sp.expand(e) for e in common)
+                key = self._name(name, k, self.letter), tuple(whole)
             found.setdefault(key, []).append((k or 0, name, tuple(parts)))
         result = []
         for members in found.values():
@@ -136,3 +140,17 @@ class Families:
         j = symbol(self.other)
         made = (sp.Sum(sp.Add(*of), (j, *ends)) for ends, of in sums.items())
         return sp.Add(*alone, *made)
+
+
+def _terms(e: Any) -> int:
+    """Number of terms of an expression multiplied out, up to one more than the most."""
+    below = [_terms(a) for a in e.args]
+    if e.is_Add:
+        count = sum(below)
+    elif e.is_Mul:
+        count = math.prod(below)
+    else:
+        powers = e.is_Pow and e.exp.is_Integer and below[0] > 1
+        times = min(abs(int(e.exp)), MOST_TERMS) if powers else 1
+        count = max(below, default=1) ** times
+    return int(min(count, MOST_TERMS + 1))

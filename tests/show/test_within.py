@@ -5,6 +5,7 @@ import math
 import pytest
 import sympy as sp
 
+import lagsim
 from benchmarks.link_chain import chain
 from lagsim import limits
 from lagsim.errors import InputError
@@ -109,3 +110,16 @@ def test_forty_links_are_derived_in_their_closed_form():
             expected += hung * sp.cos(a[i] - a[j]) * rate[j]
             expected += hung * sp.sin(a[i] - a[j]) * v[j] ** 2
         assert sp.expand(found.document["equations"][i]["left"] - expected) == 0
+
+
+def test_products_of_sums_are_not_multiplied_out():
+    # Each of the constraints has 2^30 terms; no clock is asked while they are compared.
+    names = [f"q{k}" for k in range(30)]
+    held = (" * ".join(f"({q} + {j})" for q in names) for j in (1, 2, 3))
+    text = f"""
+coordinates: {{{", ".join(f"{q}: {{}}" for q in names)}}}
+energy: {{kinetic: {" + ".join(f"{q}_dot^2" for q in names)}, potential: 0}}
+constraints: {{{", ".join(f"c{j}: {x} = 1" for j, x in enumerate(held))}}}
+initial: {{{", ".join(f"{q}: 0" for q in names)}}}
+"""
+    assert "c₂ = (3 + q₀) (3 + q₁)" in lagsim.derive(text).text
