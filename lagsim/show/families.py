@@ -143,7 +143,7 @@ class Families:
 
 
 def _terms(e: Any) -> int:
-    """Number of terms of an expression multiplied out, up to one more than the most."""
+    """Count the terms of an expression multiplied out, up to one more than the most."""
     below = [_terms(a) for a in e.args]
     if e.is_Add:
         count = sum(below)
