@@ -50,7 +50,9 @@ def test_equations_are_counted_before_they_are_written(lagsim, tmp_path, monkeyp
     assert "the equations, written out, have more than 100 operations" in done.err
 
 
-@pytest.mark.parametrize("shape", ["a sum", "a product"])
+@pytest.mark.parametrize(
+    "shape", ["a sum", pytest.param("a product", marks=pytest.mark.slow)]
+)
 def test_terms_are_counted_before_they_are_written(lagsim, tmp_path, shape):
     path = tmp_path / "model.yaml"
     path.write_text(SHAPES[shape](1_000))

@@ -122,6 +122,7 @@ def test_two_crossings_are_found_however_close_they_are(depth):
             assert found == pytest.approx(times, abs=1e-10 / math.sqrt(abs(depth)))
 
 
+@pytest.mark.slow
 def test_a_relation_with_many_periods_in_a_step():
     text = """
 coordinates: {theta: {}, x: {}}
@@ -223,6 +224,7 @@ def test_a_strobe_without_a_period_is_refused():
             sections(f"every: {every}")
 
 
+@pytest.mark.slow
 def test_what_a_constraint_holds_on_a_section_does_not_cross_it():
     text = """
 coordinates: {u: {}, w: {}}
