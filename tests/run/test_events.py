@@ -304,6 +304,42 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
     assert acts(found, "hit") == impacts
 
 
+@pytest.mark.parametrize(
+    ("a", "b", "start", "method", "until"),
+    [
+        ("x", "z", "x: 1 + 1e-14, z: 1", "dop853", "x <= 0"),  # b is met first
+        ("z - x", "x + 0.15*z", "x: 0, z: 1.25", "rk4", "z <= x"),  # in a corner
+    ],
+)
+def test_at_an_impact_gaps_are_closed(a, b, start, method, until):
+    """A ball meets two walls at once: both gaps are 0, whatever rounding leaves."""
+    potential = "10*(x + z)" if a == "x" else "10*z"
+    text = f"""
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: {potential}}}
+modes: {{n: 0, m: 0, k: 0}}
+constraints:
+  a: {{relation: {a} >= 0, restitution: 0.9}}
+  b: {{relation: {b} >= 0, restitution: 0.9}}
+events:
+  a: {{at: {a} <= 0, set: {{n: n + 1}}}}
+  again: {{at: {a} <= 0, set: {{k: k + 1}}}}
+  b: {{at: {b} <= 0, set: {{m: m + 1}}}}
+"""
+    options = {"output_step": 0.1, "method": method}
+    found = simulate(scene(text, start, 2.5, "", **options))
+    for law, mode in ("a", "n"), ("a", "k"), ("b", "m"):
+        times = [
+            e.time for e in found.events if (e.kind, e.constraint) == ("impact", law)
+        ]
+        assert len(times) >= 2
+        assert found[mode][-1] == len(times)
+        assert acts(found, {"n": "a", "k": "again", "m": "b"}[mode]) == times
+    ended = simulate(scene(text, start, 2.5, "", until=until, **options))
+    first = math.sqrt(0.2) if a == "x" else 0.5
+    assert ended.t[-1] == pytest.approx(first, abs=1e-9)
+
+
 # --- Periodic events
 
 

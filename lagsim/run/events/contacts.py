@@ -25,6 +25,7 @@ from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.sliders import at_edge, settle
+from lagsim.run.events.transitions import count_closed
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
     COMPUTED_ZERO,
@@ -315,6 +316,11 @@ class Contacts(Source):
         changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
         found.y[arc.state.quadratures][: arc.system.works] += changes
         arc.system.p.impulses[some] = result.impulses
+        met = [i for i, k in enumerate(some) if k in struck and k in self.contacts]
+        rows = [some[i] for i in met]
+        closed, gaps = found.y.copy(), here.gaps[rows] + here.slack[rows]
+        closed[arc.state.positions] -= response[:, met] @ _raised(problem.D, met, gaps)
+        count_closed(arc, found.y, closed)
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):

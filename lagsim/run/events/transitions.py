@@ -135,6 +135,20 @@ def give_leeway(arc: Arc) -> None:
     state.leeway[true] = part * scale[true]
 
 
+def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
+    """Let conditions be true at the state y that are where its gaps are closed.
+
+    After an impact rounding leaves a gap on either side of 0, and the motion leads away
+    from it: `x <= 0` may never be true at the ground `x >= 0`.
+    """
+    state, count = arc.state, len(arc.state.orientation)
+    if count:
+        of = arc.runner.function("located", count)
+        misses = of(arc.t, y) * state.orientation
+        met = (misses > 0.0) & (of(arc.t, closed) * state.orientation <= 0.0)
+        state.leeway[met] = -misses[met]
+
+
 def _same(arc: Arc, time: float) -> float:
     """Difference of times that are one."""
     return SAME_TIME * math.ulp(max(abs(time), abs(arc.settings.start)))
