@@ -53,6 +53,8 @@ GROW = 6.0
 # An error from which on steps shrink. Beside a switch far from the origin it may be all
 # rounding, and steps so short that nothing moves.
 SHRINKING = 0.25
+# ... and from which on they grow little: so may it be where forces cancel.
+SLOWING = 1e-2
 # Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
 # much shorter ends before it. A stage does where the rows are this much less
 # independent there than at the start.
@@ -149,7 +151,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
     # Perhaps it is nothing but rounding.
-    doubtful = error >= 1.0
+    doubtful = error >= 1.0 or (error >= SLOWING and s.balanced > 0.0)
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
     if doubtful and control.allow_roundoff(s, p, h, new, k, sigma):

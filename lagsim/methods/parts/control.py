@@ -4,9 +4,9 @@ The default tolerance of a component is rtol times its own scale: the range that
 gone through, which no shift of the origin and no other body changes, or what its rate
 does in the step. Where forces cancel, what each of them could do counts a little too.
 And no component is controlled below its own rounding: that of its value, and that of
-its rate. The latter is bounded where a step would be rejected: what the rounding of
-the state does to it, and what is rounded where it is computed. No unit enters: metres
-and millimetres give the same steps.
+its rate. The latter is bounded where a step would be rejected, or grow little where
+forces cancel: what the rounding of the state does to it, and what is rounded where it
+is computed. No unit enters: metres and millimetres give the same steps.
 """
 
 from __future__ import annotations
@@ -43,6 +43,9 @@ FLOOR = 1e-3
 # in the stages of a step, errors of one act on the others; projection takes them out.
 # A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
 LEAK = 1e-2
+# What a method's stages make of the rounding of velocities in the error estimate of a
+# position: the coefficients of DOP853 are as large as 43, of either sign.
+AMPLIFIED = 4.0
 # What of its range counts as the size of a component: an oscillation about 0 is half of
 # it in size, a motion away from 0 the whole.
 WIDTH = 0.7
@@ -68,6 +71,7 @@ class Control(Output):
     potential: float  # at the start of the run
     lost_below: float  # the rows have lost rank where sigma is below this
     rounding_known: float  # 1 once its roundoff has been bounded in this step
+    balanced: float  # 1 where a component has no scale but that of forces that cancel
     sizes: Floats = array("size")  # the largest of y so far
     # The least and the largest value of each component.
     low: Floats = array("size", inf)
@@ -162,6 +166,7 @@ def set_tolerances(
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
+    s.balanced = 0.0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -175,9 +180,12 @@ def set_tolerances(
         if i < n:
             # Positions: what their velocities do in the step.
             part *= moment
-            roundoff[i] = max(floor * rate, of_velocities[i] * h)
+            roundoff[i] = max(floor * rate, AMPLIFIED * of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
-        sized = max(sized, FLOOR * moment * part)
+        least = FLOOR * moment * part
+        if sized < least:
+            sized = least
+            s.balanced = 1.0
         rough = floor * max(s.sizes[i], abs(after))
         rough = max(rough, roundoff[i] * h, UNDERFLOW)
         s.tolerances[i] = max(rtol * sized, rough)
@@ -348,8 +356,8 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 
 
 # --- roundoff: its bounds in rates, and compensated sums ------------------------------
-# Where a step would be rejected, a bound of what is rounded on the way to the rates of
-# a state, and what small changes of the state do to them.
+# Where a step would be rejected, or grow little: a bound of what is rounded on the way
+# to the rates of a state, and what small changes of the state do to them.
 #
 # A step adds little to a state, and what is lost of it each time grows with the steps,
 # or faster. The state is y + `compensation`, which is smaller than half of y's last

@@ -100,9 +100,6 @@ simulation: {duration: 0.004, output_step: 0.004}
 """
 
 
-@pytest.mark.xfail(
-    reason="what is held at 0 has the tolerance of rounding", strict=True
-)
 def test_a_cart_is_held_at_the_origin_as_beside_it():
     steps = [
         simulate(HELD.replace("PLACE", place), error_bar="never").record["steps"]
