@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import lagsim
 from lagsim.model.reader import read, read_file
 from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
@@ -21,6 +22,11 @@ MODELS = ROOT / "models"
 DATA = Path(__file__).parent / "data"
 LIMITS = {"most_steps", "arc_steps", "longest_step"}
 HEARD = {"interrupt", "progress"}
+
+
+def simulate(model, **options):
+    """Simulate a model without the repeat by which a run's error is estimated."""
+    return lagsim.simulate(model, **{"error_bar": "never"} | options)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 import math
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from lagsim.admissibility.examination import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from tests.admissibility.scenes import codes, scene
+from tests.support import simulate
 
 M, G = 1.3, 9.81
 
@@ -113,7 +112,7 @@ def test_the_run_begins_there_and_stays(tmp_path):
     path.write_text(chain(guess(5, "straight")))
     q, span = catenary(5, 0.8)
     for method in ("dop853", "radau", "taylor"):
-        found = lagsim.simulate(path, method=method, duration=2)
+        found = simulate(path, method=method, duration=2)
         ends = [[found[f"q{i}"][k] for i in range(1, 6)] for k in (0, -1)]
         assert ends == pytest.approx(np.array([q, q]), abs=1e-9)
         assert np.abs(found["lambda_px"]) == pytest.approx(span, rel=1e-9)
@@ -354,12 +353,9 @@ def test_sweep_and_bind(tmp_path):
         (("rest", "[rest]"), 2, "must be a text"),
     ],
 )  # fmt: skip
-def test_the_command(change, code, text, tmp_path):
-    path = tmp_path / "car.yaml"
-    path.write_text(CAR.replace(*change))
+def test_the_command(change, code, text, lagsim, write):
+    path = write(CAR.replace(*change))
     for command in (["check", "--repair"], ["run", "--no-plots", "-o", "out"]):
-        line = [sys.executable, "-m", "lagsim", command[0], str(path), *command[1:]]
-        called = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path)
-        assert called.returncode == code
+        called = lagsim(command[0], path, *command[1:], code=code)
         if code or command[0] == "check":
-            assert re.search(text, called.stdout + called.stderr)
+            assert re.search(text, called.out + called.err)

@@ -90,7 +90,16 @@ HUGE = {
 }
 
 
-@pytest.mark.parametrize(("text", "codes"), HUGE.values(), ids=HUGE)
+LONG = ("a sum of 20,000 terms", "10^6 unknown keys")
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        pytest.param(*case, id=name, marks=[pytest.mark.slow] * (name in LONG))
+        for name, case in HUGE.items()
+    ],
+)
 def test_deep_and_huge_input(lagsim, write, text, codes):
     began = time.process_time()
     called = lagsim("check", write(text))

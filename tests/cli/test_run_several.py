@@ -118,9 +118,8 @@ def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
 
 
 @pytest.mark.usefixtures("lagsim", "heeded_signals")
-@pytest.mark.parametrize(
-    "kind", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_all_processes_with_whole_files(write, kind):
     write(named("a", ENDLESS), "a.yaml"), write(named("b", ENDLESS), "b.yaml")
     run = started("run", "a.yaml", "b.yaml", "-j", "2", "--no-plots")

@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from lagsim import InadmissibleError, check, load, simulate, sweep
+from lagsim import InadmissibleError, check, load, sweep
 from lagsim.errors import InputError
 from lagsim.methods import method, names
 from tests.cli.conftest import lagsim  # noqa: F401
-from tests.support import MODELS
+from tests.support import MODELS, simulate
 
 FREE = "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
 
@@ -41,7 +41,7 @@ def drift(found):
 def simulated(text):
     """Simulate, where the method can handle the forces: not all know drag."""
     with suppress(InputError):
-        return simulate(text, error_bar="never")
+        return simulate(text)
     with pytest.raises(InputError, match="cannot handle"):
         simulate(text)
     return None
@@ -115,7 +115,7 @@ def trebuchet(p):
 
 def test_a_sling_lets_go():
     model = load(MODELS / "trebuchet.yaml")
-    found = simulate(model, error_bar="never")
+    found = simulate(model)
     (trough, sling), z = trebuchet({p.name: p.value for p in model.parameters})
     happened = {(e.constraint or e.name): e.time for e in found.events}
     assert happened["trough"] == pytest.approx(trough, abs=1e-10)
@@ -179,7 +179,7 @@ events:
 @pytest.mark.parametrize("name", ["auto", "dop853", "radau", "taylor"])
 def test_a_thermostat(name, start):
     text = scene(RELAY, "x: 0, T: 1.5", method=name, start=start)
-    found = simulate(text, error_bar="never")
+    found = simulate(text)
     times = np.array([t for _, t in acts(found)]) - start
     first, rest = math.log(1.5 / 0.9), math.log(1.1 / 0.9)
     assert times == pytest.approx(first + rest * np.arange(13), abs=3e-12)
@@ -258,7 +258,7 @@ def test_a_relay_without_hysteresis(seed):
         f"X: 0, X_dot: {v * size!r}", 6,
         FREE.replace("{x: {}}", "{X: {}}"), start=start,
     )  # fmt: skip
-    found = simulate(text, error_bar="never")
+    found = simulate(text)
     names, times, chatters = relay(v, A, c, k, f, w)
     assert (found.record["failure"] or {}).get("code") == (
         "events-chatter" if chatters else None
@@ -298,7 +298,7 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
     asked = {"method": name, "output_step": 0.1} | (
         {"step": 0.01} if name != "dop853" else {}
     )
-    found = simulate(scene(text, "x: 0.3", 1.5, ball, **asked), error_bar="never")
+    found = simulate(scene(text, "x: 0.3", 1.5, ball, **asked))
     impacts = [e.time for e in found.events if e.kind == "impact"]
     assert len(impacts) > 10
     assert acts(found, "hit") == impacts
@@ -592,7 +592,7 @@ def test_modes_are_bound_and_swept():
     model = load(text)
     assert acts(simulate(model.bind(open=1))) == []
     swept = sweep(text, {"open": [0, 1]}, jobs=1)
-    ends = [simulate(text, error_bar="never")["x_dot"][-1], 2 * math.tanh(10)]
+    ends = [simulate(text)["x_dot"][-1], 2 * math.tanh(10)]
     assert swept["x_dot.end"] == pytest.approx(ends, rel=1e-10)
     text = f"parameters: {{T: 0.5}}{SAMPLED}".replace("every: 0.25", "every: T")
     periods = load(scene(text))

@@ -9,7 +9,7 @@ import yaml
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals, expm
 
-from lagsim import check, load, simulate
+from lagsim import check, load
 from lagsim.api.models import model_of
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
@@ -17,7 +17,7 @@ from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method, names
 from lagsim.model.reader import read
 from tests.studies.judged import barred
-from tests.support import MODELS, run
+from tests.support import MODELS, run, simulate
 from tests.sympy_oracle import Oracle
 
 CAN = [name for name in names() if getattr(method(name), "STATES", False)]

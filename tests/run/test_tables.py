@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSpline
 
-from lagsim import check, derive, load, simulate, sweep
+from lagsim import check, derive, load, sweep
 from lagsim.errors import InputError
 from lagsim.methods import method, names
-from tests.support import MODELS, run
+from tests.support import MODELS, run, simulate
 
 ADAPTIVE = [name for name in names() if method(name).ADAPTIVE]
 GROUND = """
@@ -39,7 +39,7 @@ FREE = "energy: {kinetic: x_dot^2/2, potential: 0}\n"
 def test_a_linear_table_of_the_time_is_exact(name):
     if name == "exponential":
         pytest.skip("not of equations that depend on the time")
-    found = simulate(load(GROUND), method=name, error_bar="never")
+    found = simulate(load(GROUND), method=name)
     w = 2.0 * math.pi
     exact = -(found.t - np.sin(w * found.t) / w) * 0.01 / w**2
     assert found["x"] == pytest.approx(exact, abs=1e-10)
@@ -71,8 +71,8 @@ def test_kinks_in_positions_are_located(name):
 def test_every_method_goes_through_kinks(name):
     model = load(SPRING)
     options = {} if method(name).ADAPTIVE else {"step": 0.0005}
-    found = simulate(model, method=name, error_bar="never", **options)
-    exact = simulate(model, method="dop853", error_bar="never")
+    found = simulate(model, method=name, **options)
+    exact = simulate(model, method="dop853")
     near = 1e-9 if method(name).ADAPTIVE else 2e-2
     assert found.complete
     assert found["x"] == pytest.approx(exact["x"], abs=near)
@@ -211,7 +211,7 @@ def test_kinks_in_time_are_passed_in_one_arc():
     for name in ("dop853", "taylor", "rk4"):
         options = {} if method(name).ADAPTIVE else {"step": 0.01}
         assert run(model, method=name, **options).trajectory.statistics.arcs == 1
-        found = simulate(model, method=name, error_bar="never", **options)
+        found = simulate(model, method=name, **options)
         assert found.record["steps"] < 10_100
         assert found["x"] == pytest.approx(place[::100], abs=1e-12)
         assert found["x_dot"] == pytest.approx(speed[::100], abs=1e-12)
@@ -232,7 +232,7 @@ forces: {{x: f(t - {start}) + 2*f(1.5 - (t - {start}))}}
 initial: {{x: 0, y: 0.4}}
 simulation: {{start: {start}, duration: 2, output_step: 0.01}}
 """
-    found = simulate(load(text), error_bar="never")
+    found = simulate(load(text))
     t = found.t - start
     x, y = [0.0, 0.3, 0.4, 1.0], [0.0, 2.0, -1.0, 0.0]
     period = 1.0 if outside == "repeat" else None
@@ -300,7 +300,7 @@ forces: {x: f(pace*t)}
 initial: {x: 0}
 simulation: {duration: 2, output_step: 0.01}
 """
-    found = simulate(load(text), error_bar="never")
+    found = simulate(load(text))
     pace = 2.0 ** np.floor(found.t / 0.75 + 1.0)
     inside = np.abs(found.t / 0.75 - np.round(found.t / 0.75)) > 1e-6
     x, y = [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, -1.0, 5.0, 0.0]
@@ -341,7 +341,7 @@ simulation: {{duration: 5, output_step: 0.01}}
     assert found.trajectory.statistics.arcs == 1
     times = [e.time for e in found.trajectory.events]
     assert times == pytest.approx(place[1:-1] / 2.0, abs=1e-10)
-    found = simulate(load(text), method=name, error_bar="never", **options)
+    found = simulate(load(text), method=name, **options)
     near = 1e-9 if method(name).ADAPTIVE else 1e-5
     exact = over_a_ground(place, height, 2.0, w)
     assert [found["z"][-1], found["z_dot"][-1]] == pytest.approx(exact, abs=near)
@@ -365,7 +365,7 @@ simulation: {{duration: 5, output_step: 0.05}}
 """
     found = run(text)
     assert found.trajectory.statistics.arcs == 1
-    energy = simulate(load(text), error_bar="never")["energy"]
+    energy = simulate(load(text))["energy"]
     assert energy == pytest.approx(energy[0], abs=1e-9)
     assert len(found.trajectory.events) == math.floor(found["x"][-1] / 0.02)
 
@@ -395,7 +395,7 @@ initial: {x: 1, y: 0}
 simulation: {duration: 30, output_step: 0.1}
 """
     for name in ("dop853", "radau", "taylor"):
-        found = simulate(load(text), method=name, error_bar="never")
+        found = simulate(load(text), method=name)
         assert found.complete
         assert found["x"] == pytest.approx(np.cos(found.t), abs=1e-8)
         assert not found["y"].any()
@@ -454,7 +454,7 @@ initial: {x: bump(0.5) - 1, y: 2*bump(0.5)}
 simulation: {duration: 3, until: x >= 1.2*bump(0.5)}
 """
     model = load(text)
-    found = simulate(model, error_bar="never")
+    found = simulate(model)
     assert found.record["parameters"]["d"] == 0.5
     assert found["x"][0] == 0.0
     assert found["y"][0] == 2.0
@@ -468,7 +468,7 @@ simulation: {duration: 3, until: x >= 1.2*bump(0.5)}
     assert ledger == pytest.approx(ledger[0], abs=1e-9)
     swept = sweep(model, {"k": [0.5, 1.0]})
     assert swept["x.end"][1] == pytest.approx(found["x"][-1], abs=1e-12)
-    other = simulate(model.bind(k=0.5), error_bar="never")
+    other = simulate(model.bind(k=0.5))
     assert swept["x.end"][0] == pytest.approx(other["x"][-1], abs=1e-12)
 
 
@@ -495,7 +495,7 @@ def test_accelerations_derivations_and_the_module_know_tables():
 
 
 def test_the_shipped_car_is_that_of_scipy():
-    found = simulate(str(MODELS / "car-on-a-road.yaml"), error_bar="never")
+    found = simulate(str(MODELS / "car-on-a-road.yaml"))
     data = np.loadtxt(MODELS / "road.csv", delimiter=",", skiprows=1).T
     road = CubicSpline(*data)
     m = np.array([420.0, 1100.0, 53.0, 76.0])
@@ -566,7 +566,7 @@ initial: {{x: 0}}
 definitions: {{ticks: k}}
 simulation: {{duration: 2}}
 """
-    found = simulate(text, error_bar="never")
+    found = simulate(text)
     assert found.outcome == "done"
     assert found["x"][-1] == pytest.approx(1.0, abs=1e-12)
     assert found["ticks"][-1] == round(2.0 / every) + 1

@@ -9,6 +9,7 @@ from scipy.special import ellipj, ellipk
 
 import lagsim
 from lagsim.errors import InputError
+from tests.support import simulate
 
 # --- An arm, against Newton and Euler's equations by recursion (R. Featherstone, Rigid
 # Body Dynamics Algorithms, table 5.1), joint by joint, in the links' own components
@@ -34,6 +35,8 @@ initial: {q(i = 1..n): 0.3 + 0.1*(i-1)}
 simulation: {duration: 1, output_step: 0.01}
 output: {columns: []}
 """
+TURNS = "ay(1..n): [0, 1, 0, 1, 0, 1, 0]"
+BY_TURNS = ARM.replace(TURNS, "ay(i = 1..n): (1 + (-1)^i)/2")
 # Positions at 1 s from `torques` solved for q'' and integrated by scipy's DOP853 at
 # 1e-13. MuJoCo 3.17 by RK4 comes within 4.9e-9 of them at a step of 2e-4, and within
 # 3.0e-10 at 1e-4: that is its error, which falls as the fourth power.
@@ -69,7 +72,7 @@ def torques(q, v, a, axes=AXES, g=9.81):
 
 
 def test_an_arm_moves_as_newton_and_euler_have_it():
-    r = lagsim.simulate(lagsim.load(ARM))
+    r = simulate(lagsim.load(ARM))
     q, v, a = (
         np.array([r[f"q{ending}.{k}"] for k in range(1, 8)]).T
         for ending in ("", "_dot", "_ddot")
@@ -81,9 +84,7 @@ def test_an_arm_moves_as_newton_and_euler_have_it():
 
 @pytest.mark.parametrize("n", [1, 2, pytest.param(12, marks=pytest.mark.slow)])
 def test_another_number_of_links(n):
-    every = "ay(i = 1..n): (1 + (-1)^i)/2"
-    text = ARM.replace("ay(1..n): [0, 1, 0, 1, 0, 1, 0]", every)
-    r = lagsim.simulate(lagsim.load(text, n=n), duration=0.02)
+    r = simulate(lagsim.load(BY_TURNS, n=n), duration=0.02)
     q, v, a = (
         np.array([r[f"q{ending}.{k}"][-1] for k in range(1, n + 1)])
         for ending in ("", "_dot", "_ddot")
@@ -93,13 +94,13 @@ def test_another_number_of_links(n):
 
 
 def test_other_axes_by_values_of_parameters():
-    bound = lagsim.load(ARM).bind(**{"ay.3": 1})
-    r = lagsim.simulate(bound, duration=0.1)
+    bound = lagsim.load(BY_TURNS, n=4).bind(**{"ay.3": 1})
+    r = simulate(bound, duration=0.1)
     q, v, a = (
-        np.array([r[f"q{ending}.{k}"][-1] for k in range(1, 8)])
+        np.array([r[f"q{ending}.{k}"][-1] for k in range(1, 5)])
         for ending in ("", "_dot", "_ddot")
     )
-    np.testing.assert_allclose(torques(q, v, a, "zyyyzyz"), -0.05 * v, atol=1e-10)
+    np.testing.assert_allclose(torques(q, v, a, "zyyy"), -0.05 * v, atol=1e-10)
 
 
 # --- The heavy top of O. Bruels, A. Cardona, J. Comput. Nonlinear Dynam. 5 (2010)
@@ -137,7 +138,7 @@ ZYX = by_angles("zyx", "a: pi/2, b: -pi/4, c: 0", [0, 0, 1], "-pi/2")
 
 
 def test_a_top_by_a_quaternion_and_by_angles():
-    runs = [lagsim.simulate(lagsim.load(text)) for text in (QUATERNION, ZXZ, ZYX)]
+    runs = [simulate(lagsim.load(text)) for text in (QUATERNION, ZXZ, ZYX)]
     p = np.array([runs[0][f"p{k}"] for k in range(4)])
     assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
     assert np.max(np.abs(runs[0]["lambda_unit.top"])) < 1e-8  # of 1e4 N m
@@ -158,7 +159,7 @@ def test_a_top_by_a_quaternion_and_by_angles():
 )
 def test_a_quaternion_keeps_its_length(method, formulation):
     adaptive = method in ("dop853", "radau", "taylor")
-    r = lagsim.simulate(
+    r = simulate(
         lagsim.load(QUATERNION), method=method, formulation=formulation, duration=0.1,
         step=None if adaptive else 1e-4, error_bar="never",
     )  # fmt: skip
@@ -167,7 +168,7 @@ def test_a_quaternion_keeps_its_length(method, formulation):
 
 
 def test_forces_that_are_zero_have_no_picture(tmp_path):
-    r = lagsim.simulate(lagsim.load(QUATERNION), duration=0.01, error_bar="never")
+    r = simulate(lagsim.load(QUATERNION), duration=0.01)
     r.write(tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
     assert "trajectory.png" in names
@@ -180,7 +181,7 @@ def test_drift_leaves_the_constraints_of_the_file():
     text = text.replace("at: G", "at: r") + "constraints: {tip: r = G}\n"
     text = text.replace("initial: {", "initial: {r: {guess: [0, 1, 0]}, ")
     text = text.replace(", w:", ", r_dot: {guess: [0, 0, 0]}, w:")
-    r = lagsim.simulate(
+    r = simulate(
         lagsim.load(text), method="euler", formulation="drift", duration=0.01,
         step=1e-4, error_bar="never",
     )  # fmt: skip
@@ -202,7 +203,7 @@ def test_gimbal_lock_is_named_at_the_start_and_on_the_way():
     # The axis of the top passes the vertical, where angles about it are locked.
     upright = by_angles("zxz", "a: 0, b: -pi/2, c: 0", [1, 0, 0], "pi/2", tilt="0")
     assert not lagsim.check(lagsim.load(upright)).warnings
-    r = lagsim.simulate(lagsim.load(upright), duration=0.5, error_bar="never")
+    r = simulate(lagsim.load(upright), duration=0.5)
     (text,) = (w.text for w in r.warnings if w.code == "coordinate-singularity")
     assert "angles of the frame `euler` are in gimbal lock there" in text
 
@@ -225,7 +226,7 @@ simulation: {duration: 50, output_step: 0.1}
 
 def test_the_intermediate_axis_flips():
     wx, wy = 1e-2, 1.0
-    r = lagsim.simulate(lagsim.load(FREE.replace("[W]", f"[{wx}, {wy}, 0]")))
+    r = simulate(lagsim.load(FREE.replace("[W]", f"[{wx}, {wy}, 0]")))
     for c, start in zip("xyz", (wx, 2 * wy, 0), strict=True):
         np.testing.assert_allclose(r[f"L.{c}"], start, atol=1e-9)
     np.testing.assert_allclose(r["kinetic"], 14 + wx**2 / 2 + wy**2, rtol=1e-11)
@@ -256,7 +257,7 @@ def spun(t, w1, w3):
 def freely(method, step=None, more=""):
     """Run a free body that tumbles for 20 s; give its w (3, k), and the run."""
     text = FREE.replace("[W]", "[0.6, 0, 0.8]").replace("duration: 50", "duration: 20")
-    r = lagsim.simulate(lagsim.load(text + more), method=method, step=step)
+    r = simulate(lagsim.load(text + more), method=method, step=step)
     return np.array([r[f"w.{c}"] for c in "xyz"]), r
 
 
@@ -287,7 +288,7 @@ def test_a_body_that_tumbles_in_steps():
 
 def test_a_top_by_a_series():
     series, angles = (
-        lagsim.simulate(lagsim.load(text), method=method)
+        simulate(lagsim.load(text), method=method)
         for text, method in ((QUATERNION, "taylor"), (ZXZ, "auto"))
     )
     assert series.record["method"] == "taylor"
@@ -325,7 +326,7 @@ simulation: {duration: 3, output_step: 0.1}
         torque = [0.5, math.sin(3 * t), -y[2]]
         return np.linalg.solve(matrix, torque - np.cross(y, matrix @ y))
 
-    r = lagsim.simulate(lagsim.load(text))
+    r = simulate(lagsim.load(text))
     t, y0 = r.t, [0.3, -1, 2]
     own = solve_ivp(rates, (0, 3), y0, "DOP853", t, rtol=1e-12, atol=1e-13).y
     for c, values in zip("xyz", own, strict=True):
