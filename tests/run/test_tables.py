@@ -418,8 +418,10 @@ def test_a_run_ends_with_its_table(how):
     assert found.t[-1] == pytest.approx(end, abs=9e-3)
     found = simulate(load(text + "forces: {x: f(2*t)}\nsimulation: {duration: 9}"))
     assert found.t[-1] == pytest.approx(1.0, abs=9e-3)
-    ends = simulate(load(text + "forces: {x: f(t)}\nsimulation: {duration: 2}"))
+    text += "forces: {x: f(t)}\nsimulation: {duration: 2}"
+    ends = simulate(load(text), error_bar="auto")
     assert ends.complete
+    assert ends.error.relative < 1e-12
 
 
 def test_many_points_cost_no_steps():
