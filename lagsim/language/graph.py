@@ -168,6 +168,10 @@ class Graph:
         """Node of the variable `name`, the same one each time."""
         return self.kept(VARIABLE, payload=name)
 
+    def variables(self) -> Mapping[Any, int]:
+        """Node of each variable by name."""
+        return self._known.get(VARIABLE, {})
+
     def value(self, node: int) -> float | None:
         """Return the number that `node` is, or None if it is not a constant."""
         if self.ops[node] != CONSTANT:

@@ -18,7 +18,6 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -80,26 +79,25 @@ class Code(NamedTuple):
     p_size: int
 
 
-def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
+def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int]:
     """Operations without `moving` variables that others, or roots, use."""
-    used, varying = set(roots), set[int]()
-    for n in g.cone(roots):
-        if n in moving or any(a in varying for a in g.args[n]):
+    used, varying = set(roots), set(moving)
+    cone = g.cone(roots)
+    for n in cone:
+        args = g.args[n]
+        if args and (n in varying or not varying.isdisjoint(args)):
             varying.add(n)
-            used.update(g.args[n])
-    return sorted(n for n in used if n not in varying and g.args[n])
+            if not varying.issuperset(args):
+                used.update(args)
+    return [n for n in cone if n in used and n not in varying and g.args[n]]
 
 
 def fixed_nodes(
     g: Graph, functions: Mapping[str, Sequence[int]], constant: Collection[str]
 ) -> list[int]:
     """Operations on `constant` variables, which are done once, by `prepare`."""
-    roots = sorted({node for nodes in functions.values() for node in nodes})
-    moving = {
-        n
-        for n in g.cone(roots)
-        if g.ops[n] == VARIABLE and g.payload(n) not in constant
-    }
+    roots = [node for nodes in functions.values() for node in nodes]
+    moving = [n for name, n in g.variables().items() if name not in constant]
     return hoisted(g, roots, moving)
 
 

@@ -5,14 +5,14 @@ but the interpreter, and what is computed is the same to the last bit.
 
 An instruction is an opcode, a count, and as many times the fields of one evaluation:
 indices into p (32 bits) of its values and of its operands. Evaluations of one kind
-whose operands are known are gathered into one instruction, so that the interpreter
-decodes few instructions: a large model has the same kinds of operations body by body.
-The index of a value is free again after its last use. Truth values are 0 and 1.
+and of one level (one above its highest operand) are gathered into one instruction, so
+that the interpreter decodes few instructions: a large model has the same kinds of
+operations body by body. The index of a value is free again after its last use. Truth
+values are 0 and 1.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,8 +33,9 @@ from lagsim.native.graph.lines import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
+    from lagsim.language.arrays import Ints
     from lagsim.language.graph import Graph
     from lagsim.language.tables import Data
     from lagsim.native.graph.keys import Layout
@@ -60,52 +61,40 @@ class Kind(NamedTuple):
 # of the sines, of the cosines, of the angles.
 STORE, SINCOS = map(Kind, ("store", "sincos"))
 STOP = 0
+SUMS = ("add", "sub")
 
 
-class Task(NamedTuple):
-    """An evaluation: the nodes that it gives, and those that it takes."""
+class Tasks(NamedTuple):
+    """All evaluations, in an order that serves every function.
 
-    kind: Kind
-    values: tuple[int, ...]
-    operands: tuple[int, ...]
-
-
-def scheduled(tasks: Sequence[Task]) -> Iterator[tuple[Kind, list[Task]]]:
-    """Put tasks into an order in which many of one kind follow each other.
-
-    List scheduling: of what has its operands, all of the most frequent kind is next.
+    Attributes
+    ----------
+    groups : (N,) int array
+        The group of each, of one kind: ascending, and after those of its operands.
+    opcodes : (N,) int array
+    users : (N,) int array
+        Bit k: function k needs it; there are few functions.
+    widths : (N,) int array
+        How many fields it has.
+    fields : int array
+        The node that each gives, then those that it takes.
     """
-    makes = {value: k for k, task in enumerate(tasks) for value in task.values}
-    missing, users = [], dict[int, list[int]]()
-    ready: dict[Kind, list[int]] = {}
-    for k, task in enumerate(tasks):
-        before = {makes[a] for a in task.operands if a in makes}
-        missing.append(len(before))
-        for j in before:
-            users.setdefault(j, []).append(k)
-        if not before:
-            ready.setdefault(task.kind, []).append(k)
-    while ready:
-        kind = max(ready, key=lambda x: len(ready[x]))
-        group = ready.pop(kind)
-        yield kind, [tasks[k] for k in group]
-        for user in chain.from_iterable(users.get(k, ()) for k in group):
-            missing[user] -= 1
-            if not missing[user]:
-                ready.setdefault(tasks[user].kind, []).append(user)
+
+    groups: Ints
+    opcodes: Ints
+    users: Ints
+    widths: Ints
+    fields: Ints
 
 
 def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
     """Code of `functions`: name -> the nodes written to out[0], out[1], ..."""
-    nodes = fixed_nodes(g, functions, layout.fixed)
-    fixed = {node: layout.size + k for k, node in enumerate(nodes)}
-    tapes = _Tapes(g, layout, functions, layout.size + len(fixed))
+    tapes = _Tapes(g, layout, functions)
     lines = []
-    for name, made in functions.items():
-        written = [(n, k) for k, n in enumerate(made) if n != g.zero]
+    for k, (name, made) in enumerate(functions.items()):
         before = f"{clearing(len(made))}\n{tapes.state}"
-        lines += _function(name, tapes.tape(written, fixed, {}), before)
-    lines += _function("prepare", tapes.tape([], {}, fixed), tapes.filled)
+        lines += _function(name, tapes.tape(k, made), before)
+    lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
     whole = Interpreter(tapes.opcodes, tapes.time)
     text = [*sorted(whole.declared), tapes.table, *lines, *whole.lines, ""]
     return Code("\n".join(text), tapes.size)
@@ -119,9 +108,9 @@ def _copied(array: str, name: str, first: int, count: int) -> str:
     )
 
 
-def _function(name: str, tape: Sequence[int], before: str) -> list[str]:
+def _function(name: str, tape: Ints, before: str) -> list[str]:
     """Return a function that runs `tape`."""
-    data = np.array(tape, dtype=np.int32).tobytes()
+    data = tape.tobytes()
     text = "\\" + data.hex("\\")
     return [
         f'@tape.{name} = private constant [{len(data)} x i8] c"{text}", align 4',
@@ -138,12 +127,13 @@ class _Tapes:
 
     Attributes
     ----------
-    numbers : dict of int to int
-        Node -> index in p, of constants.
+    index : (len(g) + 1,) int array
+        Node -> index in p. The last, node -1, is that of sines and cosines that nobody
+        uses.
+    fixed : set of int
+        Nodes that `prepare` leaves in p.
     time, states : int
         The index of t, which y follows, and the length of y.
-    nowhere : int
-        That of sines and cosines that nobody uses.
     size : int
         The length of p.
     opcodes : dict
@@ -155,152 +145,164 @@ class _Tapes:
     """
 
     def __init__(
-        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]],
-        first: int,
-    ) -> None:  # fmt: skip
+        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]]
+    ) -> None:
         self.g, self.layout = g, layout
-        self.opcodes: dict[Kind, int] = {}
+        self.opcodes: dict[Kind, int] = {STORE: 1}
         cone = g.cone(chain.from_iterable(functions.values()))
+        fixed = fixed_nodes(g, functions, layout.fixed)
         leaves = [n for n in cone if not g.args[n]]
-        leaves = [n for n in leaves if g.ops[n] not in (VARIABLE, DATA)]
-        self.numbers = {n: first + k for k, n in enumerate(leaves)}
-        self.time = first + len(leaves)
-        read = {g.payload(n) for n in cone if g.ops[n] == VARIABLE}
+        numbers = [n for n in leaves if g.ops[n] not in (VARIABLE, DATA)]
+        first = layout.size + len(fixed)
+        self.time = first + len(numbers)
+        read = {g.payload(n) for n in leaves if g.ops[n] == VARIABLE}
         self.states = 1 + max([k for x, k in layout.y.items() if x in read] or (-1,))
-        self.nowhere = self.time + self.states + 1
-        self.size = self.nowhere + 1
-        self.leaves = self.numbers | {g.variable("t"): self.time}
-        self.leaves |= {g.variable(name): k for name, k in layout.p.items()}
-        y = {g.variable(name): self.time + 1 + k for name, k in layout.y.items()}
-        self.leaves |= y
-        self.free: list[int] = []  # indices of values that are not used again
+        self.first = self.time + self.states + 2  # index of values that are used again
+        self.size = self.first
+        self.index = np.full(len(g) + 1, self.first - 1, np.int32)
+        self.index[fixed] = range(layout.size, first)
+        self.index[numbers] = range(first, self.time)
+        places = {"t": self.time, **layout.p}
+        places |= {name: self.time + 1 + k for name, k in layout.y.items()}
+        for n in leaves:
+            if g.ops[n] == VARIABLE:
+                self.index[n] = places[g.payload(n)]
+        self.fixed = set(fixed)
+        self.tasks = self._tasks(cone, [*functions.values(), fixed])
         self.state = _copied("%y", "state", self.time + 1, self.states)
-        self.filled = _copied("@numbers", "numbers", first, len(leaves))
-        values = [f"double {number(float(g.payload(n)))}" for n in leaves]
-        numbers = f"[{len(values)} x double] [{', '.join(values)}]"
-        self.table = f"@numbers = private constant {numbers}"
+        self.filled = _copied("@numbers", "numbers", first, len(numbers))
+        values = [f"double {number(float(g.payload(n)))}" for n in numbers]
+        table = f"[{len(values)} x double] [{', '.join(values)}]"
+        self.table = f"@numbers = private constant {table}"
 
-    def tape(
-        self,
-        written: Sequence[tuple[int, int]],
-        known: Mapping[int, int],
-        pinned: Mapping[int, int],
-    ) -> list[int]:
-        """Tape.
+    def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
+        """Return the evaluations of all functions, of which `prepare` is the last."""
+        args = self.g.args
+        users, inner = self._users(cone, functions)
+        level = [0] * len(args)
+        nodes, opcodes, widths, fields = [], [], [], []
+        for n in cone:
+            if args[n]:
+                level[n] = max([level[a] for a in args[n]]) + (not inner[n])
+                if not inner[n]:
+                    opcode, operands = self._kind(n, inner)
+                    nodes.append(n)
+                    opcodes.append(opcode)
+                    widths.append(1 + len(operands))
+                    fields.append(n)
+                    fields += operands
+        levels = [level[n] for n in nodes]
+        found = [levels, opcodes, [users[n] for n in nodes], widths]
+        levels, opcodes, masks, widths = table = np.array(found, int)
+        flat, starts = np.array(fields, int), np.cumsum(widths) - widths
+        # Those of one angle stand side by side.
+        order = np.lexsort((flat[starts + 1], opcodes, levels))
+        levels, opcodes, masks, widths = table[:, order]
+        new = (np.diff(levels, prepend=-1) != 0) | (np.diff(opcodes, prepend=-1) != 0)
+        shift = starts[order] - (np.cumsum(widths) - widths)
+        flat = flat[np.repeat(shift, widths) + np.arange(len(flat))]
+        return Tasks(np.cumsum(new), opcodes, masks, widths, flat)
 
-        Parameters
-        ----------
-        written
-            Nodes, and indices in out.
-        known, pinned
-            Node -> index in p: of what needs no evaluation, and of what is left there.
+    def _users(
+        self, cone: Sequence[int], functions: Sequence[Sequence[int]]
+    ) -> tuple[list[int], list[bool]]:
+        """Return masks of the functions that need each node, and which nodes are inner.
+
+        Those are products whose one use in each function is a sum, which makes them.
         """
-        results: dict[int, list[int]] = {}
-        for node, k in written:
-            results.setdefault(node, []).append(k)
-        tasks = self._tasks([*results, *pinned], known)
-        uses = Counter(chain.from_iterable(task.operands for task in tasks))
-        uses.update((*results, *pinned))
-        index = {**self.leaves, **known}
-        code = self._stored([n for n in results if n in index], results, index)
-        for kind, group in scheduled(tasks):
-            self._append(code, kind, self._fields(kind, group, index, uses, pinned))
-            made = [n for task in group for n in task.values if n in results]
-            code += self._stored(made, results, index)
-            for n in made:
-                self._use(n, index, uses)
-        return [*code, STOP]
+        ops, args = self.g.ops, self.g.args
+        users, inner = [0] * len(args), [op == "mul" for op in ops]
+        for k, roots in enumerate(functions):
+            for n in roots:
+                users[n] |= 1 << k
+                inner[n] = False
+        for n in self.fixed:
+            users[n] = 1 << (len(functions) - 1)
+        for n in reversed(cone):
+            mine, term = users[n], ops[n] in SUMS
+            for a in args[n]:
+                if not term or users[a] & mine:
+                    inner[a] = False
+                if a not in self.fixed:
+                    users[a] |= mine
+        return users, inner
 
-    def _append(self, code: list[int], kind: Kind, fields: list[list[int]]) -> None:
-        opcode = self.opcodes.setdefault(kind, 1 + len(self.opcodes))
-        code += [opcode, len(fields), *chain.from_iterable(fields)]
-
-    def _stored(
-        self,
-        nodes: Sequence[int],
-        results: Mapping[int, Sequence[int]],
-        index: Mapping[int, int],
-    ) -> list[int]:
-        """Instruction that writes results out, if there are any."""
-        code: list[int] = []
-        if nodes:
-            fields = [[index[n], k] for n in nodes for k in results[n]]
-            self._append(code, STORE, fields)
-        return code
-
-    def _tasks(self, roots: Collection[int], known: Mapping[int, int]) -> list[Task]:
-        """Return the evaluations of what is not known."""
+    def _kind(self, n: int, inner: Sequence[bool]) -> tuple[int, Sequence[int]]:
+        """Opcode of an evaluation, and the nodes that it takes."""
         g = self.g
-        order = [n for n in g.cone(roots, known) if n not in known]
-        uses = Counter(chain.from_iterable(g.args[n] for n in order))
-        kept = {*roots, *known}
-        inner = {
-            a
-            for n in order
-            if g.ops[n] in ("add", "sub")
-            for a in g.args[n]
-            if g.ops[a] == "mul" and uses[a] == 1 and a not in kept
-        }
-        tasks, angles = [], dict[int, list[int]]()
-        for n in order:
-            arrays = OPERATIONS[g.ops[n]].data if g.args[n] else 0
-            args = g.args[n][arrays:]
-            if g.ops[n] in CIRCULAR:
-                pair = angles.setdefault(args[0], [-1, -1])
-                pair[CIRCULAR[g.ops[n]]] = n
-            elif args and n not in inner:
-                products = tuple([a in inner for a in args])
-                taken = chain.from_iterable(
-                    g.args[a] if a in inner else (a,) for a in args
-                )
-                data = tuple(map(g.payload, g.args[n][:arrays]))
-                kind = Kind(g.ops[n], exponent_of(g, n), products, data)
-                tasks.append(Task(kind, (n,), tuple(taken)))
-        tasks += [Task(SINCOS, tuple(pair), (a,)) for a, pair in angles.items()]
-        return tasks
+        op, args = g.ops[n], g.args[n]
+        if op in CIRCULAR:
+            return self.opcodes.setdefault(SINCOS, 1 + len(self.opcodes)), args
+        arrays = OPERATIONS[op].data
+        data = tuple(map(g.payload, args[:arrays]))
+        args = args[arrays:]
+        products = tuple([inner[a] for a in args])
+        if True in products:
+            several = [g.args[a] if inner[a] else (a,) for a in args]
+            args = tuple(chain.from_iterable(several))
+        kind = Kind(op, exponent_of(g, n), products, data)
+        return self.opcodes.setdefault(kind, 1 + len(self.opcodes)), args
 
-    def _fields(
-        self,
-        kind: Kind,
-        group: Sequence[Task],
-        index: dict[int, int],
-        uses: Counter[int],
-        pinned: Mapping[int, int],
-    ) -> list[list[int]]:
-        """Fields of evaluations of one kind, in this order."""
-        fields = []
-        together = LANES if kind == SINCOS else 1
-        for k in range(0, len(group), together):
-            some = group[k : k + together]
-            operands = [index[a] for task in some for a in task.operands]
-            operands += operands[-1:] * (together - len(some))
-            for task in some:
-                for a in task.operands:
-                    self._use(a, index, uses)
-            values = [
-                self.nowhere if n < 0 else self._place(n, index, pinned)
-                for many in zip(*(task.values for task in some), strict=True)
-                for n in (*many, *[-1] * (together - len(some)))
-            ]
-            fields.append([*values, *operands])
-        return fields
+    def tape(self, k: int, results: Sequence[int]) -> Ints:
+        """Tape of function k, which writes `results` to out: a flat array of int32."""
+        tasks, index = self.tasks, self.index
+        chosen = tasks.users >> k & 1 == 1
+        fields = tasks.fields[np.repeat(chosen, tasks.widths)]
+        widths = tasks.widths[chosen]
+        starts, times = np.append(0, np.cumsum(widths)), np.arange(len(widths))
+        written = [(n, j) for j, n in enumerate(results) if n != self.g.zero]
+        # Values are used last where they stand last, or are written at the end.
+        last = np.zeros(len(index), int)
+        last[fields] = np.repeat(times, widths)
+        last[[n for n, _ in written]] = len(times)
+        nodes = fields[starts[:-1]]
+        new = [j for j, n in enumerate(nodes.tolist()) if n not in self.fixed]
+        index[nodes[new]] = self._places(times[new], last[nodes[new]])
+        # The instructions, each with its opcode and count before its fields.
+        firsts = np.flatnonzero(np.diff(tasks.groups[chosen], prepend=-1))
+        opcodes = tasks.opcodes[chosen][firsts]
+        heads = np.column_stack([opcodes, np.diff(firsts, append=len(times))])
+        starts = starts[[*firsts, -1]]
+        code = np.insert(index[fields], np.repeat(starts[:-1], 2), heads.ravel())
+        pieces, at = [], 0
+        for j in np.flatnonzero(opcodes == self.opcodes.get(SINCOS, STOP)):
+            pieces.append(code[at : starts[j] + 2 * j])
+            pieces.append(self._sincos(fields[starts[j] : starts[j + 1]]))
+            at = starts[j + 1] + 2 * (j + 1)
+        pieces.append(code[at:])
+        if written:
+            pieces.append(np.array([self.opcodes[STORE], len(written)]))
+            pieces.append(np.array(sorted((index[n], j) for n, j in written)).ravel())
+        return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
-    def _place(self, n: int, index: dict[int, int], pinned: Mapping[int, int]) -> int:
-        """Index of a value to come."""
-        if n in pinned:
-            index[n] = pinned[n]
-        elif self.free:
-            index[n] = self.free.pop()
-        else:
-            index[n] = self.size
-            self.size += 1
-        return index[n]
+    def _places(self, times: Ints, last: Ints) -> list[int]:
+        """Return indices in p of values from when they are made and used last."""
+        free = list(range(self.size - 1, self.first - 1, -1))
+        order = np.argsort(last, kind="stable")
+        ends, ending = [*last[order].tolist(), len(self.g)], order.tolist()
+        places: list[int] = []
+        k = 0
+        for time in times.tolist():
+            while ends[k] <= time:
+                free.append(places[ending[k]])
+                k += 1
+            if not free:
+                free.append(self.size)
+                self.size += 1
+            places.append(free.pop())
+        return places
 
-    def _use(self, n: int, index: dict[int, int], uses: Counter[int]) -> None:
-        """Count a use; after the last one others may have the index."""
-        uses[n] -= 1
-        if not uses[n] and index[n] > self.nowhere:
-            self.free.append(index.pop(n))
+    def _sincos(self, fields: Ints) -> Ints:
+        """Instruction of sines and cosines, from (node, angle) of each, by angle."""
+        nodes, angles = fields.reshape(-1, 2).T
+        angles, lane = np.unique(angles, return_inverse=True)
+        count = -(-len(angles) // LANES)
+        table = np.full((3, count * LANES), -1)
+        table[[CIRCULAR[self.g.ops[n]] for n in nodes], lane] = nodes
+        table[2] = angles[-1]
+        table[2, : len(angles)] = angles
+        sets = table.reshape(3, count, LANES).swapaxes(0, 1)
+        return np.append([self.opcodes[SINCOS], count], self.index[sets])
 
 
 class Interpreter(Lines):
