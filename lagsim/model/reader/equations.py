@@ -473,8 +473,8 @@ class _Reader:
         if node is None or found is None:
             return None, None
         x.refuse_rates(node, what)
-        fixed = x.graph.depends([found]) <= x.known.keys()
-        return found, x.number(node, what) if fixed else None
+        fixed = x.graph.depends([found]) <= x.known.keys()  # `5 + 0*t` is
+        return found, x.value(found, what, node.place) if fixed else None
 
     def _coefficient(
         self, node: Node | None, what: str, most: Level, speed: str = ""

@@ -577,9 +577,13 @@ class Expressions:
         found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:
             return None
+        return self.value(found, what, node.place)
+
+    def value(self, found: int, what: str, place: Place) -> float | None:
+        """Give the value of a node that depends on parameters alone, if it is finite."""
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
-        return value if self.is_finite(value, what, node.place) else None
+        return value if self.is_finite(value, what, place) else None
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
         """Report a value that is not finite."""

@@ -150,6 +150,7 @@ def test_a_limit_that_becomes_negative_ends_the_run(duration):
         ("0.9 - 0.1*approach_speed", lambda v, _: 0.9 - 0.1 * v),
         ("0.8*exp(-t)", lambda _, t: 0.8 * np.exp(-t)),
         ("if(x > 1, 0.3, 0.7)", lambda _, t: np.where(t > 1, 0.3, 0.7)),
+        ("0.6 - 0*approach_speed + 0*x", lambda *_: 0.6),
     ],
 )
 @pytest.mark.parametrize("law", ["newton", "poisson"])
