@@ -14,6 +14,7 @@ from lagsim.cli._shared import JSON, aligned, counted, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_file, put_picture
 from lagsim.errors import InputError, Problem, did_you_mean
+from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of
 from lagsim.studies.spectrum import spectrum
@@ -65,7 +66,8 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     for remark in table.remarks:
         complain(f"warning: {remark}")
     if column not in table.columns:
-        hint = did_you_mean(column, table.columns)
+        columns = table.columns
+        hint = member_hint(column, columns) or did_you_mean(column, columns)
         hint = hint or f"its columns are {', '.join(table.columns)}"
         text = f"{table.name}: there is no column `{column}`"
         raise InputError([Problem("unknown-name", text, hint=hint)])

@@ -6,6 +6,11 @@ what stands before the first dot gets the ending: `q_dot.3`, `G_ddot.3.x`.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
 # What begins the names of definitions that are no columns; no name of a file does.
 HIDDEN = "~"
 # What begins the names of the constraints on the lengths of quaternions.
@@ -26,6 +31,17 @@ def rated(name: str) -> tuple[str, int]:
         if head.endswith(ENDINGS[order]):
             return f"{head.removesuffix(ENDINGS[order])}{dot}{tail}", order
     return name, 0
+
+
+def member_hint(name: str, columns: Collection[str]) -> str:
+    """Hint for a name that has a column, `q(3)`, or columns, `q`; else no hint."""
+    for column in columns:
+        if name == in_file(column):
+            return f"its name outside of the file is `{column}`"
+    for column in columns:
+        if column.startswith(f"{name}.") or in_file(column).startswith(f"{name}."):
+            return f"name one value of it, such as `{column}`"
+    return ""
 
 
 def in_file(name: str) -> str:

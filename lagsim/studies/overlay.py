@@ -13,7 +13,7 @@ import orjson
 
 from lagsim import files
 from lagsim.errors import InputError, Problem, did_you_mean
-from lagsim.language.names import rate_of, rated
+from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
@@ -184,8 +184,9 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
         for name in names:
             if name == "t" or name not in run.table.columns:
                 others = run.table.columns[1:]
-                hint = did_you_mean(name, others) if name != "t" else ""
-                hint = hint or f"there are {', '.join(others)}"
+                hint = member_hint(name, others) or did_you_mean(name, others)
+                if name == "t" or not hint:
+                    hint = f"there are {', '.join(others)}"
                 what = f"{run.folder} has no column `{name}`"
                 if name == "t":
                     what = "the column `t` is what the others are drawn against"

@@ -345,7 +345,10 @@ def test_a_fault_of_many_members_is_reported_once_and_quickly():
     ("given", "text"),
     [
         ({"m.4": "1"}, "there is no parameter or start value `m.4`"),
-        ({"m": "1"}, "there is no parameter or start value `m`"),
+        ({"m": "1"}, "name one value of it, such as `m.1`"),
+        ({"m(2)": "1"}, "its name outside of the file is `m.2`"),
+        ({"v(1)": "1"}, "name one value of it, such as `v.1.x`"),
+        ({"v(1).y": "1"}, "its name outside of the file is `v.1.y`"),
         ({"n": "1.5"}, "a subscript must be a whole number, found 1.5"),
         ({"n": "10^6"}, "more than 100,000"),
     ],
@@ -353,7 +356,9 @@ def test_a_fault_of_many_members_is_reported_once_and_quickly():
 def test_values_that_replace_others(given, text):
     with pytest.raises(InputError, match=re.escape(text)):
         model(
-            "parameters: {n: 3, m(1..n): 1}\ndefinitions: {a: m(1)*x}", overrides=given
+            "parameters: {n: 3, m(1..n): 1, v(1..2): [[1, 2], [3, 4]]}\n"
+            "definitions: {a: m(1)*x}",
+            overrides=given,
         )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
-from lagsim.language.names import HIDDEN, in_file, rate_of, rated
+from lagsim.language.names import HIDDEN, in_file, member_hint, rate_of, rated
 from lagsim.language.parser import parse
 from lagsim.model.model import Coordinate, Definition, InitialValue, Level, Parameter
 from lagsim.model.nodes import (
@@ -304,8 +304,10 @@ class Parameters(_Numbers):
             rates = map(rate_of, moving)
             modes = names.of(Kind.MODE)
             among = [*names.of(Kind.PARAMETER), *modes, *moving, *states, *rates]
-            near = faults.guess(name, among)
-            hint = f"did you mean `{near}`?" if near else ""
+            hint = member_hint(name, among)
+            if not hint:
+                near = faults.guess(name, among)
+                hint = f"did you mean `{near}`?" if near else ""
             text = f"there is no parameter or start value `{name}`"
             if "." in name and self.x.reading is None:
                 text, hint = f"`{name}`: names with a dot are reserved", ""

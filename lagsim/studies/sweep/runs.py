@@ -31,7 +31,7 @@ import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem, did_you_mean
-from lagsim.language.names import rate_of, rated
+from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format
@@ -279,7 +279,8 @@ def _check_start(model: Model, name: str) -> None:
     if name in known:
         return
     parameters = [p.name for p in model.parameters]
-    hint = did_you_mean(name, [*parameters, *known])
+    among = [*parameters, *known]
+    hint = member_hint(name, among) or did_you_mean(name, among)
     hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
     text = f"`{name}` is no parameter of {model.name}, and has no start value"
     raise InputError([Problem("unknown-name", text, hint=hint)])
