@@ -580,7 +580,7 @@ class Expressions:
         return self.value(found, what, node.place)
 
     def value(self, found: int, what: str, place: Place) -> float | None:
-        """Give the value of a node that depends on parameters alone, if it is finite."""
+        """Give the value of a node of parameters alone, if it is finite."""
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
         return value if self.is_finite(value, what, place) else None
