@@ -145,8 +145,8 @@ def passes_level(s: State, p: Parameters) -> bool:
     k = int(s.switched) - 1
     if k >= p.surfaces or p.slides[k] != 0.0:
         return False
-    surfaces(s.t, s.y, p, s.event_functions)
-    value = s.event_functions[k]
+    surfaces(s.t, s.y, p, s.values)
+    value = s.values[k]
     way = 1.0 if value - p.least[k] > p.most[k] - value else -1.0
     level = p.most[k] if way > 0.0 else p.least[k]
     if not p.first_smooth[k] < level < p.last_smooth[k]:

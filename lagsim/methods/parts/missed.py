@@ -2,19 +2,19 @@
 
 A localized term (a hill, a wall, a gate) is flat to rounding except where its argument,
 the signal, is close to one value; ends and stages of a step may all lie where it is
-flat. A signal is smooth, and resolved by the step: from its values and rates at both
+flat. A signal is smooth, and resolved by the step: from its values and slopes at both
 ends and between them follows whether it comes closer to that value inside than at
-either end. Only then the dense output is searched for the closest approach, and y' from
-the equations is compared there, and on its shoulders, with the slope of the dense
-output. Where they differ by more than the tolerance allows, the step is rejected, and
-the next is half as long as the way to that place.
+either end. Only then the dense output is searched (`search`) for the closest approach,
+and y' from the equations is compared there, and on its shoulders, with the slope of the
+dense output. Where they differ by more than the tolerance allows, the step is rejected,
+and the next is half as long as the way to that place.
 
 The distance of a signal is the logarithm of how far below one its term is, base e.
 """
 
 from __future__ import annotations
 
-from math import log, sqrt
+from math import log
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import Rank
@@ -40,49 +40,65 @@ LARGE = 3.0
 # A function that becomes e^1.4, four times, larger inside a step than at either end is
 # searched for; less than that the stages of a step see.
 APPROACH = 1.4
-# Between both ends signals are evaluated here, not in the middle: a period may be half
-# of the step.
+# Between the ends of a stretch rows are evaluated here, not in the middle: a period may
+# be half of it.
 BETWEEN = 0.6180339887498949
-# A signal there is known from the ends up to this part of its range; its rate
-# counts as the second says.
+# A row is known on a stretch where its value between is that of the cubic through the
+# ends up to the first part of how it varies; the slope there counts as the second says.
+# Of points that are too far apart one of both may agree by chance, hardly both.
 KNOWN = 0.1
 TURNED = 0.25
-# A closest approach is found well enough once the distance changes by less than this.
+# A signal is known as well where its distance is, up to this.
 FLAT = 0.1
 # Multiples of it, less their whole parts, are spread evenly, too.
 GOLDEN = 0.6180339887498949
 # y' from the equations and the slope of the dense output differ by up to so many
 # tolerances where nothing has been missed: dense output is of lower order.
 PASSED = 1e4
-# Slopes are differences over this part of a step, of fourth order: exact to rounding
-# for the polynomials that they are taken of.
-BESIDE = 2.0**-8
 
 
-class Signals(Rank):
-    """Arguments of localized terms at points of a step; sizes before the step."""
+class Table(Rank):
+    """Rows, functions that a step is searched for, at its points; sizes before it.
 
+    Event functions of surfaces and laws, then those of conditions, then signals, the
+    arguments of localized terms.
+    """
+
+    surfaces: int  # that switches are located on, and laws whose modes end
+    conditions: int  # of events and `until`, which are located when they become true
     signals: int
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
     defect_row: float  # the row at which the last defect was found
     most_step: float  # no step is longer until one has been made; 0: no such limit
     # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close; at three points and beside one values, then rates.
+    # since it was close.
     kinds: Floats = array("signals")
     powers: Floats = array("signals")
     farthest: Floats = array("signals")
-    signals_first: Floats = array(lambda s: 2 * s.signals)
-    signals_middle: Floats = array(lambda s: 2 * s.signals)
-    signals_last: Floats = array(lambda s: 2 * s.signals)
-    signals_beside: Floats = array(lambda s: 2 * s.signals)  # a rounded state's
+    # Rows at a point, and the rates of signals; values of rows, then slopes, at the
+    # start of a stretch, within it, and at its end.
+    values: Floats = array(lambda s: s.surfaces + s.conditions + 2 * s.signals)
+    starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
+    middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
+    ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
     high_before: Floats = array("size")
 
 
+def events(s: Table) -> int:
+    """Count of event functions, the first rows."""
+    return s.surfaces + s.conditions
+
+
+def rows(s: Table) -> int:
+    """Count of all rows."""
+    return s.surfaces + s.conditions + s.signals
+
+
 def check_features(
-    s: Signals,
+    s: Table,
     p: Parameters,
     h: float,
     old: Floats,
@@ -98,10 +114,10 @@ def check_features(
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
     z[:size] = old[:size]
     s.point_rates[:] = old_rates[:size]
-    signals(s.t, z, p, s.signals_first)
+    signals_at_point(s, p, s.t, s.starts)
     z[:size] = new[:size]
     s.point_rates[:] = new_rates[:size]
-    signals(s.t + h, z, p, s.signals_last)
+    signals_at_point(s, p, s.t + h, s.ends)
     x = BETWEEN
     for i in range(size):
         first = old[i]
@@ -117,27 +133,34 @@ def check_features(
             b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
             z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
         s.point_rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
-    signals(s.t + BETWEEN * h, z, p, s.signals_middle)
+    signals_at_point(s, p, s.t + BETWEEN * h, s.middles)
     s.feature_possible = 0.0
-    for k in range(s.signals):
+    for k in range(events(s), rows(s)):
         if may_approach(s, k, h):
             s.feature_possible = 1.0
 
 
-def may_approach(s: Signals, k: int, h: float) -> bool:
-    """Whether the distance of signal k may be less inside a step than at its ends.
+def signals_at_point(s: Table, p: Parameters, t: float, out: Floats) -> None:
+    """Signals and their rates at y and y' in s.point, into rows (2 R,) at a point."""
+    first, count = events(s), rows(s)
+    now = s.values[first:]
+    signals(t, s.point, p, now)
+    out[first:count] = now[: s.signals]
+    out[count + first : 2 * count] = now[s.signals : 2 * s.signals]
 
-    Or is not known from its ends.
+
+def may_approach(s: Table, k: int, width: float) -> bool:
+    """Whether the distance of signal k may be less inside a stretch than at its ends.
+
+    Or is not known from its ends. The unit of the width is that of its slopes.
     """
-    if not known(s, k, h):
+    if not signal_is_known(s, k, width):
         return True
-    if goes_one_way(s, k, h):
-        return False
-    first = away(s, k, s.signals_first)
-    middle = away(s, k, s.signals_middle)
-    last = away(s, k, s.signals_last)
-    left = closest(s, k, s.signals_first, s.signals_middle, BETWEEN * h)
-    right = closest(s, k, s.signals_middle, s.signals_last, (1.0 - BETWEEN) * h)
+    first = away(s, k, s.starts)
+    middle = away(s, k, s.middles)
+    last = away(s, k, s.ends)
+    left = closest(s, k, s.starts, s.middles, BETWEEN * width)
+    right = closest(s, k, s.middles, s.ends, (1.0 - BETWEEN) * width)
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
@@ -158,26 +181,42 @@ def cubic_slope(x: float, a: float, A: float, b: float, B: float) -> float:
     return A + x * (2.0 * P + 3.0 * x * Q)
 
 
-def goes_one_way(s: Signals, k: int, h: float) -> bool:
-    """Whether signal k only rises or only falls in a step, and is never 0.
+def off(s: Table, k: int, width: float) -> float:
+    """How far the value of row k between the ends of a stretch is from their cubic."""
+    A = width * s.starts[rows(s) + k]
+    B = width * s.ends[rows(s) + k]
+    value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
+    return float(abs(value - s.middles[k]))
 
-    Then its distance is least at an end. From its polygons: a cubic between two points
-    turns no oftener than a, a + A/3, b - B/3, b do.
-    """
-    rate = s.signals + k
-    a = float(s.signals_first[k])
-    m = float(s.signals_middle[k])
-    b = float(s.signals_last[k])
-    left = BETWEEN * h / 3.0
-    right = (1.0 - BETWEEN) * h / 3.0
-    A = s.signals_first[rate]
-    M = s.signals_middle[rate]
-    B = s.signals_last[rate]
-    way = 1.0 if b > a else -1.0
-    least = float(min(way * A, way * M, way * B))
-    least = min(least, float(way * (m - a - left * (A + M))))
-    least = min(least, float(way * (b - m - right * (M + B))))
-    return least >= 0.0 and a * b > 0.0
+
+def turned(s: Table, k: int, width: float) -> float:
+    """How far its slope is from that of the cubic, as it counts beside values."""
+    A = width * s.starts[rows(s) + k]
+    B = width * s.ends[rows(s) + k]
+    slope = cubic_slope(BETWEEN, s.starts[k], A, s.ends[k], B)
+    return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
+
+
+def variation(s: Table, k: int) -> float:
+    """How much row k varies on a stretch."""
+    m = s.middles[k]
+    return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
+
+
+def signal_is_known(s: Table, k: int, width: float) -> bool:
+    """Whether signal k on a stretch, or its distance, follows from its ends."""
+    kind = s.kinds[k - events(s)]
+    power = s.powers[k - events(s)]
+    error = max(off(s, k, width), turned(s, k, width))
+    if not error < OVERFLOW:
+        return False
+    if error <= KNOWN * variation(s, k):
+        return True
+    m = s.middles[k]
+    near = m - error if m > 0.0 else m + error
+    if kind == LARGEST or (kind == LARGE and m > 0.0):
+        near = m + error
+    return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
 def distance(kind: float, power: float, u: float) -> float:
@@ -191,86 +230,31 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
-def away(s: Signals, k: int, at_point: Floats) -> float:
-    """Distance of signal k, from the signals (2 K,) at a point."""
-    return distance(s.kinds[k], s.powers[k], at_point[k])
+def away(s: Table, k: int, at_point: Floats) -> float:
+    """Distance of signal k, from the rows at a point."""
+    return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
-def known(s: Signals, k: int, width: float) -> bool:
-    """Whether values and rates at both ends give the value in the middle."""
-    kind = s.kinds[k]
-    power = s.powers[k]
-    a = s.signals_first[k]
-    m = s.signals_middle[k]
-    b = s.signals_last[k]
-    rate = s.signals + k
-    A = width * s.signals_first[rate]
-    B = width * s.signals_last[rate]
-    guess = cubic(BETWEEN, a, A, b, B)
-    turned = cubic_slope(BETWEEN, a, A, b, B) - width * s.signals_middle[rate]
-    off = max(abs(guess - m), TURNED * abs(turned))
-    if not off < OVERFLOW:
-        return False
-    if off <= KNOWN * max(abs(m - a), abs(m - b)):
-        return True
-    near = m - off if m > 0.0 else m + off
-    if kind == LARGEST or (kind == LARGE and m > 0.0):
-        near = m + off
-    return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
+def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> float:
+    """Least distance of signal k on the cubic between two points, or less than it.
 
-
-def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return the least distance of signal k on the cubic between two points."""
-    kind = s.kinds[k]
-    power = s.powers[k]
+    The cubic lies within the hull of a, a + A/3, b - B/3, b.
+    """
+    kind = s.kinds[k - events(s)]
     a = left[k]
     b = right[k]
-    A = width * left[s.signals + k]
-    B = width * right[s.signals + k]
-    least = min(distance(kind, power, a), distance(kind, power, b))
-    # c(x) = a + A x + P x^2 + Q x^3
-    P = 3.0 * (b - a) - 2.0 * A - B
-    Q = A + B - 2.0 * (b - a)
-    under = P * P - 3.0 * A * Q
-    crosses = a * b < 0.0
-    if under >= 0.0:
-        # Both roots of c', without cancellation.
-        q = -(P + (sqrt(under) if P >= 0.0 else -sqrt(under)))
-        for root in range(2):
-            top = A if root == 0 else q
-            bottom = q if root == 0 else 3.0 * Q
-            x = top / bottom if abs(bottom) > TINY else -1.0
-            if x > 0.0 and x < 1.0:
-                c = a + x * (A + x * (P + x * Q))
-                least = min(least, distance(kind, power, c))
-                crosses = crosses or a * c < 0.0
-    if crosses and kind != LARGEST and kind != LARGE:
-        least = min(least, distance(kind, power, 0.0))
-    return least
+    c = a + width / 3.0 * left[rows(s) + k]
+    d = b - width / 3.0 * right[rows(s) + k]
+    low = min(a, b, c, d)
+    u = max(a, b, c, d)
+    if kind == LARGE:
+        u = max(u, -low)
+    elif kind != LARGEST:
+        u = max(low, -u, 0.0)
+    return distance(kind, s.powers[k - events(s)], u)
 
 
-def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
-    """Signals and their rates (2 K,) at the fraction x of the last step."""
-    interpolate(s, p, x - 2.0 * BESIDE, s.far_before)
-    interpolate(s, p, x + 2.0 * BESIDE, s.far_after)
-    interpolate(s, p, x - BESIDE, s.near_before)
-    interpolate(s, p, x + BESIDE, s.point)
-    unit = 1.0 / (12.0 * BESIDE * s.step_h)
-    s.point_rates[:] = unit * (
-        8.0 * (s.point[: s.size] - s.near_before) - (s.far_after - s.far_before)
-    )
-    interpolate(s, p, x, s.point)
-    signals(s.step_t + x * s.step_h, s.point, p, out)
-
-
-def apart(s: Signals, p: Parameters, k: int, x: float) -> float:
-    """Distance of one signal at the fraction x of the last step."""
-    interpolate(s, p, x, s.point)
-    signals(s.step_t + x * s.step_h, s.point, p, s.signals_middle)
-    return away(s, k, s.signals_middle)
-
-
-def is_missed(s: Signals, p: Parameters, x: float) -> bool:
+def is_missed(s: Table, p: Parameters, x: float) -> bool:
     """Whether the last step has missed a feature at its fraction x."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
@@ -297,7 +281,7 @@ LEFT = 1e3
 EXPECTED = 1e-2
 
 
-def find_defect(s: Signals, p: Parameters) -> float:
+def find_defect(s: Table, p: Parameters) -> float:
     """Row with a defect, as a fraction of the last step, or 0."""
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
@@ -318,7 +302,7 @@ def find_defect(s: Signals, p: Parameters) -> float:
     return 0.0
 
 
-def expect(s: Signals) -> None:
+def expect(s: Table) -> None:
     """Count the defect at a row as a size of the motion, before it is reached.
 
     Or the first traces of it would be controlled as finely as denormal numbers are.
@@ -333,24 +317,24 @@ def expect(s: Signals) -> None:
                 sizes[i - n] = max(sizes[i - n], delta * push)
 
 
-def time_of(s: Signals, k: float) -> float:
+def time_of(s: Table, k: float) -> float:
     """Time of row k."""
     return float(s.row_start + k * s.row_step)
 
 
-def place(s: Signals, k: float) -> float:
+def place(s: Table, k: float) -> float:
     """Where row k is, as a fraction of the last step."""
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
-def is_off(s: Signals, p: Parameters, x: float) -> bool:
+def is_off(s: Table, p: Parameters, x: float) -> bool:
     """Whether there is a defect beyond rounding and tolerances."""
     if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
         return False
     return is_beyond(s, p, x)
 
 
-def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
+def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect that `differs` has left is the state's rounding alone.
 
     Beside a root no slope tells what that does. most : as there; rounding itself leaves
@@ -358,38 +342,30 @@ def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
     """
     perturb(s, p, s.step_t + x * s.step_h, s.point, s.exact_rates, s.far_before)
     for i in range(s.n, s.size):
-        allowed = most * s.tolerances[i] / s.step_h + PERTURBED * s.far_before[i]
-        if (
-            s.tolerances[i] > 0.0
-            and not abs(s.exact_rates[i] - s.point_rates[i]) <= allowed
-        ):
-            return False
-    return True
+        s.far_before[i] *= PERTURBED
+    return not exceeds(s, most, s.far_before)
 
 
-def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
+def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone at three points.
 
     That is, than rounding the state does, or moving it by its tolerances, to one side,
     at the last, at x. What a push hands on along a chain at rest goes with ever higher
     powers of the time: at first no step, however short, has its shape.
     """
-    b = s.signals_last[k]
-    change = float(
-        max(abs(s.signals_middle[k] - s.signals_first[k]), abs(b - s.signals_middle[k]))
-    )
     z = s.point
+    now = s.values[events(s) :]
     most = 0.0
     for way in range(2):
         interpolate(s, p, x, z)
         move_aside(s.size, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
         move_within(s, 1.0 if way == 0 else -1.0, z)
-        signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
-        most = max(most, float(abs(s.signals_beside[k] - b)))
-    return change <= most
+        signals(s.step_t + x * s.step_h, z, p, now)
+        most = max(most, float(abs(s.values[k] - s.ends[k])))
+    return variation(s, k) <= most
 
 
-def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
+def is_beyond(s: Table, p: Parameters, x: float) -> bool:
     """Whether the defect found by `differs` exceeds the tolerances.
 
     The state is not known better than to as many tolerances. What a change by that does
@@ -401,19 +377,22 @@ def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
     move_within(s, LEFT, z)
     derivative(t, z, p, s.spare)
     for i in range(s.n, s.size):
-        allowed = LEFT * s.tolerances[i] / s.step_h + VALUE_ROUNDOFF * abs(
-            s.work[i - s.n]
-        )
-        allowed += abs(s.spare[i] - s.exact_rates[i])
-        if (
-            s.tolerances[i] > 0.0
-            and not abs(s.exact_rates[i] - s.point_rates[i]) <= allowed
-        ):
+        s.spare[i] = abs(s.spare[i] - s.exact_rates[i])
+        s.spare[i] += VALUE_ROUNDOFF * abs(s.work[i - s.n])
+    return exceeds(s, LEFT, s.spare)
+
+
+def exceeds(s: Table, most: float, besides: Floats) -> bool:
+    """Whether the defect exceeds so many tolerances and what is allowed besides."""
+    for i in range(s.n, s.size):
+        allowed = most * s.tolerances[i] / s.step_h + besides[i]
+        defect = abs(s.exact_rates[i] - s.point_rates[i])
+        if s.tolerances[i] > 0.0 and not defect <= allowed:
             return True
     return False
 
 
-def move_within(s: Signals, tolerances: float, z: Floats) -> None:
+def move_within(s: Table, tolerances: float, z: Floats) -> None:
     """Move a state by about so many of its tolerances.
 
     By parts and signs of each component's own: what is alike in two may cancel.
@@ -424,7 +403,7 @@ def move_within(s: Signals, tolerances: float, z: Floats) -> None:
         z[i] += part * tolerances * s.tolerances[i]
 
 
-def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
+def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect exceeds `most`, in tolerances; leave both rates.
 
     most : in tolerances.
@@ -432,28 +411,25 @@ def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
     interpolate_rates(s, x, s.point_rates)
     interpolate(s, p, x, s.point)
     derivative(s.step_t + x * s.step_h, s.point, p, s.exact_rates)
-    for i in range(s.n, s.size):
-        off = abs(s.exact_rates[i] - s.point_rates[i]) * s.step_h
-        if s.tolerances[i] > 0.0 and not off <= most * s.tolerances[i]:
-            return True
-    return False
+    s.far_before[:] = 0.0
+    return exceeds(s, most, s.far_before)
 
 
-def keep_extents(s: Signals) -> None:
+def keep_extents(s: Table) -> None:
     """Note the largest sizes: a step may go far past where it will end."""
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high
 
 
-def restore_extents(s: Signals) -> None:
+def restore_extents(s: Table) -> None:
     """Take back the sizes that the last step has led to."""
     s.sizes[:] = s.sizes_before
     s.low[:] = s.low_before
     s.high[:] = s.high_before
 
 
-def reject_step(s: Signals, p: Parameters, x: float) -> None:
+def reject_step(s: Table, p: Parameters, x: float) -> None:
     """Reject the last step; the next is half as long as to its fraction x."""
     interpolate(s, p, 0.0, s.point)
     s.y[:] = s.point[: s.size]

@@ -38,8 +38,6 @@ class Clock(Blocks):
     point: Floats = array(lambda s: 2 * s.size)
     point_rates: Floats = part("point", "size", "size")
     far_before: Floats = array("size")
-    far_after: Floats = array("size")
-    near_before: Floats = array("size")
     exact_rates: Floats = array("size")
 
 

@@ -1,0 +1,89 @@
+"""Roots of random functions in few steps: each is met once, at its place."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+from lagsim import simulate
+
+# x = t, exactly, by any method; a row of fixed-step methods is one step.
+TEXT = """
+coordinates: {{x: {{}}}}
+modes: {{met: 0}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: "{force}"}}
+events: {{{events}}}
+initial: {{x: 0, x_dot: 1}}
+simulation: {{duration: 4, output_step: {step}, method: {method}, step: {step}}}
+"""
+
+
+def single(draw):
+    """Give a polynomial, and its roots."""
+    first = draw.uniform(0.1, 0.2)
+    roots = sorted(first + 0.13 * k for k in draw.sample(range(28), draw.randint(1, 4)))
+    return "*".join(f"(x - {r!r})" for r in roots), roots
+
+
+def close_pair(draw):
+    """Give a parabola with two roots that are close together."""
+    first, apart = draw.uniform(0.1, 3.8), 10 ** draw.uniform(-5, -2)
+    second = first + apart
+    return f"{draw.uniform(1, 50)!r}*(x - {first!r})*(x - {second!r})", [first, second]
+
+
+def dip(draw):
+    """Give what is below 0 by 1e-8 between two roots."""
+    steep, at = 10 ** draw.uniform(0, 2), draw.uniform(0.1, 3.9)
+    half = math.sqrt(1e-8 / steep)
+    return f"{steep!r}*(x - {at!r})^2 - 1e-8", [at - half, at + half]
+
+
+def touch(draw):
+    """Give what comes as close to 0 as 1e-8, and no closer."""
+    return f"{10 ** draw.uniform(0, 2)!r}*(x - {draw.uniform(0.1, 3.9)!r})^2 + 1e-8", []
+
+
+def periods(draw):
+    """Give an oscillation of many periods, and its roots."""
+    w, phase = draw.uniform(5, 60), draw.uniform(0, 2 * math.pi)
+    first, last = phase / math.pi, (4 * w + phase) / math.pi
+    roots = [(math.pi * k - phase) / w for k in range(math.ceil(first), int(last) + 1)]
+    return f"sin({w!r}*x + {phase!r})", roots
+
+
+KINDS = (single, close_pair, dip, touch, periods)
+
+
+def downward(text, roots):
+    """Give the roots at which a function falls below 0."""
+    gaps = np.diff([0.0, *roots, 4.0])
+    before = [r - gap / 4 for r, gap in zip(roots, gaps, strict=False)]
+    values = eval(text.replace("^", "**"), {"x": np.array(before), "sin": np.sin})  # noqa: S307
+    return [r for r, value in zip(roots, values, strict=True) if value > 0]
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
+@pytest.mark.parametrize("step", [4, 0.7])
+@pytest.mark.parametrize("as_switch", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_each_root_is_met_once(seed, as_switch, step, method):
+    draw = random.Random(f"{seed} {step} {method}")
+    found = [kind(draw) for kind in KINDS for _ in range(2)]
+    texts = [text for text, _ in found]
+    each = [
+        f"{k}: {{at: '{f} <= 0', set: {{met: met + 1}}}}" for k, f in enumerate(texts)
+    ]
+    forces = [f"sign({f})" for f in texts]
+    events = "" if as_switch else ", ".join(f"n{x}" for x in each)
+    force = f"1e-30*({' + '.join(forces)})" if as_switch else "0*x"
+    text = TEXT.format(force=force, events=events, step=step, method=method)
+    result = simulate(text, error_bar="never")
+    if as_switch:
+        every = sorted(root for _, roots in found for root in roots)
+        assert [e.time for e in result.events] == pytest.approx(every, abs=1e-9)
+    for k, (f, roots) in enumerate([] if as_switch else found):
+        times = [e.time for e in result.events if e.name == f"n{k}"]
+        assert times == pytest.approx(downward(f, roots), abs=1e-9), f
