@@ -137,6 +137,24 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "give more points, or `outside: hold`, `extend` or `repeat`; or stop before",
         "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
         _RUN),
+    Row("E514", "undetermined-sliders",
+        "Sliders without mass slide together, and no damper resists that.",
+        "Dampers that join sliders without mass also join them to something else.",
+        "join one of them by a damper, however weak, to what is not a slider, or give "
+        "it mass",
+        """\
+coordinates: {x: {}, a: {}, b: {}}
+definitions: {}
+energy:
+  kinetic: x_dot^2/2
+  potential: 3*(x - a)^2/2
+  dissipation: (a_dot - b_dot)^2/2
+constraints:
+  one: {relation: a_dot = 0, limit: 0.3}
+  two: {relation: b_dot = 0, limit: 0.2}
+initial: {x: 0, a: 0, b: 0, x_dot: 1}
+""",
+        _RUN),
     Row("E520", "law-out-of-range",
         "A friction or a limit became negative, or a restitution left 0 to 1.",
         "Along the whole motion no friction or limit is negative, and restitution is 0 "

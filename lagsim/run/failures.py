@@ -92,6 +92,7 @@ FAILURES = {
     Outcome.LAW_OUT_OF_RANGE: "{about}",
     Outcome.STATE_JUMPS: "the state would have jumped",
     Outcome.TABLE_ENDS: "the table {about}",
+    Outcome.UNDETERMINED_SLIDERS: "no velocities keep the forces of {about} in limits",
     Outcome.PROJECTION_FAILED: "the constraints could not be satisfied",
     Outcome.NO_ANSWER: "constraint `{about}` is not satisfied",
     Outcome.NEWTON_FAILED: "the equations of an implicit step could not be solved",

@@ -39,6 +39,7 @@ class Outcome(Enum):
     LAW_OUT_OF_RANGE = "law-out-of-range"
     EVENTS_CHATTER = "events-chatter"
     TABLE_ENDS = "table-ends"
+    UNDETERMINED_SLIDERS = "undetermined-sliders"
 
     @property
     def failed(self) -> bool:

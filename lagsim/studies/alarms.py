@@ -608,13 +608,15 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 def _rounded(run: Evidence, balance: Balance, times: float = FAR) -> float:
     """Return the error of an energy that rounding makes at the worst row.
 
-    So many `times` that of the state, or that of what is at rest.
+    So many `times` that of the state and of the work of constraint forces, or that of
+    what is at rest.
     """
-    row = balance.worst_row
+    row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
     if row is None:
         return 0.0
     state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + len(run.equations.state)])
     own = times * energy_error(run.equations, balance.energy, row, state)
+    own += times * UNIT_ROUNDOFF * float(monitor.held[j] @ monitor.ranges[1:][j])
     return max(own, motion_of_rest(run, balance.coordinates)[1])
 
 

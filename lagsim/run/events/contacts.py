@@ -234,7 +234,7 @@ class Contacts(Source):
             work = arc.energies(found.y) - arc.energies(before)
             found.y[arc.state.quadratures][: arc.system.works] += work
         if settled.unmet:
-            found.ending = Ending(Outcome.PARADOX, quoted(settled.unmet))
+            found.ending = Ending(settled.ending, quoted(settled.unmet))
         after = Kinematics(here.arc, found.y, known=here.shape)
         after.grazing = here.grazing
         return after

@@ -1,9 +1,11 @@
 """Sliders without mass: which stick and which slide, and their velocities.
 
-Those whose force is below its limit stick. Those at the limit slide where sticking
-would lead beyond it: of several, each slips against its force or has a force that does
-not grow, which is a linear complementarity problem for the slips, with the stiffness of
-the springs. A moment later it decides about those whose force does not change at first.
+Those in springs alone whose force is below its limit stick. Those at the limit slide
+where sticking would lead beyond it: of several, each slips against its force or has a
+force that does not grow, which is a linear complementarity problem for the slips, with
+the stiffness of the springs. A moment later it decides about those whose force does not
+change at first. Forces of dampers change at once with the slips of others: each such
+slider slips against its limit or has a force within it, in the same problem.
 
 Where a limit falls at once below the force of springs, sliders jump: each slips against
 the force that it has then, or none of it is beyond its limit (J. J. Moreau, Evolution
@@ -20,6 +22,7 @@ from lagsim.mechanics.complementarity import Problem, solve
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
+from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import LEAST_CLOSING, SATISFIED, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -42,13 +45,15 @@ ASIDE = 2.0**-20
 class Settled(NamedTuple):
     """State of sliders: y (size,), what has changed, and whether places jump.
 
-    And the constraints whose forces exceed their limits wherever sliders are.
+    And the constraints whose forces exceed their limits wherever sliders are, or at
+    whatever velocities.
     """
 
     y: Floats
     events: list[Event]
     jumps: bool
     unmet: list[str]
+    ending: Outcome
 
 
 def at_edge(arc: Arc) -> float:
@@ -70,6 +75,8 @@ class _Sliders:
         self.all = [k for k, law in enumerate(laws) if law.slider]
         self.own = [k for k in self.all if not 0 <= laws[k].pair < k]
         self.elastic = [k for k in self.own if laws[k].solved.holonomic]
+        self.viscous = set(self.own).difference(self.elastic)
+        self.viscous.difference_update(k for k in self.own if laws[k].pair >= 0)
         self.places: list[int] = self.p.law_place[self.all].astype(int).tolist()
         self.before = self.p.law_direction[self.own] != 0.0
         self.p.law_mode[self.all] = kept.HELD
@@ -83,11 +90,16 @@ class _Sliders:
         jumps = bool(past)
         if jumps:
             self._jump()
-            past = self._past(self.elastic, SATISFIED)
-        self._slip(self._past(self.own, -at_edge(self.arc)))
+        self._slip(sorted({*self._past(self.own, -at_edge(self.arc)), *self.viscous}))
         self._move()
+        past = self._past(self.own, SATISFIED)
+        self._set(self.sliding)
+        past += [k for k in self.sliding if not np.isfinite(self.y).all()]
         events = self._events() if self.arc.steps else []
-        return Settled(self.y, events, jumps, [self.laws[k].name for k in past])
+        unmet = [self.laws[k].name for k in past]
+        elastic = set(past).issubset(self.elastic)
+        ending = Outcome.PARADOX if elastic else Outcome.UNDETERMINED_SLIDERS
+        return Settled(self.y, events, jumps, unmet, ending)
 
     def _measure(self) -> None:
         """Note the forces (L,), and on which side of 0 the limits are of what slides.
@@ -157,28 +169,36 @@ class _Sliders:
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
         """Which of some (e,) slide, now or later, where velocities change linearly.
 
-        D (e, e): what a slip of each against its force takes off the rate of each.
+        D (r, r): what a slip of each against its force takes off the rate of each row.
+        A slider in dampers has two rows, of the margins of its force to both limits.
         Where the limit is 0 both signs are: that of the slip is taken.
         """
         slides, sticks = self._at(edge, later), self._at((), later)
-        own, ways = self.places, np.zeros((len(self.laws), len(edge)))
-        for i, k in enumerate(edge):
-            ways[k, i] = self.signs[k]
+        both = [k for k in edge if k in self.viscous]
+        of, turned = [*edge, *both], np.repeat([1.0, -1.0], [len(edge), len(both)])
+        own, ways = self.places, np.zeros((len(self.laws), len(of)))
+        for i, k in enumerate(of):
+            ways[k, i] = turned[i] * self.signs[k]
             rows = [k, self.laws[k].pair]
             if rows[1] >= 0 and (size := np.linalg.norm(self.forces[rows])) > 0.0:
                 ways[rows, i] = self.forces[rows] / size
         slips = np.column_stack([ways, sticks.rates])[self.all]
         back = np.linalg.solve(sticks.rows[np.ix_(self.all, own)], slips)
-        change = slides.rows[np.ix_(edge, own)] @ back
-        D, c = change[:, :-1], change[:, -1] - slides.rates[edge]
-        still, alone = slides.still[edge], np.full(len(edge), -1)
-        low, high = np.zeros((2, 2, len(edge)))
-        low[0], high[0] = np.where(slides.bounds[edge] > 0.0, 0.0, -np.inf), np.inf
+        change = turned[:, None] * slides.rows[np.ix_(of, own)] @ back
+        rates = slides.rates[of]
+        rates[turned < 0.0] = -slides.rates[both] - 2.0 * slides.bounds[both]
+        D, c = change[:, :-1], change[:, -1] - rates
+        still, alone = slides.still[of], np.full(len(of), -1)
+        low, high = np.zeros((2, 2, len(of)))
+        free = (slides.bounds[of] == 0.0) & ~np.isin(of, both)
+        low[0], high[0] = np.where(free, -np.inf, 0.0), np.inf
         c = np.where(np.abs(c) <= still, 0.0, c)
-        taken = D.diagonal() * solve(Problem(D, c, low, high, alone, alone)).p
+        found = turned * D.diagonal() * solve(Problem(D, c, low, high, alone, alone)).p
+        taken = found[: len(edge)]
+        taken[np.isin(edge, both)] += found[len(edge) :]
         for k, slip in zip(edge, taken.tolist(), strict=True):
             self.signs[k] *= -1.0 if slip < 0.0 else 1.0
-        moving = (np.abs(taken) > still).tolist()
+        moving = (np.abs(taken) > still[: len(edge)]).tolist()
         return {k for k, moves in zip(edge, moving, strict=True) if moves}
 
     def _jump(self) -> None:

@@ -200,6 +200,37 @@ def test_a_damper_beside_a_slider():
     assert np.ptp(found["energy"] - found["work"]) < 1e-10
 
 
+@pytest.mark.parametrize("drive", ["c0*(t - a_dot)", "c0*(-t - a_dot)"])
+def test_sliders_that_dampers_join(drive):
+    """Each slips where the damper before it bears so much, at once and as the others.
+
+    c0 (t - a') = F0 + c1 (a' - b'), and c1 (a' - b') = F1 once b slips.
+    """
+    c0, c1, F0, F1 = 2.0, 0.5, 0.4, 0.3
+    found = play(scene(
+        "a b", "0", "0",
+        {"one": {"relation": "a_dot = 0", "limit": F0},
+         "two": {"relation": "b_dot = 0", "limit": F1}},
+        {"a": 0, "b": 0}, parameters={"c0": c0, "c1": c1},
+        forces={"a": f"{drive} + c1*(b_dot - a_dot)", "b": "c1*(a_dot - b_dot)"},
+        duration=3, output_step=0.01,
+    ))  # fmt: skip
+    first = F0 / c0
+    second = first + F1 / c1 * (c0 + c1) / c0
+    sign = -1.0 if "-t" in drive else 1.0
+    assert [(e.kind, e.constraint) for e in found.result.events] == [
+        ("slip", "one"), ("slip", "two")
+    ]  # fmt: skip
+    close([e.time for e in found.result.events], [first, second], 1e-10)
+    t = found["t"]
+    a = np.where(t > second, t - (F0 + F1) / c0,
+                 np.maximum(c0 * t - F0, 0.0) / (c0 + c1))  # fmt: skip
+    close(found["a_dot"], sign * a, 1e-9)
+    close(found["b_dot"], sign * np.where(t > second, a - F1 / c1, 0.0), 1e-9)
+    close(found["lambda_two"], -sign * np.minimum(c1 * a, F1), 1e-9)
+    assert np.ptp(found["energy"] - found["work"]) < 1e-10
+
+
 def test_a_slider_in_the_plane():
     """Dragged around: as fast as its spring, of length F/k, pulls along itself."""
     k, F = 4.0, 0.5
