@@ -215,9 +215,8 @@ def index_one(case: Case) -> Own:
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
     """Give the largest size of each component of y in rows, none of them 0."""
-    wanted = [*own.case.equations.q, *own.case.equations.velocities]
-    wanted += [x.name for x in own.system.equations.works]
-    sizes = np.max(np.abs(rows[:, [own.names.index(x) for x in wanted]]), axis=0)
+    columns = [own.names.index(name) for name in own.system.state]
+    sizes = np.max(np.abs(rows[:, columns]), axis=0)
     return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
 
 
@@ -228,8 +227,11 @@ def scipy_refusal(own: Own) -> str:
         return "they would step over the model's switches"
     if own.case.equations.laws:
         return "they do not handle constraints that come and go"
-    if own.case.equations.model.until:
+    model = own.case.equations.model
+    if model.until:
         return "the end of the run is an event"
+    if model.events:
+        return "they do not set modes at events"
     return ""
 
 
@@ -282,8 +284,7 @@ class Scipy:
         """Solve once with the tolerance `value`."""
         from scipy.integrate import solve_ivp
 
-        start = self.own.case.start
-        y = np.concatenate([start.q, start.v, np.zeros(self.own.system.works)])
+        y = self.own.system.begin(self.own.case.start)
         f = self._derivative(patience.check)
         rows, reason = None, ""
         patience.begin()

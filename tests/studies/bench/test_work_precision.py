@@ -127,6 +127,19 @@ def test_what_does_not_apply_is_left_out_with_its_reason():
     assert refused in found["refused"]
 
 
+def test_solvers_of_scipy_take_states_and_quadratures_and_no_events():
+    text = oscillator("duration: 4, output_step: 0.5", force="-0.1*s")
+    text += "states: {s: {rate: x - s}}\noutput: {action: true}\n"
+    text = text.replace("initial: {", "initial: {s: 0.5, ")
+    wish = Wish(("scipy:RK45",), (1e-6, 1e-6))
+    [row] = measure(scene(text), wish)["rows"]
+    assert row["outcome"] == "done"
+    assert 1e-9 < row["error"] < 1e-4
+    text += "modes: {u: 0}\nevents: {tick: {every: 1, set: {u: x}}}\n"
+    [left_out] = measure(scene(text), wish)["refused"]
+    assert left_out["reason"] == "they do not set modes at events"
+
+
 @pytest.mark.slow
 def test_solves_that_end_at_an_event_are_compared_before_it():
     found = measure(scene(fall("y <= 0")), Wish(("rk4",), steps=(0.1, 0.1)))
