@@ -739,8 +739,13 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
 
 def may_strike(e: Equations, row: Row) -> bool:
     """Whether a constraint's rate may jump: an impact takes energy."""
-    g, cone = e.graph, e.graph.cone([row.rate])
-    if not e.model.modes.isdisjoint(g.depends([row.rate])):
+    return may_jump(e, [row.rate])
+
+
+def may_jump(e: Equations, nodes: Collection[int]) -> bool:
+    """Whether the value of a node may jump: by a switch, or by a mode of the file."""
+    g, cone = e.graph, e.graph.cone(nodes)
+    if not e.model.modes.isdisjoint(g.depends(nodes)):
         return True
     return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
 

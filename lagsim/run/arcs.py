@@ -15,12 +15,13 @@ import math
 import time
 from collections import Counter
 from dataclasses import replace
-from functools import wraps
+from functools import cached_property, wraps
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
+from lagsim.mechanics.equations import may_jump
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
@@ -240,7 +241,9 @@ class Run:
         """Begin the first arc; tell how the run ends if it does."""
         system = self.arc.system
         # The start before its switches are those of the first arc.
-        before = at_start(self.arc) if system.m and system.switches.modes else None
+        before = (
+            at_start(self.arc) if self._may_jump and system.switches.modes else None
+        )
         self._set_modes()
         ending = self._past_table() or self._strike(before)
         if ending is None:
@@ -338,7 +341,7 @@ class Run:
     def _before(self, code: int) -> Before | None:
         """Look at the state just before an event that may jerk constraints."""
         arc = self.arc
-        if not arc.system.m:
+        if not self._may_jump:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
@@ -348,6 +351,12 @@ class Run:
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         return before_event(arc)
+
+    @cached_property
+    def _may_jump(self) -> bool:
+        """Whether a constraint or its rate may jump; laws see to their own impacts."""
+        e = self.arc.equations
+        return may_jump(e, [node for x in e.rows for node in (x.residual, x.rate)])
 
     def _corner(self, code: int) -> Floats | None:
         """Look at the columns just before an event, where they are wanted."""

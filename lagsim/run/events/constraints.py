@@ -112,9 +112,13 @@ def impact(arc: Arc, before: Before) -> Decision:
 
 
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
-    """Whether velocities jump by more than the rounding of the state explains."""
+    """Whether velocities jump by more than the rounding of the state explains.
+
+    What is held has no speed but that: what forces could do in a step is its scale.
+    """
     n, size = arc.system.n, arc.system.size
-    seen = arc.seen
+    seen = arc.seen.copy()
+    seen[arc.velocities] += arc.state.step_h * arc.state.parts[:n]
     steps = arc.runner.function("velocity_step")
     roundoff = np.zeros(n)
     for sign in (1.0, -1.0):

@@ -107,3 +107,15 @@ def test_a_cart_is_held_at_the_origin_as_beside_it():
     ]
     # A step or two are of the rounding of places.
     assert steps[0] <= steps[1] + 2
+
+
+@pytest.mark.parametrize(
+    "hold", ["{relation: X_dot = 0, limit: 99}", "X_dot = 5*(1 - b)"]
+)
+def test_what_is_held_at_rest_strikes_nothing(hold):
+    text = HELD.replace("PLACE", "0").replace("0.004", "1", 1)
+    text = text.replace("{relation: X = 0, when: t < 0.892}", hold)
+    events = "{kick: {every: 0.17, set: {c: 1 - c}}}"
+    text += f"modes: {{b: 1, c: 1}}\nevents: {events}\nforces: {{X: -3*c*X_dot}}\n"
+    found = simulate(text, error_bar="never")
+    assert {event.kind for event in found.events} == {"event"}
