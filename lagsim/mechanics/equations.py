@@ -742,7 +742,7 @@ def may_strike(e: Equations, row: Row) -> bool:
     return may_jump(e, [row.rate])
 
 
-def may_jump(e: Equations, nodes: Collection[int]) -> bool:
+def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
     """Whether the value of a node may jump: by a switch, or by a mode of the file."""
     g, cone = e.graph, e.graph.cone(nodes)
     if not e.model.modes.isdisjoint(g.depends(nodes)):
