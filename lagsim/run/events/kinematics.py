@@ -196,20 +196,28 @@ class Kinematics:
         return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
 
     def out_of_range(self, closed: Collection[int], met: int | None) -> str:
-        """Say which of some laws has a negative bound, or a wrong restitution.
-
-        The one that is met and goes on to slide has come to that within rounding.
-        """
+        """Say which of some laws has a negative bound, or a wrong restitution."""
         e, mu = self.restitutions.tolist(), self.bounds.tolist()
         for k in closed:
             name, kind = f"`{self.laws[k].name}`", self.laws[k].kind
-            ends = k == met and abs(self.rates[k]) > self.still[k] and mu[k] <= 0.0
-            if kind.bounded and (mu[k] < 0.0 or ends):
+            if kind.bounded and mu[k] <= 0.0 and self._goes_below(k, met):
                 what = "friction" if kind is Kind.SLIP else "limit"
                 return f"the {what} of {name} is {mu[k]:.6g}, which is negative,"
             if kind is Kind.CONTACT and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
                 return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
         return ""
+
+    def _goes_below(self, k: int, met: int | None) -> bool:
+        """Whether a bound that is 0 or less is so by more than rounding, or falls.
+
+        The one that is met has come to 0 within rounding. At the end of an arc a switch
+        may come before it: `max(0, sin(t))` is asked again after it.
+        """
+        ago = SAME_TIME * math.ulp(self.t)
+        y = self.arc.later(self.y, self.free, -ago)
+        before = float(self._free(self.t - ago, y)[2][k])
+        falls = k == met and before > 0.0 and self.t < self.arc.end
+        return falls or (before < 0.0 and self.bounds[k] < 0.0)
 
     @cached_property
     def present(self) -> Floats:

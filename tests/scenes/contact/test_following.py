@@ -358,6 +358,38 @@ def test_a_planar_brake_holds_what_is_within_its_circle():
     close([found["x_dot"], found["y_dot"]], [0.6 * v, 0.8 * v])
 
 
+def test_a_planar_brake_lets_go_where_its_limit_is_0():
+    """Pulled by 1 N at (0.6, 0.8): free, held from 1.5 on, and free again from 2 on."""
+    tables = "tables: {F: {points: [[0, 0], [1, 0], [1.5, 6], [2, 0], [3, 0]]}}\n"
+    for limit in "if(t < 1, 0, if(t < 2, 3, 0))", "F(t)":
+        text = scene(
+            "x y", PLANE, "-0.6*x - 0.8*y", {"brake": BRAKE | {"limit": limit}},
+            {"x": 0, "y": 0}, duration=3, output_step=0.05,
+        )  # fmt: skip
+        found = play((tables if "F(" in limit else "") + text)
+        close(found.times("stick", "brake"), [1.5])  # 1 + s - 6 s^2 = 0 of the table
+        if "if" in limit:
+            close(found.times("slip", "brake"), [2.0])
+            t = found.t
+            v = np.where(t < 1, t, np.where(t < 2, np.maximum(3 - 2 * t, 0.0), t - 2))
+            close([found["x_dot"], found["y_dot"]], [0.6 * v, 0.8 * v])
+
+
+@pytest.mark.parametrize("relation", ["x_dot = 0", ["x_dot = 0", "y_dot = 0"]])
+def test_a_limit_that_is_0_within_rounding_is_not_negative(relation):
+    """max(0, sin(4 t)) is sin(4 pi/4), below 0 by rounding, as its branch ends."""
+    law = {"relation": relation, "limit": "max(0, sin(4*t))"}
+    text = scene(
+        "x y", PLANE, "-x", {"brake": law},
+        {"x": 0, "y": 0, "x_dot": 2}, duration=3, output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    turn, half = 4 * found.t, np.pi
+    braked = (1 - np.cos(np.minimum(turn, half))) / 4
+    braked += (1 - np.cos(np.clip(turn, 2 * half, 3 * half))) / 4
+    close(found["x_dot"], 2 + found.t - braked)
+
+
 def test_two_limits_are_no_planar_brake_and_other_values_are():
     """Each for itself takes 3 N along its axis; 6 N stop in half the time."""
     text = braked(x_dot=1.5, y_dot=2.0)
