@@ -180,6 +180,8 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     stray = ~even & ~struck
     stray[-1] = False
     kept = np.flatnonzero(even & later)
+    if (np.diff(numbers[kept[-2:]]) == 0.0).any():  # a last row just after another
+        kept = kept[:-1]
     gaps = np.flatnonzero(np.diff(numbers[kept]) != 1.0)
     if stray.any() or len(gaps):
         at = t[np.flatnonzero(stray)[0]] if stray.any() else t[kept[gaps[0]]]
