@@ -89,16 +89,11 @@ def test_stretched_rods_between_three_bodies():
 # Multiple roots
 
 SIMPLE = {
-    "(x - y)^2 = 0": "x = y",
-    "(x - y)^3 = 0": "x = y",
-    "-2*(y - x)^2/3 = 0": "x = y",
-    "abs(x - y) = 0": "x = y",
-    "sqrt(x - y) = 0": "x = y",
-    "(x - y)*(x - y) = 0": "x = y",
-    "(x^2 + y^2 - 2)^2 = 0": "x^2 + y^2 = 2",
-    "(x*y)^2 = 1 - 1": "x*y = 0",
-    "x^2*(y + 3) = 0": "x*(y + 3) = 0",
-}
+    "(x - y)^2 = 0": "x = y", "(x - y)^3 = 0": "x = y", "-2*(y - x)^2/3 = 0": "x = y",
+    "abs(x - y) = 0": "x = y", "sqrt(x - y) = 0": "x = y",
+    "(x - y)*(x - y) = 0": "x = y", "(x^2 + y^2 - 2)^2 = 0": "x^2 + y^2 = 2",
+    "(x*y)^2 = 1 - 1": "x*y = 0", "x^2*(y + 3) = 0": "x*(y + 3) = 0",
+}  # fmt: skip
 MORE = "simulation: {duration: 1, output_step: 0.25}"
 
 

@@ -14,20 +14,13 @@ COUNT = 12
 NAMES = [f"a_rather_long_name_{k}" for k in range(COUNT)]
 MANY = "\n".join(
     [
-        "name: many",
-        "coordinates:",
-        *(f"  {q}: {{unit: m}}" for q in NAMES),
-        "parameters:",
-        *(f"  p{k}: {k}.5" for k in range(COUNT)),
-        "energy:",
+        "name: many", "coordinates:", *(f"  {q}: {{unit: m}}" for q in NAMES),
+        "parameters:", *(f"  p{k}: {k}.5" for k in range(COUNT)), "energy:",
         f"  kinetic: {' + '.join(f'{q}_dot^2' for q in NAMES)}",
-        f"  potential: {' + '.join(f'{q}^2' for q in NAMES)}",
-        "initial:",
-        *(f"  {q}: 0.1" for q in NAMES),
-        "simulation: {duration: 1}",
-        "",
+        f"  potential: {' + '.join(f'{q}^2' for q in NAMES)}", "initial:",
+        *(f"  {q}: 0.1" for q in NAMES), "simulation: {duration: 1}", "",
     ]
-)
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

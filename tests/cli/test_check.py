@@ -48,16 +48,10 @@ def test_the_document(lagsim, write):
     assert document["degrees_of_freedom"] == 1
     [path] = document["constraints"]
     expected = {
-        "name": "path",
-        "kind": "holonomic",
-        "scleronomic": True,
-        "pfaffian": None,
-        "integrable": None,
-        "residual": 1.0,
-        "velocity_residual": 0.0,
-        "satisfied": False,
-        "redundant": False,
-    }
+        "name": "path", "kind": "holonomic", "scleronomic": True, "pfaffian": None,
+        "integrable": None, "residual": 1.0, "velocity_residual": 0.0,
+        "satisfied": False, "redundant": False,
+    }  # fmt: skip
     assert {key: path[key] for key in expected} == expected
     assert document["repair"] == pytest.approx(
         {"theta": 0.770917, "u": 0.405687}, abs=1e-6
@@ -156,10 +150,6 @@ def test_parameters_can_be_set(lagsim, write):
     assert lagsim("check", model, "--set", "g=0").code == 0
 
 
-def test_a_file_without_a_duration_can_be_checked(lagsim, write):
-    assert lagsim("check", write(PENDULUM.replace("duration: 2, ", ""))).code == 0
-
-
 def test_several_models_give_the_worst_exit_code(lagsim, write):
     good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
     called = lagsim("check", good, bad, good, code=1)
@@ -229,22 +219,12 @@ def test_the_keys_of_shipped_models(lagsim, path):
     called = lagsim("check", path, "--json", code=0)
     found = called.json
     kinds = {
-        "admissible": bool,
-        "degrees_of_freedom": int,
-        "constraints": list,
-        "rank": int,
-        "generic_rank": int,
-        "conditioning": float,
-        "generic_conditioning": float,
-        "multipliers_not_unique": list,
-        "mass_matrix": str,
-        "start_values": list,
-        "dependences": list,
-        "contradictions": list,
-        "changes": dict,
-        "unsolved": str,
+        "admissible": bool, "degrees_of_freedom": int, "constraints": list, "rank": int,
+        "generic_rank": int, "conditioning": float, "generic_conditioning": float,
+        "multipliers_not_unique": list, "mass_matrix": str, "start_values": list,
+        "dependences": list, "contradictions": list, "changes": dict, "unsolved": str,
         "warnings": list,
-    }
+    }  # fmt: skip
     assert {key: type(found[key]) for key in kinds} == kinds
     assert found["admissible"] is True
     assert found["repair"] is None

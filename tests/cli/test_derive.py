@@ -165,15 +165,11 @@ def test_what_is_no_file_is_not_replaced(lagsim):
 @pytest.mark.parametrize(
     ("potential", "options"),
     [
-        ("x*log(0)", ()),
-        ("0^x", ()),
-        ("x/a", ("--substitute",)),
-        ("sqrt(-1)*x", ()),
-        ("min(x, (-8)^(1/3))", ()),
-        ("if(1/0 < x, 0, x)", ()),
+        ("x*log(0)", ()), ("0^x", ()), ("x/a", ("--substitute",)), ("sqrt(-1)*x", ()),
+        ("min(x, (-8)^(1/3))", ()), ("if(1/0 < x, 0, x)", ()),
         ("if(sqrt(-1) < 1, 0, x)", ()),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("form", ["text", "latex"])
 def test_what_is_not_finite_is_told(lagsim, write, potential, options, form):
     text = f"""

@@ -42,7 +42,9 @@ def test_the_result_is_the_same_with_and_without(lagsim, write):
         assert documents[0][key] == documents[1][key]
 
 
-@pytest.mark.parametrize("plots", [[], ["--no-plots"]])
+@pytest.mark.parametrize(
+    "plots", [pytest.param([], marks=pytest.mark.slow), ["--no-plots"]]
+)
 def test_past_the_horizon(lagsim, plots):
     model = MODELS / "double-pendulum.yaml"
     called = lagsim("run", model, "-o", "out", "--duration", "30", *plots, code=0)

@@ -19,14 +19,10 @@ simulation: {duration: 1}
 @pytest.mark.parametrize(
     ("name", "formulation"),
     [
-        ("auto", "elimination"),
-        ("full", "projection"),
-        ("projection", "projection"),
-        ("elimination", "elimination"),
-        ("baumgarte", "baumgarte"),
-        ("drift", "drift"),
+        ("auto", "elimination"), ("full", "projection"), ("projection", "projection"),
+        ("elimination", "elimination"), ("baumgarte", "baumgarte"), ("drift", "drift"),
     ],
-)
+)  # fmt: skip
 def test_run_json_has_the_formulation_and_its_reason(lagsim, write, name, formulation):
     options = ["--formulation", name, "--no-plots", "-o", "out"]
     lagsim("run", write(ON_THE_CURVE), *options, code=0)

@@ -144,15 +144,6 @@ def test_an_end_that_is_located(lagsim, write):
     assert lagsim("golden", file).code == 1
 
 
-def test_without_a_golden(lagsim, write):
-    called = lagsim("golden", write(PENDULUM), "--dir", "elsewhere")
-    assert (called.code, called.out) == (2, "")
-    assert "there is no golden of model in elsewhere" in called.err
-    assert "--update" in called.err
-    errors = lagsim("golden", "model.yaml", "--json").json["errors"]
-    assert errors[0]["code"] == "no-golden"
-
-
 def test_a_broken_golden(lagsim, stored):
     for name, text in (
         ("pendulum.json", "{}"),
@@ -186,12 +177,6 @@ def test_models_that_cannot_run(lagsim, write):
     called = lagsim("golden", write(FALL), "--update", code=3)
     assert "no golden of model" in called.err
     assert not Path("golden").exists()
-
-
-def test_a_folder_that_cannot_be_written(lagsim, write):
-    Path("golden").write_text("a file")
-    called = lagsim("golden", write(PENDULUM), "--update", code=2)
-    assert "the output folder golden is not a folder [E701]" in called.err
 
 
 def test_a_run_that_ends_otherwise_differs_though_all_rows_are_the_same(lagsim, stored):

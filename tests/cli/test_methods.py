@@ -36,12 +36,3 @@ def test_the_page_on_one_names_its_source(lagsim, name):
     assert "order " in called.out
     assert max(map(len, called.out.splitlines())) <= 88
     assert [m["name"] for m in lagsim("methods", name, "--json").json] == [name]
-
-
-def test_an_unknown_method(lagsim):
-    called = lagsim("methods", "")
-    assert (called.code, called.out) == (2, "")
-    assert "no method ``" in called.err
-    assert f"one of {', '.join(names())}" in called.err
-    [error] = lagsim("methods", "", "--json").json["errors"]
-    assert error["code"] == "unknown-method"

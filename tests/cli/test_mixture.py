@@ -40,14 +40,6 @@ def test_each_file_has_its_sha256():
         assert hashlib.sha256(Path("a", name).read_bytes()).hexdigest() == digest
 
 
-def test_so_it_has_where_the_command_writes_them(lagsim):
-    line = ("run", ELASTIC, "--no-plots", "--duration", "0.5", "-o", "out")
-    lagsim(*line, code=0)
-    table = Path("out/trajectory.csv").read_bytes()
-    digest = manifest("out")["sha256"]["trajectory.csv"]
-    assert digest == hashlib.sha256(table).hexdigest()
-
-
 def test_a_table_of_another_run_is_told(two):
     said = two("compare", "a", "a").out + two("compare", "a", "a").err
     assert "another run" not in said

@@ -13,14 +13,10 @@ TEMPLATES = (
 )  # fmt: skip
 # Degrees of freedom, and the kind of the constraints, by counting.
 STRUCTURE = {
-    "pendulum": (1, set()),
-    "holonomic": (1, {"holonomic"}),
-    "nonholonomic": (2, {"nonholonomic"}),
-    "contact": (2, {"one-sided"}),
-    "forced": (1, set()),
-    "linkage": (1, {"holonomic"}),
-    "rigid-body": (3, set()),
-}
+    "pendulum": (1, set()), "holonomic": (1, {"holonomic"}),
+    "nonholonomic": (2, {"nonholonomic"}), "contact": (2, {"one-sided"}),
+    "forced": (1, set()), "linkage": (1, {"holonomic"}), "rigid-body": (3, set()),
+}  # fmt: skip
 
 
 def test_there_are_these():

@@ -19,18 +19,12 @@ initial: {x: 1}
 simulation: {duration: 10, output_step: 0.1}
 """
 FILES = {
-    "swing.yaml": PENDULUM,
-    "spring.yaml": OSCILLATOR.replace("DAMPED", ""),
+    "swing.yaml": PENDULUM, "spring.yaml": OSCILLATOR.replace("DAMPED", ""),
     "damped.yaml": OSCILLATOR.replace("DAMPED", ", dissipation: x_dot^2/2"),
-    "timeless.yaml": TIMELESS,
-    "contact.yaml": CONTACT,
-    "wrong.yaml": CAPTION,
-    "good.csv": "t,x\n0,1\n1,2\n",
-    "torn.json": "{",
-    "list.json": "[]",
-    "rows.json": '{"rows": []}',
-    "none.json": "{}",
-}
+    "timeless.yaml": TIMELESS, "contact.yaml": CONTACT, "wrong.yaml": CAPTION,
+    "good.csv": "t,x\n0,1\n1,2\n", "torn.json": "{", "list.json": "[]",
+    "rows.json": '{"rows": []}', "none.json": "{}",
+}  # fmt: skip
 KEYS = [
     "file", "line", "column", "length", "source", "code", "number", "text", "expected",
     "hint",
@@ -196,12 +190,22 @@ LINES |= {
     "compare good.csv folder": "folder",
     "methods rk44": "no method `rk44`",
     "methods auto": "no method `auto`",
+    "methods ": ("no method ``", "one of dop853, "),
     "new": "NAME",
     "new mine --template pendulm": "pendulum",
     "new nowhere/mine": "nowhere/mine.yaml cannot be written: No such file",
     "new .yaml": "names no file",
     "new a\0b": "cannot be written",
     "run": "MODEL",
+    "golden swing.yaml": (
+        "there is no golden of swing in golden",
+        "`lagsim golden --update",
+    ),
+    "golden swing.yaml --update --dir good.csv": (
+        "the output folder good.csv is not a folder"
+    ),
+    "sweep swing.yaml l=1,2 -o good.csv": "the output folder good.csv is not a folder",
+    "sweep swing.yaml l=1,2 -o good.csv/x": "the output folder good.csv/x ",
     "stability a.yaml b.yaml": "b.yaml",
     "run a.yaml --bogus": "--bogus",
     "simulate": "simulate",

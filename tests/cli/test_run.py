@@ -89,34 +89,14 @@ def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, 
 
 
 TYPES = {
-    "lagsim": str,
-    "versions": dict,
-    "model": dict,
-    "parameters": dict,
-    "method": str,
-    "formulation": str,
-    "rtol": float,
-    "atol": (float, type(None)),
-    "step": (float, type(None)),
-    "plan": list,
-    "outcome": str,
-    "complete": bool,
-    "reason": str,
-    "start": float,
-    "end": float,
-    "rows": int,
-    "steps": int,
-    "rejections": int,
-    "evaluations": int,
-    "factorisations": int,
-    "events": list,
-    "energy_drift": float,
-    "constraint_residual": float,
-    "warnings": list,
-    "timings": dict,
-    "columns": dict,
-    "files": list,
-}
+    "lagsim": str, "versions": dict, "model": dict, "parameters": dict, "method": str,
+    "formulation": str, "rtol": float, "atol": (float, type(None)),
+    "step": (float, type(None)), "plan": list, "outcome": str, "complete": bool,
+    "reason": str, "start": float, "end": float, "rows": int, "steps": int,
+    "rejections": int, "evaluations": int, "factorisations": int, "events": list,
+    "energy_drift": float, "constraint_residual": float, "warnings": list,
+    "timings": dict, "columns": dict, "files": list,
+}  # fmt: skip
 LAPS = {"import", "read", "derive", "compile", "integrate", "output", "plots"}
 
 

@@ -1,13 +1,11 @@
 """A picture that cannot be drawn costs that picture, and nothing else of a run."""
 
 import errno
-import json
 from pathlib import Path
 
 import pytest
 
-from lagsim.notes import Caution
-from lagsim.outputs import attempted, plots, results
+from lagsim.outputs import plots, results
 from tests.cli._results import document as read
 from tests.cli._results import manifest, names, table
 from tests.small_scenes import ON_THE_CURVE, PENDULUM
@@ -17,16 +15,6 @@ DRAWN = ["constraint_forces.png", "energy.png", "trajectory.png"]
 
 def broken(*_arguments, **_keywords):
     raise ZeroDivisionError("float division by zero")
-
-
-def test_whatever_is_raised_is_a_warning_that_names_the_picture():
-    assert attempted("energy.png", lambda: b"1") == b"1"
-    found = attempted("energy.png", broken)
-    assert isinstance(found, Caution)
-    assert (found.code, found.number) == ("not-drawn", "W403")
-    assert "`energy.png`" in found.text
-    assert "ZeroDivisionError: float division by zero" in found.text
-    assert "test_undrawn.py, line" in found.text
 
 
 @pytest.mark.parametrize(
@@ -41,6 +29,8 @@ def test_one_that_fails_leaves_rows_record_and_the_others(
     told = [w for w in document["warnings"] if w["code"] == "not-drawn"]
     assert [w["number"] for w in told] == ["W403"]
     assert f"`{name}.png`" in told[0]["text"]
+    assert "ZeroDivisionError: float division by zero" in told[0]["text"]
+    assert "test_undrawn.py, line" in told[0]["text"]
     assert f"`{name}.png`" in called.err
     assert "[W403]" in called.err
     assert document["complete"]
@@ -107,19 +97,6 @@ def test_rows_are_in_their_place_before_anything_is_drawn(
     assert document["files"] == ["trajectory.csv", "run.json"]
     assert len(table("out")[1]) == document["rows"] == 21
     assert document["parameters"]["l"] == 1.0
-
-
-def test_what_comes_later_is_added_to_what_stands(tmp_path):
-    with results.open_results(tmp_path) as folder:
-        folder.write("trajectory.csv", b"rows")
-        folder.stand(json.dumps({"files": ["trajectory.csv", "run.json"]}).encode())
-        first = folder.digests()
-        folder.write("energy.png", b"picture")
-        assert folder.digests().items() > first.items()
-        folder.commit(b"{}")
-    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {
-        "trajectory.csv": b"rows", "energy.png": b"picture", "run.json": b"{}",
-    }  # fmt: skip
 
 
 def test_a_sweep_keeps_its_rows(lagsim, write, monkeypatch):

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import signal
 import subprocess
 import sys
 
@@ -80,16 +79,16 @@ def test_of_an_unknown_option_the_nearest_is_suggested(lagsim, given, nearest):
     assert text in lagsim("run", "a.yaml", given, "1").err
 
 
-def test_version(lagsim):
-    called = lagsim("--version")
-    assert (called.code, called.err) == (0, "")
-    assert called.out.split()[0] == "lagsim"
-
-
 def test_an_option_without_its_value(lagsim):
     called = lagsim("run", "a.yaml", "--rtol", code=2)
     assert called.out == ""
     assert "--rtol" in called.err
+
+
+def test_version(lagsim):
+    called = lagsim("--version")
+    assert (called.code, called.err) == (0, "")
+    assert called.out.split()[0] == "lagsim"
 
 
 @pytest.mark.parametrize(
@@ -233,12 +232,6 @@ def test_a_file_name_that_is_not_unicode(lagsim):
     assert lagsim("run", name, "--no-plots").code == 0
     missing = lagsim("run", "b" + name, "--json")
     assert missing.json["errors"][0]["file"] == "ba?.yaml"
-
-
-def test_the_handler_of_sigterm_is_given_back(lagsim):
-    before = signal.getsignal(signal.SIGTERM)
-    lagsim("methods")
-    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize("width", [60, 80])

@@ -1,7 +1,6 @@
 """The graph: sharing, folding, simplification, substitution, degrees."""
 
 import math
-from itertools import pairwise
 
 import pytest
 from hypothesis import assume, given, settings
@@ -60,21 +59,6 @@ def test_different_expressions_are_not(one, other):
     assert build(g, one) != build(g, other)
 
 
-def test_leaves_are_interned():
-    g = Graph()
-    assert g.variable("x") == g.variable("x") != g.variable("y")
-    assert g.constant(2) == g.constant(2.0)
-    assert g.constant(-0.0) == g.zero
-    assert g.constant(1.0) == g.one
-    assert g.truth(True) != g.one
-    assert g.value(g.constant(2.5)) == 2.5
-    assert g.value(g.variable("x")) is None
-    # A name is not confused with an operation or a number.
-    assert (
-        len({g.variable("constant"), g.variable("1.0"), g.variable("add"), g.one}) == 4
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -103,14 +87,6 @@ def test_gathering_factors_neither_overflows_nor_underflows():
     large = build(g, "1e200*(1e200*x)")
     assert evaluate(g, [small], {"x": 1e300}) == pytest.approx([1e-100], rel=1e-15)
     assert evaluate(g, [large], {"x": 1e-300}) == pytest.approx([1e100], rel=1e-15)
-
-
-def test_order_of_numbers_is_an_order_of_evaluation():
-    g = Graph()
-    nodes = [build(g, "sin(x*y) + if(x > y, x, y^2)"), build(g, "x*y - 1")]
-    cone = g.cone(nodes)
-    assert all(a < b for a, b in pairwise(cone))
-    assert all(a in cone and a < n for n in cone for a in g.args[n])
 
 
 def test_what_expressions_depend_on():

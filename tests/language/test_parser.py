@@ -137,24 +137,6 @@ def test_faults(text, offset, length, message, hint):
     assert hint in found.hint
 
 
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("sine(x)", "unknown-function"), ("2x", "number"), ("1e999", "not-finite"),
-        ("_x", "name"), ("x²", "name"), ("(x", "parenthesis"), ("x)", "parenthesis"),
-        ("sin(x, y)", "arity"), ("x +", "syntax"),
-    ],
-)  # fmt: skip
-def test_codes(text, code):
-    assert fault(text).code == code
-
-
-def test_a_long_number_is_shown_short():
-    found = fault("9" * 5000)
-    assert len(found.text) < 100
-    assert found.length == 5000
-
-
 def test_names_are_kept_in_order_with_their_places():
     names = parse("b + a*sin(b) + größe_2").names
     assert [(n.text, n.offset) for n in names] == [

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.linearisation import eigenmodes
 
 # Two oscillators apart, x'' = -w^2 x - 2 d w x', and their eigenvalues.
@@ -48,21 +47,3 @@ def test_shapes_are_weighted_by_masses():
     found = modes.parts(moved, np.array([4.0, 9.0]), 0)
     assert found == pytest.approx(np.array([[2.0 / 3.0, 1.0], [1.0, 0.5]]))
     assert modes.parts(np.zeros((2, 2)), np.ones(2), 0) == pytest.approx(0.0)
-
-
-@pytest.mark.parametrize("twice", [0, 1])
-def test_accelerations_along_rows_of_any_length(twice):
-    """Rows oblique to each other, of lengths from 1e-3 to 1e3, one of them twice."""
-    random = np.random.default_rng(7)
-    root, A = random.normal(size=(5, 5)), random.normal(size=(3, 5))
-    A = np.array([[1e-3], [1.0], [1e3]]) * A
-    A = np.vstack([A, A[:twice]])
-    M, f, b = root @ root.T + np.eye(5), random.normal(size=5), A @ np.arange(5.0)
-    whole = np.block([[M, -A.T], [A, np.zeros((len(A), len(A)))]])
-    exact, metric = np.linalg.pinv(whole, 1e-13) @ [*f, *b], Metric(M, A)
-    q, multipliers = metric.motion(f, b)
-    # Rounding by the condition of the rows (1e6).
-    assert q == pytest.approx(exact[:5], abs=1e-9)
-    assert A.T @ multipliers == pytest.approx(A.T @ exact[5:], abs=1e-9)
-    assert A @ metric.inverse @ b == pytest.approx(b, rel=1e-9)
-    assert metric.free.T @ M @ metric.free == pytest.approx(np.eye(2), abs=1e-9)

@@ -127,17 +127,10 @@ def test_a_run_in_plain_python_is_the_native_run(case):
     assert codes[-1] == (at.EVENT_FOUND if statics["UNTIL"] else at.DONE)
     assert native.steps > 3
     least = {
-        "euler": 1,
-        "exponential": 0,
-        "taylor": 1,
-        "generalized-alpha": 3,
-        "midpoint": 3,
-        "verlet": 1,
-        "moreau": 1,
-        "rattle": 2,
-        "kahan-li6": 9,
+        "euler": 1, "exponential": 0, "taylor": 1, "generalized-alpha": 3,
+        "midpoint": 3, "verlet": 1, "moreau": 1, "rattle": 2, "kahan-li6": 9,
         "kahan-li8": 17,
-    }
+    }  # fmt: skip
     stages = least.get(runner.method.NAME, 4)
     assert native.evaluations > stages * native.steps
 

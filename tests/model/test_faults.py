@@ -351,17 +351,11 @@ simulation: {duration: -1, rtol: -1}
 """
         found = problems(text)
         assert [(p.place.line, p.place.column, p.code) for p in found] == [
-            (1, 9, "format-version"),
-            (2, 19, "later-parameter"),
-            (2, 25, "expression-not-finite"),
-            (4, 8, "yaml-syntax"),
-            (5, 10, "unknown-name"),
-            (7, 39, "output-only"),
-            (8, 10, "unknown-name"),
-            (9, 15, "missing-key"),
-            (10, 24, "out-of-range"),
-            (10, 34, "out-of-range"),
-        ]
+            (1, 9, "format-version"), (2, 19, "later-parameter"),
+            (2, 25, "expression-not-finite"), (4, 8, "yaml-syntax"),
+            (5, 10, "unknown-name"), (7, 39, "output-only"), (8, 10, "unknown-name"),
+            (9, 15, "missing-key"), (10, 24, "out-of-range"), (10, 34, "out-of-range"),
+        ]  # fmt: skip
 
     def test_two_names_of_one_expression(self):
         found = problems("definitions: {a: zz1 + zz2 + zz1}")

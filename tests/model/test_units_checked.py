@@ -80,29 +80,16 @@ def test_what_does_not_fit(expression, other, mark, units):
 @pytest.mark.parametrize(
     ("expression", "other"),
     [
-        ("sin(w*t) + theta + 1", "1"),
-        ("l*theta + u + n", "1"),
-        ("l + n*theta", "1"),
-        ("l + 2", "1"),
-        ("l + cos(2*pi*2/n)", "1"),
-        ("l + exp(-n)", "1"),
-        ("l + a", "furlong"),
-        ("9.81*u + l", "1"),
-        ("K*u + a*l*1", "kg/s^2"),
-        ("sqrt(K/M) - w + a", "Hz"),
-        ("atan2(x, y) + theta", "1"),
-        ("M*g*y - a*t", "W"),
-        ("a + K*u/l^2", "Pa"),
-        ("l + a", "(m)"),
-        ("sin(t)", "1"),
-        ("if(x > 0, y, l)", "1"),
-        ("sign(x) + heaviside(u)", "1"),
-        ("u^(1/2)*l^0.5 + x", "1"),
-        ("cbrt(x^3) + abs(y)", "1"),
-        ("a*sin(theta) + w", "1/s"),
-        ("K*u + a", "N"),
+        ("sin(w*t) + theta + 1", "1"), ("l*theta + u + n", "1"), ("l + n*theta", "1"),
+        ("l + 2", "1"), ("l + cos(2*pi*2/n)", "1"), ("l + exp(-n)", "1"),
+        ("l + a", "furlong"), ("9.81*u + l", "1"), ("K*u + a*l*1", "kg/s^2"),
+        ("sqrt(K/M) - w + a", "Hz"), ("atan2(x, y) + theta", "1"), ("M*g*y - a*t", "W"),
+        ("a + K*u/l^2", "Pa"), ("l + a", "(m)"), ("sin(t)", "1"),
+        ("if(x > 0, y, l)", "1"), ("sign(x) + heaviside(u)", "1"),
+        ("u^(1/2)*l^0.5 + x", "1"), ("cbrt(x^3) + abs(y)", "1"),
+        ("a*sin(theta) + w", "1/s"), ("K*u + a", "N"),
     ],
-)
+)  # fmt: skip
 def test_what_fits(expression, other):
     assert found(expression, other)[0] == []
 

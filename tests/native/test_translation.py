@@ -198,17 +198,11 @@ ANY_FLOATS = [0.0, -0.0, 1.0, -1.0, 2.5, -7.25, 0.1, 1e300, -5e-324, inf, nan]
 FINITE = [0.0, -0.0, 1.0, -1.0, 2.5, -7.25, 0.1, 1e17, -3e-5]
 INTEGERS = [0, 1, -1, 2, -2, 3, 7, -7, 12, -100, 2**40 + 1]
 SCALARS: dict[Callable[..., object], list[Any]] = {
-    arithmetic: ANY_FLOATS,
-    comparisons: ANY_FLOATS,
-    static_branch: ANY_FLOATS,
-    unrolled_loop: ANY_FLOATS,
-    functions: FINITE,
-    conversions: FINITE,
-    rounded_down: INTEGERS,
-    search: INTEGERS,
-    factorial: INTEGERS,
+    arithmetic: ANY_FLOATS, comparisons: ANY_FLOATS, static_branch: ANY_FLOATS,
+    unrolled_loop: ANY_FLOATS, functions: FINITE, conversions: FINITE,
+    rounded_down: INTEGERS, search: INTEGERS, factorial: INTEGERS,
     conjunction: [False, True],
-}
+}  # fmt: skip
 ARRAYS = [fill, sums, stretched, side_by_side, rounded_once]
 KINDS = {
     "int": ctypes.c_int64,

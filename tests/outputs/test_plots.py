@@ -278,7 +278,7 @@ def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
     assert labels[-1][2] == names[-1]
 
 
-@pytest.mark.parametrize("count", [4, 16, 40])
+@pytest.mark.parametrize("count", [4, 16, pytest.param(40, marks=pytest.mark.slow)])
 def test_numbers_of_panels_side_by_side_have_room(count):
     t = np.linspace(0, 1, 9)
     sizes = [0.0515, 0.1285, 12.4, -0.41, 1e3, 1e5, 3e-3, 0.9995]
@@ -426,7 +426,9 @@ def test_gaps_and_single_values_are_drawn():
     assert panel.box.y0 < y < panel.box.y1
 
 
-@pytest.mark.parametrize("count", [0, pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize(
+    "count", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))]
+)
 def test_runs_that_hardly_began_are_drawn(count):
     run = record(swing(count), note="stopped at the start")
     for draw, *more in PICTURES:

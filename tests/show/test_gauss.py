@@ -5,7 +5,6 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.model.reader import read
 from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
 from tests.show.cases import NAMES, equations_of, known, numbers
@@ -123,12 +122,3 @@ def test_methods_that_would_leave_the_action_out_are_refused():
     for name in ("rattle", "radau"):
         with pytest.raises(InputError, match="does not integrate the action"):
             run(text, method=name)
-
-
-@pytest.mark.parametrize("value", ["maybe", "1", "[true]", "{a: b}", "yes"])
-def test_keys_of_output_are_true_or_false(value):
-    text = MASSLESS.replace("gauss: true", f"action: {value}")
-    with pytest.raises(InputError, match="`action` must be `true` or `false`"):
-        read(text, "model.yaml")
-    off = read(MASSLESS.replace("true", "false"), "model.yaml").output
-    assert (off.gauss, off.action) == (False, False)

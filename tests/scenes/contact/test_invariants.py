@@ -35,16 +35,10 @@ EVERY = [
 ]
 # The largest coefficient of friction of a scene's contacts.
 FRICTION = {
-    "sphere that slips": 0.2,
-    "sphere that rolls": 0.2,
-    "sphere that bounces": 0.2,
-    "steep incline": 0.3,
-    "block uphill": 0.5,
-    "belt": 0.6,
-    "rocking block": 1,
-    "slide": 0.3,
-    "runner": 0.3,
-}
+    "sphere that slips": 0.2, "sphere that rolls": 0.2, "sphere that bounces": 0.2,
+    "steep incline": 0.3, "block uphill": 0.5, "belt": 0.6, "rocking block": 1,
+    "slide": 0.3, "runner": 0.3,
+}  # fmt: skip
 
 # When a mode ends a contact: the trough holds up the stone until the sling lets it go.
 ENDED = {("trebuchet", "trough"): lambda found: found.instants("event")[0]}

@@ -57,14 +57,10 @@ def by(law, x="0", **more):
 
 
 PUSHES = {
-    "nothing": "0",
-    "a constant": "1",
-    "sine": "sin(3*t)",
-    "what cancels": "1.2 - 1.1",
-    "a late step": "if(t > 1, 0.9, 0)",
-    "a pulse": "1.4*exp(-50*(t - 1.5)^2)",
+    "nothing": "0", "a constant": "1", "sine": "sin(3*t)", "what cancels": "1.2 - 1.1",
+    "a late step": "if(t > 1, 0.9, 0)", "a pulse": "1.4*exp(-50*(t - 1.5)^2)",
     "a ramp": "0.4*t",
-}
+}  # fmt: skip
 GRIP = 9.81 * 0.5 * np.cos(0.4).item()
 SPRING = "(x - y + 0.3)^2"
 FLAT = ["x_dot", "y_dot"]

@@ -16,20 +16,12 @@ SCENES: dict[str, Exact] = {}
 MOVING = ("boosted",)
 # x rests on a switch, where sign(0) = 0, and y feels it: its acceleration there.
 BESIDE = {
-    "1 + sign(x)": 1.0,
-    "1 + sign(-x)": 1.0,
-    "1 - 3*sign(2*x)": 1.0,
-    "1 + sign(x)*abs(x + 5)": 1.0,
-    "1 + sign(x)*sign(y + 30)": 1.0,
-    "1 + sign(x_dot)": 1.0,
-    "1 + sign(x_dot - 0) + sign(x)": 1.0,
-    "1 + 2*heaviside(x)": 3.0,
-    "if(x > 0, 1, 3)": 3.0,
-    "if(x >= 0, 1, 3)": 1.0,
-    "if(x < 0, 1, 3)": 3.0,
-    "2 + floor(x)": 2.0,
-    "1 + max(0, x)": 1.0,
-}
+    "1 + sign(x)": 1.0, "1 + sign(-x)": 1.0, "1 - 3*sign(2*x)": 1.0,
+    "1 + sign(x)*abs(x + 5)": 1.0, "1 + sign(x)*sign(y + 30)": 1.0,
+    "1 + sign(x_dot)": 1.0, "1 + sign(x_dot - 0) + sign(x)": 1.0,
+    "1 + 2*heaviside(x)": 3.0, "if(x > 0, 1, 3)": 3.0, "if(x >= 0, 1, 3)": 1.0,
+    "if(x < 0, 1, 3)": 3.0, "2 + floor(x)": 2.0, "1 + max(0, x)": 1.0,
+}  # fmt: skip
 # The same where x has forces of its own, none of which moves it.
 OWN = {
     ("2*sign(x)", "1"): 1.0,  # repels, and is 0 there

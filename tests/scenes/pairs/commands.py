@@ -108,18 +108,10 @@ FORMULATIONS: dict[str, dict[str, str]] = {
 }
 # Command, or key of `output` -> feature -> the words of the refusal.
 COMMANDS: dict[str, dict[str, str]] = {
-    "check": {},
-    "sweep": {},
-    "golden": {},
-    "run --resume": {},
-    "run --animate": {},
-    "bench": {},
-    "stability": dict.fromkeys(HOLDS_AT_TIMES, STEADY),
-    "derive": {},
-    "action": {},
-    "gauss": {"singular M": GAUSS},
-    "reactions": {},
-}
+    "check": {}, "sweep": {}, "golden": {}, "run --resume": {}, "run --animate": {},
+    "bench": {}, "stability": dict.fromkeys(HOLDS_AT_TIMES, STEADY), "derive": {},
+    "action": {}, "gauss": {"singular M": GAUSS}, "reactions": {},
+}  # fmt: skip
 # A change by some millionths that goldens are to see: the text, and what it becomes.
 CHANGED = {
     "smooth": ("2*x1^2", "2.00001*x1^2"),

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
 from lagsim.studies.alarms import Energy, group_balances
 from tests.small_scenes import held_pendulum
@@ -180,17 +179,6 @@ def test_methods_with_fixed_steps_are_not_judged():
     assert doubt(spoilt(found, "energy", bump(0.3))) is None
     loose = run(ROD, formulation="drift", method="dop853", rtol="1e-3")
     assert doubt(loose) is None
-
-
-def test_a_table_begins_anew(tmp_path):
-    path = tmp_path / "t.csv"
-    writer = TableWriter(path, ["t", "x"])
-    writer.add(np.arange(200.0).reshape(100, 2))
-    writer.begin_anew()
-    assert (writer.rows, writer.last) == (0, None)
-    writer.add(np.array([[1.0, 2.0]]))
-    writer.close()
-    assert path.read_bytes() == b"t,x\r\n1.0,2.0\r\n"
 
 
 # Groups that touch no other
