@@ -14,7 +14,6 @@ import math
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import memoize, memoized
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
@@ -105,19 +104,6 @@ def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     """Return the names in exponents."""
     powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
     return sorted(g.depends(g.args[n][1] for n in powers))
-
-
-def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
-    """Arguments, then their rates along the motion: one number each.
-
-    The rate of a velocity v has the name v'.
-    """
-    e, g = equations, equations.graph
-    nodes = [x.node for x in found]
-    flow = e.flow.forward | {
-        g.variable(x): g.variable(f"{x}'") for x in e.state[len(e.q) :]
-    }
-    return [*nodes, *tangent(g, nodes, flow)]
 
 
 class _Search:

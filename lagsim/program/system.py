@@ -37,7 +37,7 @@ from lagsim.program.functions import (
     surface_functions,
     varying_inertias,
 )
-from lagsim.program.localized import indicators, is_localized_in_time, signal_nodes
+from lagsim.program.localized import indicators, is_localized_in_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -187,7 +187,7 @@ class System:
         if self.moreau is None:
             self.indicators = self.watched_for(equations, plan)
         if self.indicators:
-            nodes_of["signals"] = signal_nodes(equations, self.indicators)
+            nodes_of["signals"] = [x.node for x in self.indicators]
         found, *self.pattern = surface_functions(equations, self.switches)
         nodes_of |= found
         code: dict[str, list[int] | Loop] = {**nodes_of}
@@ -356,8 +356,6 @@ class System:
         first = memory.place("fixed")
         p = {name: first + k for k, name in enumerate(fixed)}
         p[GAIN] = memory.fields["gain"].word
-        # y' stands behind y where the arguments of localized terms are watched.
-        slopes = [f"{name}'" for name in e.state]
         for k, side in enumerate(self.switches.sides):
             p[side.variable] = memory.place("side") + k
             p[side.sliding] = memory.place("slides") + k
@@ -374,7 +372,7 @@ class System:
             motion = (*motion, *e.multipliers)
         p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(
-            y={name: k for k, name in enumerate((*self.state, *slopes))},
+            y={name: k for k, name in enumerate(self.state)},
             p=p,
             fixed=frozenset(fixed) - passed,
             size=len(memory.flat),

@@ -87,3 +87,19 @@ def test_each_root_is_met_once(seed, as_switch, step, method):
     for k, (f, roots) in enumerate([] if as_switch else found):
         times = [e.time for e in result.events if e.name == f"n{k}"]
         assert times == pytest.approx(downward(f, roots), abs=1e-9), f
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
+def test_a_narrow_pulse_beside_a_point_is_met(method):
+    """It rises and fades between a point of the one step and what is seen beside it."""
+    draw = random.Random(method)
+    for _ in range(40):
+        w, point = 10 ** draw.uniform(-7, -4.5), draw.choice([1, 2, 3, 0.618, 1.618])
+        at = point + draw.choice([-1, 1]) * w * 10 ** draw.uniform(0.5, 2.5)
+        condition = f"exp(-((x - {at!r})/{w!r})^2/2) >= 0.5"
+        events = f"e: {{at: '{condition}', set: {{met: 1}}}}"
+        text = TEXT.format(force="0*x", events=events, step=4, method=method)
+        [event] = simulate(text, error_bar="never").events
+        assert event.time == pytest.approx(
+            at - w * math.sqrt(2 * math.log(2)), abs=1e-9
+        )

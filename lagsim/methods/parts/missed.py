@@ -43,6 +43,9 @@ APPROACH = 1.4
 # Between the ends of a stretch rows are evaluated here, not in the middle: a period may
 # be half of it.
 BETWEEN = 0.6180339887498949
+# Slopes are differences over this part of the way between points: closer than anything
+# that a method resolves.
+BESIDE = 2.0**-10
 # A row is known on a stretch where its value between is that of the cubic through the
 # ends up to the first part of how it varies; the slope there counts as the second says.
 # Of points that are too far apart one of both may agree by chance, hardly both.
@@ -75,9 +78,9 @@ class Table(Rank):
     kinds: Floats = array("signals")
     powers: Floats = array("signals")
     farthest: Floats = array("signals")
-    # Rows at a point, and the rates of signals; values of rows, then slopes, at the
-    # start of a stretch, within it, and at its end.
-    values: Floats = array(lambda s: s.surfaces + s.conditions + 2 * s.signals)
+    # Rows at a point; their values, then slopes, at the start of a stretch, within it,
+    # and at its end.
+    values: Floats = array(lambda s: s.surfaces + s.conditions + s.signals)
     starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
     middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
     ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
@@ -108,51 +111,58 @@ def check_features(
 ) -> None:
     """Set `feature_possible`: a signal may come close to its value within a step.
 
-    From y and y' (size,) at both ends, between which both are interpolated.
+    From y and y' (size,) at both ends, between which y is interpolated.
     """
-    size, z = s.size, s.point
-    old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
-    z[:size] = old[:size]
-    s.point_rates[:] = old_rates[:size]
-    signals_at_point(s, p, s.t, s.starts)
-    z[:size] = new[:size]
-    s.point_rates[:] = new_rates[:size]
-    signals_at_point(s, p, s.t + h, s.ends)
+    sample_roughly(s, p, h, old, old_rates, new, new_rates, 0.0, BESIDE, s.starts)
+    sample_roughly(s, p, h, old, old_rates, new, new_rates, 1.0, -BESIDE, s.ends)
     x = BETWEEN
-    for i in range(size):
-        first = old[i]
-        change = new[i] - first
-        A = h * old_rates[i]
-        B = h * new_rates[i]
-        P = 3.0 * change - 2.0 * A - B
-        Q = A + B - 2.0 * change
-        z[i] = first + x * (A + x * (P + x * Q))
-        if i < s.n:
-            # Positions with their second derivatives too: what the cubic lacks.
-            a = 0.5 * h * h * old_a[i] - P
-            b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
-            z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
-        s.point_rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
-    signals_at_point(s, p, s.t + BETWEEN * h, s.middles)
+    sample_roughly(s, p, h, old, old_rates, new, new_rates, x, -BESIDE, s.middles)
     s.feature_possible = 0.0
     for k in range(events(s), rows(s)):
-        if may_approach(s, k, h):
+        if may_approach(s, k, 1.0):
             s.feature_possible = 1.0
 
 
-def signals_at_point(s: Table, p: Parameters, t: float, out: Floats) -> None:
-    """Signals and their rates at y and y' in s.point, into rows (2 R,) at a point."""
-    first, count = events(s), rows(s)
-    now = s.values[first:]
-    signals(t, s.point, p, now)
-    out[first:count] = now[: s.signals]
-    out[count + first : 2 * count] = now[s.signals : 2 * s.signals]
+def sample_roughly(
+    s: Table,
+    p: Parameters,
+    h: float,
+    old: Floats,
+    old_rates: Floats,
+    new: Floats,
+    new_rates: Floats,
+    x: float,
+    beside: float,
+    out: Floats,
+) -> None:
+    """Signals and their slopes, among rows (2 R,), at the fraction x of such a step."""
+    z, count = s.point, rows(s)
+    old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
+    for point in range(2):
+        u = x if point == 1 else x + beside
+        for i in range(s.size):
+            change = new[i] - old[i]
+            A = h * old_rates[i]
+            B = h * new_rates[i]
+            z[i] = cubic(u, old[i], A, new[i], B)
+            if i < s.n:
+                # Positions with their second derivatives too: what the cubic lacks.
+                P = 3.0 * change - 2.0 * A - B
+                Q = A + B - 2.0 * change
+                a = 0.5 * h * h * old_a[i] - P
+                b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
+                z[i] += u * u * (1.0 - u) * (1.0 - u) * ((1.0 - u) * a + u * b)
+        signals(s.t + u * h, z, p, s.values[events(s) :])
+        if point == 0:
+            out[count : 2 * count] = s.values[:count]
+    out[:count] = s.values[:count]
+    out[count : 2 * count] = (out[count : 2 * count] - s.values[:count]) / beside
 
 
 def may_approach(s: Table, k: int, width: float) -> bool:
     """Whether the distance of signal k may be less inside a stretch than at its ends.
 
-    Or is not known from its ends. The unit of the width is that of its slopes.
+    Or is not known from its ends.
     """
     if not signal_is_known(s, k, width):
         return True
@@ -247,6 +257,11 @@ def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> floa
     d = b - width / 3.0 * right[rows(s) + k]
     low = min(a, b, c, d)
     u = max(a, b, c, d)
+    # Slopes are differences: what seems to turn so close to an end may do so inside.
+    error = 2.0 * BESIDE * (u - low)
+    if min(abs(c - a), abs(d - b)) <= error:
+        low -= 3.0 * BESIDE * error
+        u += 3.0 * BESIDE * error
     if kind == LARGE:
         u = max(u, -low)
     elif kind != LARGEST:

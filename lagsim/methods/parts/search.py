@@ -28,7 +28,15 @@ from typing import TYPE_CHECKING
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
 from lagsim.methods.parts.constraints import FALLS, sigma_at
-from lagsim.methods.parts.missed import APPROACH, BETWEEN, GOLDEN, Table, events, rows
+from lagsim.methods.parts.missed import (
+    APPROACH,
+    BESIDE,
+    BETWEEN,
+    GOLDEN,
+    Table,
+    events,
+    rows,
+)
 from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
 from lagsim.methods.parts.state import (
     derivative,
@@ -68,9 +76,6 @@ class Events(Table):
 
 # Rows are evaluated at so many points of a step at least.
 POINTS = 8
-# Slopes are differences over this part of the way between points: closer than anything
-# that a method resolves.
-BESIDE = 2.0**-10
 # An event function is known where it is off by no more than this part of its least.
 CLEAR = 0.25
 # Points come no closer than this: for event functions, and for signals where features

@@ -152,8 +152,7 @@ surfaces = of_model("surfaces")
 surface_rows = of_model("surface_rows")
 # How far the state is from leaving the mode of each surface (K,).
 event_functions = of_model("event_functions")
-# The arguments that are watched and their rates (2 K,) at y and y' (2 size,), where y'
-# stands behind y; see `missed`.
+# The arguments of localized terms (K,); see `missed`.
 signals = of_model("signals")
 
 
