@@ -518,7 +518,8 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     What rounding leaves of slower ones has no direction, and friction would pull them
     into that of their force at once, for which explicit steps are too long. Up to
     BEGUN of it they go on along the way that they began. The way that this is off by
-    is the power 3/2 of the part, against that of the time in which forces change.
+    is the power 3/2 of the part, against that of the time in which forces change. Of
+    slower ones friction would leave a fixed step unstable, by its stability bound of 2.
     """
     arc, p = here.arc, here.arc.system.p
     floors, stills = np.zeros(here.count), np.zeros(here.count)
@@ -536,6 +537,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         scale = rubs * _steady(here, found, pair, rubs)
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * here.still[k])
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
+        floor = max(floor, rubs * (arc.plan.step or 0.0) / 2.0)
         stills[pair] = rtol * scale
         if speed < floor:
             floors[pair] = floor

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import lagsim
 from lagsim.errors import InputError
@@ -388,6 +389,31 @@ def test_a_limit_that_is_0_within_rounding_is_not_negative(relation):
     braked = (1 - np.cos(np.minimum(turn, half))) / 4
     braked += (1 - np.cos(np.clip(turn, 2 * half, 3 * half))) / 4
     close(found["x_dot"], 2 + found.t - braked)
+
+
+@pytest.mark.parametrize("method", ["rk4", "rattle"])
+def test_a_planar_brake_that_yields_to_a_force_that_turns(method):
+    """By a fixed step too, in the order 3/2: the way begins as that of the force."""
+    force = lambda t: np.array([0.6 * t, 0.8 + 0.3 * np.sin(2 * t)])  # noqa: E731
+    begun = brentq(lambda t: np.hypot(*force(t)) - 1, 0.2, 0.5, xtol=1e-15)
+    # It begins along the force that there is, |f| - 1 = a s, and v = a s^2/2.
+    a = force(begun) @ [0.6, 0.6 * np.cos(2 * begun)]
+    s = 1e-5
+    start = np.outer([a * s**3 / 6, a * s**2 / 2], force(begun + s)).ravel()
+    exact = solve_ivp(
+        lambda t, y: [*y[2:], *(force(t) - y[2:] / np.hypot(*y[2:]))],
+        (begun + s, 3), start, "Radau", rtol=1e-10, atol=1e-14,
+    ).y[:, -1]  # fmt: skip
+    text = scene(
+        "x y", PLANE, "0", {"brake": BRAKE | {"limit": 1}}, {"x": 0, "y": 0},
+        forces={"x": "0.6*t", "y": "0.8 + 0.3*sin(2*t)"}, duration=3, output_step=0.1,
+    )  # fmt: skip
+    off = []
+    for step in 0.02, 0.005:
+        found = play(text, method=method, step=step)
+        assert found.times("slip", "brake") == pytest.approx([begun], abs=1e-3)
+        off.append(np.hypot(found["x"][-1] - exact[0], found["y"][-1] - exact[1]))
+    assert off[1] < min(1e-3, off[0] / 8)
 
 
 def test_two_limits_are_no_planar_brake_and_other_values_are():
