@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
 LINES = 75_470
-LINES_OF_TESTS = 57_230
+LINES_OF_TESTS = 57_260
 
 
 def lines(folder):
