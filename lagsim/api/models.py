@@ -298,14 +298,24 @@ class Derivation:
     Made when they are asked for. A notebook shows them typeset.
     """
 
-    def __init__(self, equations: Equations, options: dict[str, bool]) -> None:
-        self._equations, self._options = equations, options
+    def __init__(self, model: Read, options: dict[str, bool]) -> None:
+        self._model, self._options = model, options
+
+    @cached_property
+    def _equations(self) -> Equations:
+        """Those of matrices that are written out."""
+        return _derived(self._model, chained=False)
 
     @cached_property
     def _content(self) -> Content:
+        """What people read: of large models no matrices, unless they are needed."""
+        from lagsim.show.content import has_many_rows
         from lagsim.show.lagrange import content
 
-        return content(self._equations, **self._options)
+        needs = any(self._options[key] for key in ("solve", "with_gauss", "expand"))
+        if needs or not has_many_rows(self._model):
+            return content(self._equations, **self._options, matrices=False)
+        return content(_derived(self._model), **self._options, matrices=False)
 
     @cached_property
     def text(self) -> str:
@@ -336,8 +346,9 @@ class Derivation:
     def json(self) -> dict[str, Any]:
         """The expressions, by name."""
         from lagsim.show.as_json import as_json
+        from lagsim.show.lagrange import content
 
-        return as_json(self._content)
+        return as_json(content(self._equations, **self._options))
 
     @cached_property
     def python(self) -> str:
@@ -350,7 +361,7 @@ class Derivation:
         return self.text
 
     def __repr__(self) -> str:
-        return f"<Derivation of {self._equations.model.name}>"
+        return f"<Derivation of {self._model.name}>"
 
     def _repr_markdown_(self) -> str:
         return self.markdown
@@ -386,4 +397,4 @@ def derive(
     """
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
     options["expand"] = expand
-    return Derivation(_derived(model_of(model), chained=False), options)
+    return Derivation(model_of(model), options)

@@ -119,7 +119,7 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
     """
     nodes = list(nodes)
     rates: dict[int, int] = {}
-    for n in g.cone(nodes):
+    for n in g.cone(nodes, seed):
         if n in seed:
             rates[n] = seed[n]
         elif any(a in rates for a in g.args[n]):

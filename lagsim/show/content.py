@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from lagsim.model.model import Constraint
+    from lagsim.model.model import Constraint, Model
     from lagsim.show.printers import Printer
     from lagsim.show.symbols import Translation
 
@@ -30,6 +30,16 @@ class Content(NamedTuple):
 
     translation: Translation
     document: dict[str, Any]
+
+
+# Equations of more coordinates and constraints, whose matrices would fill pages, are
+# given in the definitions of the file, see `separation`.
+MOST_ROWS = 20
+
+
+def has_many_rows(model: Model) -> bool:
+    """Tell whether the matrices of a model are too large to be read."""
+    return len(model.coordinates) + len(model.constraints) > MOST_ROWS
 
 
 UNICODE = {

@@ -25,7 +25,7 @@ import sympy as sp
 from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
@@ -297,15 +297,17 @@ def without_inertia(e: Equations) -> str | None:
     """
     random = np.random.default_rng(3)
     n = len(e.q)
-    nodes = [node for row in e.M for node in row]
-    parameters = {p.name: p.value for p in e.model.parameters}
+    # Column j of M is M q'' where q'' is 1 for coordinate j, and 0 for the others.
+    nodes = e.mass_times([e.graph.variable(name) for name in e.accelerations])
+    fixed: dict[str, Any] = dict(zip(e.accelerations, np.eye(n), strict=True))
+    fixed |= {p.name: p.value for p in e.model.parameters}
     start = {i.name: i.value for i in e.model.initial}
     diagonal = np.zeros(n)
     for _ in range(STATES):
         state = {
             name: start.get(name, 0.0) + random.uniform(0.1, 0.4) for name in e.moving
         }
-        M = np.reshape(evaluate(e.graph, nodes, parameters | state), (n, n))
+        M = evaluate_rows(e.graph, nodes, fixed | state, n)
         if not np.all(np.isfinite(M)):
             continue
         diagonal = np.abs(np.diag(M))
@@ -323,6 +325,7 @@ def content(
     solve: bool = False,
     with_gauss: bool = False,
     expand: bool = False,
+    matrices: bool = True,
 ) -> Content:
     """Derive the equations of a model, and what follows from them.
 
@@ -338,6 +341,8 @@ def content(
         Give the accelerations in closed form, however long.
     with_gauss
         Give Gauss's principle too.
+    matrices
+        Give M, f, A and b of equations in the definitions of the file, too.
 
     Raises
     ------
@@ -347,10 +352,11 @@ def content(
     """
     words = words_of(equations.model)
     expand = expand or with_gauss or not is_long(equations, words)
-    refuse_long(equations.model, expand=expand)
+    refuse_long(equations.model, {} if expand else words)
     if not expand:
         x = Translation(equations, substitute=substitute, named=words)
-        return _InWords(x, Separation(equations, words)).in_words(solve=solve)
+        found = _InWords(x, Separation(equations, words))
+        return found.in_words(solve=solve, matrices=matrices or solve)
     x = Translation(equations, substitute=substitute)
     return _Derivation(x).content(solve=solve, with_gauss=with_gauss)
 
@@ -540,19 +546,24 @@ class _Derivation:
         (rate,) = x.sympy([row.rate])
         tidy = x.node(rate, row.rate)
         (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
-        return self._held(constraint, row, (function, rate), A, x.tidy(-drift))
+        moved = self._moved(A, x.tidy(-drift))
+        return self._held(constraint, row, (function, rate), moved)
+
+    def _moved(self, A: list[Any], b: Any) -> Part:
+        """Give A q'' - b of a constraint, and what it is made of."""
+        x = self.x
+        return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
     def _held(
         self,
         constraint: Constraint,
         row: Row,
         values: tuple[Any, Any],
-        A: list[Any],
-        b: Any,
+        moved: Part,
     ) -> Part:
-        """Give a constraint by its function and rate, its row of A and its b."""
+        """Give a constraint by its function and rate, and how it holds q''."""
         x, law = self.x, constraint.law
-        (function, rate), moved = values, _dot(A, x.a)
+        function, rate = values
         kind = "holonomic" if row.holonomic else "nonholonomic"
         given = law_of(constraint)
         nodes = [given["friction"], given["static_friction"], constraint.limit]
@@ -566,9 +577,7 @@ class _Derivation:
             "kind": kind if law is None else "one-sided",
             "function": function,
             "rate": rate if row.holonomic else function,
-            "acceleration": x.tidy(moved - b),
-            "A": A,
-            "b": b,
+            **moved,
             "restitution": given["restitution"] if e is None else e,
             "friction": friction,
             "static_friction": static,
@@ -594,7 +603,7 @@ class _InWords(_Derivation):
             group = groups.get(name.kind, 2) + name.order
             x.add(symbol(called), name, (min(group, 5), k))
 
-    def in_words(self, *, solve: bool) -> Content:
+    def in_words(self, *, solve: bool, matrices: bool) -> Content:
         """Give the document."""
         x, e, s = self.x, self.x.equations, self.separation
         model = e.model
@@ -617,19 +626,23 @@ class _InWords(_Derivation):
             constraint_row(x.g, c.name, c.relation.node, self.flow)
             for c in model.constraints
         ]
-        known = dict(x.known)
-        levers = [self._work(force) for force in model.forces]
-        wanted = [n for row in (*e.M, e.f, *levers) for n in row]
-        wanted += [n for row in rows for n in (*row.A, row.b)]
-        steps = _steps(x, known, wanted)
-        for force, Q in zip(forces, levers, strict=True):
-            force["Q"] = [known[n] for n in Q]
+        known, steps = dict(x.known), dict[str, Any]()
+        M, f = list[list[Any]](), list[Any]()
+        if matrices:
+            levers = [self._work(force) for force in model.forces]
+            wanted = [n for row in (*e.M, e.f, *levers) for n in row]
+            wanted += [n for row in rows for n in (*row.A, row.b)]
+            steps = _steps(x, known, wanted)
+            for force, Q in zip(forces, levers, strict=True):
+                force["Q"] = [known[n] for n in Q]
+            M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
         constraints = []
         for c, row in zip(model.constraints, rows, strict=True):
             values = x.sympy([row.residual, row.rate], written=True)
-            A = [known[n] for n in row.A]
-            constraints.append(self._held(c, row, tuple(values), A, known[row.b]))
-        M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
+            moved: Part = {}
+            if matrices:
+                moved = self._moved([known[n] for n in row.A], known[row.b])
+            constraints.append(self._held(c, row, tuple(values), moved))
         notes = _on_contacts(constraints)
         notes.append(
             "the equations are written in the definitions of the file; `--expand` "

@@ -30,6 +30,7 @@ from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
+from lagsim.show.content import has_many_rows
 from lagsim.show.names import Name
 from lagsim.show.symbols import Extent, extent_of, physics_of, together, written_out
 from lagsim.show.tidy import too_long
@@ -47,10 +48,8 @@ Found = dict[str, int]
 """What stands for variables: name -> node."""
 
 # Equations of more operations, written out, are given in the definitions of the file
-# where energies are written with their rates; and so are those of more coordinates and
-# constraints, whose matrices fill pages.
+# where energies are written with their rates.
 LONGEST = 2_500
-MOST_ROWS = 20
 
 
 def words_of(model: Model) -> dict[int, Name]:
@@ -69,10 +68,12 @@ def words_of(model: Model) -> dict[int, Name]:
         short = d.name.partition(".")[2]
         named.append((d, d.name if short in taken else short))
         taken.add(named[-1][1])
+    moving = [d.node for d, _ in named if d.level is Level.POSITION]
+    rates = dict(zip(moving, tangent(g, moving, flow.forward), strict=True))
     for d, name in named:
         nodes = [d.node]
         if d.level is Level.POSITION:
-            nodes += tangent(g, nodes, flow.forward)
+            nodes.append(rates[d.node])
         if d.level is Level.OUTPUT or cone.isdisjoint(nodes):
             continue
         for order, node in enumerate(nodes):
@@ -81,17 +82,14 @@ def words_of(model: Model) -> dict[int, Name]:
     return dict(sorted(found.items()))
 
 
-def refuse_long(model: Model, *, expand: bool = False) -> None:
-    """Refuse a model whose energies are too long to be written in its definitions.
-
-    Or, where these are to `expand`, without them.
+def refuse_long(model: Model, words: Mapping[int, Name]) -> None:
+    """Refuse a model whose energies are too long to be written in these definitions.
 
     Raises
     ------
     InputError
     """
-    g, words = model.graph, {} if expand else words_of(model)
-    extent = _extent(g, physics_of(model), words)
+    extent = _extent(model.graph, physics_of(model), words)
     if extent.refused:
         size = extent.operations
         about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
@@ -113,7 +111,7 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
 
 def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
     """Tell whether the equations are given in the definitions of the file."""
-    if len(e.q) + len(e.model.constraints) > MOST_ROWS:
+    if has_many_rows(e.model):
         return True
     physics = physics_of(e.model)
     if words and _extent(e.graph, physics, ()).refused:
@@ -269,13 +267,16 @@ class Separation:
               if g.ops[rate] == VARIABLE}  # fmt: skip
         values = {g.variable(name): node for name, node in self.momenta.items()}
         found: Found = {}
-        stack = [*g.depends(nodes) & self.names.keys()]
+        stack = sorted(g.depends(nodes) & self.names.keys())
         while stack:
             name = stack.pop()
             if name not in found and name in of:
                 n = of[name]
                 seed = {k: rate for k, rate in self._seed.items() if k != n}
                 found[name] = tangent(g, [values.get(n, n)], seed)[0]
-                stack += g.depends([found[name]]) & self.names.keys()
-        needs = {name: g.depends([node]) & found.keys() for name, node in found.items()}
+                stack += sorted(g.depends([found[name]]) & self.names.keys())
+        needs = {
+            name: sorted(g.depends([node]) & found.keys())
+            for name, node in found.items()
+        }
         return {name: found[name] for name in TopologicalSorter(needs).static_order()}

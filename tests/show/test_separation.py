@@ -7,11 +7,13 @@ import re
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.show import separation, text
+from lagsim.show import content as shown
+from lagsim.show import text
 from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
 from lagsim.show.latex import _width as width
@@ -129,16 +131,25 @@ def check_by_value(e):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_equations_are_those_of_the_graph(name, monkeypatch):
-    monkeypatch.setattr(separation, "MOST_ROWS", -1)
+    monkeypatch.setattr(shown, "MOST_ROWS", -1)
     if equations_of(name).model.tables:
         pytest.skip("the values of a table are not read here")
     check_by_value(equations_of(name))
 
 
 def test_torques_slips_and_losses_along_definitions(monkeypatch):
-    monkeypatch.setattr(separation, "MOST_ROWS", -1)
+    monkeypatch.setattr(shown, "MOST_ROWS", -1)
     d, _ = check_by_value(derive(read(TORQUE, "model.yaml"), chained=False))
     assert d["separated"]["forces"]
+
+
+def test_a_chain_of_200_links_is_shown_as_one_of_30():
+    texts = {}
+    for n in (30, 200):
+        model = read_file(str(MODELS / "chain-on-a-cart.yaml"), {"n": str(n)})
+        texts[n] = lagsim.derive(model).as_text(ascii_only=True)
+    longer = re.sub(r"\b30\b", "200", texts[30])
+    assert re.sub(r"\b29\b", "199", longer) == texts[200]
 
 
 def test_the_arm_by_recursive_newton_and_euler():
