@@ -68,9 +68,10 @@ class Accelerations:
     def __init__(self, model: Read) -> None:
         e = _derived(model, chained=False)
         if e.laws:
-            names = ", ".join(f"`{law.constraint}`" for law in e.laws)
+            names = dict.fromkeys(f"`{law.constraint}`" for law in e.laws)
             text = f"{model.name} has no accelerations as a function of the state: "
-            text += f"{names} acts at times, and when depends on what happened before"
+            text += f"{', '.join(names)} act{'s' * (len(names) == 1)} at times, "
+            text += "and when depends on what happened before"
             raise LagsimError(text)
         self._equations, self._name = e, model.name
         self._numbers = {p.name: p.value for p in model.parameters}

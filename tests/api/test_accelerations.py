@@ -121,5 +121,5 @@ def test_shapes_that_do_not_fit_are_named(arguments, text):
 
 def test_what_depends_on_the_past_is_refused():
     floor = PENDULUM.replace("L^2}", "L^2, floor: {relation: y >= -1, restitution: 0}}")
-    with pytest.raises(lagsim.LagsimError, match="`floor` acts at times"):
+    with pytest.raises(lagsim.LagsimError, match=": `floor` acts at times"):
         _ = lagsim.load(floor).rhs

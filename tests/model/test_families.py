@@ -331,6 +331,13 @@ def test_a_fault_of_many_ranges_is_reported_once(n, code):
     assert [p.code for p in problems(CHAIN.replace("n: 4", f"n: {n}"))] == [code]
 
 
+def test_an_event_that_sets_members_of_a_broken_family_is_no_other_fault():
+    text = "modes: {w(1..1.5): 0}\nevents: {tick: {every: 1, set: {w(1): 1}}}"
+    assert [p.code for p in problems(text)] == ["expression-subscript"]
+    text = "modes: {w(1..0): 0}\nevents: {tick: {every: 1, set: {w(i = 1..0): 1}}}"
+    assert [p.code for p in problems(text)] == ["missing-key"]
+
+
 def test_links_may_stand_above_their_points():
     text = "scene: {links: [[p(1..3)]], points: {p(i = 1..3): [x, i]}}"
     assert model(text).scene.links == (("p.1", "p.2"), ("p.2", "p.3"))
@@ -373,6 +380,9 @@ def test_a_sweep_over_the_number_of_members():
         for name in ("q.1", "q.3"):
             end = run[name][-1] if name in run.columns else np.nan
             np.testing.assert_array_equal(sweep[f"{name}.end"][k], end)
+    sweep = lagsim.sweep(lagsim.load(text), {"n": [3, 4], "m.4": [1]}, jobs=1)
+    assert list(sweep["complete"]) == [False, True]
+    assert sweep["reason"][0] == "there is no parameter or start value `m.4`"
 
 
 RING = """

@@ -701,8 +701,10 @@ class Expansion:
         """Return the modes that an event sets, by members."""
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
-        found = self._referring("", node.entries, reading.indices)
-        return node._replace(entries=tuple(found))
+        found = tuple(self._referring("", node.entries, reading.indices))
+        names = {key.text.partition("(")[0] for key, _ in node.entries}
+        broken = not found and not names.isdisjoint(self.broken)
+        return Broken(node.place) if broken else node._replace(entries=found)
 
     def _links(self, node: Node, reading: Reading) -> Node:
         """Return links; those of a family are between consecutive points."""

@@ -373,7 +373,8 @@ class Scope:
         nearest = round(found) if abs(found) < limits.LARGEST_INDEX else None
         if nearest is None or abs(found - nearest) > _WHOLE * abs(found):
             text = f"a subscript must be a whole number, found {found:g}"
-            raise token.fault(text, "", self._once(names, "subscript"))
+            hint = "it counts, or names, the members of a family"
+            raise token.fault(text, hint, self._once(names, "subscript"))
         return nearest
 
     def _once(self, names: set[str], code: str) -> str:

@@ -508,9 +508,11 @@ class Initial(_Numbers):
             hint = f"did you mean `{in_file(near)}`?"
             self._all.add(near)
             self._above.add(near)
-        if name not in self._instead:
-            hint = belongs(name) or hint
         text = f"`{name}` is no coordinate, velocity or definition"
+        if name in self._instead:
+            text = f"there is no parameter or start value `{name}`"
+        else:
+            hint = belongs(name) or hint
         faults.add("unknown-name", text, key.place, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
