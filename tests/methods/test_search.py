@@ -103,3 +103,54 @@ def test_a_narrow_pulse_beside_a_point_is_met(method):
         assert event.time == pytest.approx(
             at - w * math.sqrt(2 * math.log(2)), abs=1e-9
         )
+
+
+def dips(draw):
+    """Give a narrow pulse in each period, and where it rises."""
+    w, d, phase = draw.uniform(3, 200), 10 ** draw.uniform(-4, -1.5), draw.uniform(0, 6)
+    half = math.acos(1 - d * math.sqrt(math.log(2))) / w
+    roots = [(math.pi * (2 * j + 1) - phase) / w - half for j in range(-2, 200)]
+    return f"exp(-((cos({w!r}*x + {phase!r}) + 1)/{d!r})^2) >= 0.5", roots
+
+
+def gate(draw):
+    """Give a gate that opens at a time."""
+    steep, opens = 10 ** draw.uniform(3, 7), draw.uniform(0.1, 3.5)
+    closes = opens + 50 / steep + 10 ** draw.uniform(-3, -1)
+    step = "tanh({!r}*(x - {!r}))".format
+    return f"{step(steep, opens)} - {step(steep, closes)} >= 1", [opens]
+
+
+def resonance(draw):
+    """Give a quotient that is large about a time."""
+    e, at = 10 ** draw.uniform(-14, -5), draw.uniform(0.1, 3.9)
+    return f"{e!r}/({e!r} + (x - {at!r})^2) >= 0.5", [at - math.sqrt(e)]
+
+
+def three_pulses(draw):
+    """Give three pulses of one width."""
+    w, places = 10 ** draw.uniform(-7, -4), [draw.uniform(k, k + 0.9) for k in range(3)]
+    pulses = " + ".join(f"exp(-((x - {at!r})/{w!r})^2)" for at in places)
+    return f"{pulses} >= 0.5", [at - w * math.sqrt(math.log(2)) for at in places]
+
+
+def high_power(draw):
+    """Give a high power of a sine, and where it rises."""
+    power, w = draw.choice([20, 100, 1000]), draw.uniform(3, 30)
+    rises = math.asin(0.5 ** (1 / power))
+    return f"sin({w!r}*x)^{power} >= 0.5", [
+        (math.pi * j + rises) / w for j in range(99)
+    ]
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
+@pytest.mark.parametrize("kind", [dips, gate, resonance, three_pulses, high_power])
+def test_each_localized_condition_is_met_once(kind, method):
+    draw = random.Random(f"{kind.__name__} {method}")
+    for _ in range(8):
+        condition, roots = kind(draw)
+        events = f"e: {{at: '{condition}', set: {{met: met + 1}}}}"
+        text = TEXT.format(force="0*x", events=events, step=4, method=method)
+        times = [e.time for e in simulate(text, error_bar="never").events]
+        expected = [r for r in roots if 0 < r < 4]
+        assert times == pytest.approx(expected, abs=1e-8), condition

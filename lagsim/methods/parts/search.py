@@ -78,19 +78,18 @@ class Events(Table):
 POINTS = 8
 # An event function is known where it is off by no more than this part of its least.
 CLEAR = 0.25
-# Points come no closer than this: for event functions, and for signals where features
-# are looked for; and there are so many in a step.
+# Points come no closer than this: for events, and where features are looked for; and
+# there are so many in a step.
 FINEST = 2.0**-14
 FINEST_SIGNALS = 2.0**-12
 MOST_POINTS = 2000
 MOST_SIGNALS = 400
 # A step that is rejected with too many is not made shorter than by this part.
 PART = 0.25
-# About a localized term they come no closer than this; this many times it where points
-# have run out before this part of the step: so many steps at most for one.
-NARROWEST = 2.0**-40
-COARSER = 16.0
-LEAST_PART = 2.0**-5
+# A closest approach is located to rounding by so many golden sections. One within this
+# part of a stretch of an end is at the end.
+CLOSEST = 80
+AT_END = 1e-9
 # The error of a minimum is of the square of the part of a stretch, 1e-8, that it is
 # located to by so many golden sections.
 NARROW = 39
@@ -99,14 +98,13 @@ NARROW = 39
 def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
     """Go through the last step from its fraction `low` on, row by row of a kind.
 
-    EVENT: end the step where the first of them ends. SIGNAL: look for what the dense
-    output misses; a step that cannot be searched by MOST_SIGNALS counts too. Return the
-    fraction where that is, or 0.
+    EVENT: end the step where the first of them ends, or where that takes too many
+    points. SIGNAL: look for what the dense output misses; a step that cannot be
+    searched by MOST_SIGNALS counts too. Return the fraction where that is, or 0.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
     width = widest
-    narrowest = NARROWEST if kind == EVENT else FINEST_SIGNALS
     most = MOST_POINTS if kind == EVENT else MOST_SIGNALS
     points = 0
     sample(kind, s, p, low, BESIDE * width, first)
@@ -116,7 +114,8 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
         sample(kind, s, p, half, -BESIDE * width, s.middles)
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
-        if all_known(kind, s, p, x, x - low, narrowest):
+        narrower = unknown_up_to(kind, s, p, low, x)
+        if narrower == 0.0:
             if kind == SIGNAL:
                 found = missed_within(s, p, low, x)
             else:
@@ -128,17 +127,14 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
             first[:count] = last[:count]
             low = x
             width = min(2.0 * width, widest)
-        elif points >= most and kind == SIGNAL:
+        elif points < most:
+            width = narrower
+            sample(kind, s, p, low, BESIDE * width, first)
+        elif kind == SIGNAL:
             return max(x, PART)
-        elif points >= most and low > LEAST_PART:
+        else:
             shorten(s, low)
             return low
-        else:
-            if points >= most:
-                points = 0
-                narrowest *= COARSER
-            width = 0.5 * (x - low)
-            sample(kind, s, p, low, BESIDE * width, first)
     return 0.0
 
 
@@ -178,26 +174,32 @@ def sample(
     out[count : 2 * count] = (out[count : 2 * count] - now[:count]) / beside
 
 
-def all_known(
-    kind: Static, s: Events, p: Parameters, x: float, width: float, narrowest: float
-) -> bool:
-    """Whether all rows on the stretch up to x follow from its ends.
+def unknown_up_to(
+    kind: Static, s: Events, p: Parameters, low: float, x: float
+) -> float:
+    """Width of the stretch to try instead of that from low to x; 0 where that is known.
 
-    While events are looked for, no signal may come closer inside than there either: an
-    event function that is made of it would be flat at every point.
+    All rows on it follow from its ends. While events are looked for, no signal may come
+    closer inside than there either: an event function that is made of it would be flat
+    at every point. The stretch ends at the closest approach then.
     """
-    if kind == EVENT and width >= FINEST:
+    width, near = x - low, x
+    divisible = width >= (FINEST if kind == EVENT else FINEST_SIGNALS)
+    if kind == EVENT and divisible:
         for k in range(events(s)):
             if not event_is_known(s, p, k, width):
-                return False
-    if LOCALIZED and width > narrowest:
+                return 0.5 * width
+    if LOCALIZED:
         for k in range(events(s), rows(s)):
-            known = missed.signal_is_known(s, k, width)
+            if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
+                continue
+            if divisible and not missed.signal_is_known(s, k, width):
+                return 0.5 * width
             if kind == EVENT:
-                known = not missed.may_approach(s, k, width)
-            if not known and not missed.hardly_varies(s, p, k, x):
-                return False
-    return True
+                least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
+                if AT_END * width < least - low < (1.0 - AT_END) * width:
+                    near = min(near, least)
+    return near - low if near < x else 0.0
 
 
 def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
@@ -514,10 +516,6 @@ SHOULDER = 0.3
 FOOT = 8.0
 # So many doublings lead from there to the other end of any step.
 DOUBLINGS = 60
-# A closest approach is located to rounding by so many golden sections.
-CLOSEST = 80
-# At the end of a stretch within this part of it.
-AT_END = 1e-9
 
 
 def missed_feature(s: Events, p: Parameters) -> float:
