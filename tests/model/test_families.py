@@ -9,11 +9,12 @@ import lagsim
 from lagsim.errors import InputError
 from tests.model import test_faults as faults
 from tests.model._files import model, problems
+from tests.support import simulate
 
 
 def columns(text, **options):
     """Give the columns of a run, by name."""
-    result = lagsim.simulate(lagsim.load(text), **options)
+    result = simulate(lagsim.load(text), **options)
     assert result.complete
     return {name: result[name] for name in result.columns}
 
@@ -150,7 +151,7 @@ def test_another_number_of_members():
             f"q.{i}" for i in range(1, n + 1)
         ]
         assert [x.value for x in bound.initial] == [x.value for x in read.initial]
-        one, other = lagsim.simulate(bound), lagsim.simulate(read)
+        one, other = simulate(bound), simulate(read)
         np.testing.assert_array_equal(one["q.1"], other["q.1"])
     back = loaded.bind(n=2).bind({"m.2": 3, "q.2": 1.0}).bind(n=4)
     values = {p.name: p.value for p in back.parameters}
@@ -465,7 +466,7 @@ LISTS = [f"[p_dot({i}).x = 0, p_dot({i}).y = 0]" for i in (1, 2, 3)]
     ],
 )
 def test_two_relations_share_a_limit_beside_families(constraints, ends):
-    result = lagsim.simulate(lagsim.load(BRAKES.replace("CONSTRAINTS", constraints)))
+    result = simulate(lagsim.load(BRAKES.replace("CONSTRAINTS", constraints)))
     t = result.t
     for i in (1, 2, 3):
         s = np.minimum(t, 1.5 / i)  # a speed of 1.5 that a force of i ends

@@ -286,6 +286,7 @@ def test_a_body_that_tumbles_in_steps():
     assert 1.8 < errors[0] / errors[1] < 2.2
 
 
+@pytest.mark.slow
 def test_a_top_by_a_series():
     series, angles = (
         simulate(lagsim.load(text), method=method)

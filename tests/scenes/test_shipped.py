@@ -46,13 +46,15 @@ def eigenvalues(v):
     return np.linalg.eigvals(np.array([derivative(e)[places] for e in directions]).T)
 
 
-def test_the_bicycle_is_stable_between_weave_and_capsize():
+def test_the_bicycle_is_stable_at_5_m_s():
     weave = -0.7753419 + 4.4648677j
     published = np.array([-14.0783897, weave.conjugate(), weave, -0.3228664])
     found = np.sort_complex(eigenvalues(5.0))
     assert np.max(np.abs(found - published)) < 1e-7
 
-    # It loses its stability by weave at the lower speed, at the higher by capsize.
+
+@pytest.mark.slow
+def test_the_bicycle_loses_its_stability_by_weave_and_by_capsize():
     for v, weaves in ((4.292382536, True), (6.024262015, False)):
         found = eigenvalues(v)
         critical = found[np.argmax(found.real)]
@@ -84,6 +86,7 @@ def centre(q):
     return total / 15.2
 
 
+@pytest.mark.slow
 def test_the_quadruped_is_carried_by_its_feet():
     r = lagsim.simulate(MODELS / "quadruped.yaml", error_bar="never")
     names = ["x", "y", "pitch", *(f"{q}.{i}" for q in ("hip", "knee") for i in LEGS)]

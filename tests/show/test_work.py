@@ -57,10 +57,8 @@ def work(potential, n):
     return calls / len(written)
 
 
-@pytest.mark.parametrize(
-    "shape",
-    ["sines", *(pytest.param(x, marks=pytest.mark.slow) for x in list(SHAPES)[1:])],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
 def test_twice_the_coordinates_take_no_more_work_for_each_letter(shape):
     # In a process of its own: what others have left in sympy's caches is not counted.
     code = (

@@ -6,6 +6,7 @@ import pytest
 import lagsim
 from lagsim.run.observers import MOST, Corners
 from lagsim.run.observers.thinning import Thinning
+from tests.support import simulate
 
 # Pushed until 0.503, between two rows, then pulled.
 PUSHED = """\
@@ -29,7 +30,7 @@ simulation: {duration: 1, output_step: 0.01}
 
 def shown(text):
     """A function that gives times and values of a column as pictures show it."""
-    result = lagsim.simulate(lagsim.load(text))
+    result = simulate(lagsim.load(text))
     made = result._made
     names = made.session.system.columns.names
     thin = Thinning(names)

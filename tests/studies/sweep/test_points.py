@@ -13,6 +13,7 @@ from lagsim.model.reader import read
 from lagsim.studies.sweep.points import Sample, _normal, drawn, of_file
 from tests.cli.conftest import lagsim as command  # noqa: F401
 from tests.small_scenes import PENDULUM
+from tests.support import simulate
 
 MASK = 2**64 - 1
 
@@ -75,10 +76,11 @@ def test_rows_are_those_of_single_runs(tmp_path):
     (tmp_path / "points.csv").write_text("\ufeff" + "\r\n".join([*lines, "", ""]))
     model = lagsim.load(PENDULUM)
     of_table = lagsim.sweep(model, points=tmp_path / "points.csv")
-    for found in (of_table, lagsim.sweep(model, points=points, jobs=2)):
-        for k in range(3):
-            bound = model.bind(l=points["l"][k], theta=points["theta"][k])
-            assert found["theta.end"][k] == lagsim.simulate(bound)["theta"][-1]
+    for k in range(3):
+        bound = model.bind(l=points["l"][k], theta=points["theta"][k])
+        assert of_table["theta.end"][k] == simulate(bound)["theta"][-1]
+    of_values = lagsim.sweep(model, points=points, jobs=2)
+    assert of_values["theta.end"].tolist() == of_table["theta.end"].tolist()
     assert of_table.record["points"] is True
     ends = lagsim.sweep(model, points=points, ends=True)
     assert ends["theta.end"].tolist() == of_table["theta.end"].tolist()
