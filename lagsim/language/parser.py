@@ -44,6 +44,11 @@ class ExpressionError(Exception):
         self.hint = hint
         self.code = code
 
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """Return what pickle makes it of; a model keeps faults of texts it tried."""
+        given = self.offset, self.length, self.text, self.hint, self.code
+        return ExpressionError, given
+
 
 def silent() -> ExpressionError:
     """Return what stands for a fault that is reported elsewhere."""

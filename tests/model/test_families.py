@@ -386,6 +386,20 @@ def test_a_sweep_over_the_number_of_members():
     assert sweep["reason"][0] == "there is no parameter or start value `m.4`"
 
 
+def test_a_sweep_of_contacts_of_members_beside_a_state():
+    text = """
+parameters: {n: 2, v: 1}
+coordinates: {y(1..n): {}}
+states: {s: {rate: -s}}
+energy: {kinetic: "sum(i = 1..n, y_dot(i)^2)/2", potential: 0}
+constraints: {floor(i = 1..n): {relation: y(i) >= 0, restitution: 0.5}}
+initial: {y(1..n): 1, y_dot(1..n): -v, s: 1}
+simulation: {duration: 2}
+"""
+    sweep = lagsim.sweep(lagsim.load(text), {"v": [1, 2]}, jobs=1)
+    assert list(sweep["y.2.end"]) == pytest.approx([0.5, 1.5], abs=1e-12)
+
+
 RING = """
 parameters: {n: 4, m: 2, k: 3, r: 1}
 modes: {held(i = 1..n): "if(i > 2, 1, 0)", count: 0}
