@@ -364,8 +364,20 @@ simulation: {duration: -1, rtol: -1}
             (24, "unknown-name"),
         ]
 
+    @pytest.mark.parametrize(
+        ("name", "text"),
+        [("zz", "unknown name `zz`"), ("q(1)", "there is no function `q`")],
+    )
+    def test_what_is_unknown_is_reported_once(self, name, text):
+        """Where it is used first, in the order of the file."""
+        used = f"forces: {{x: {name}}}\ndefinitions: {{a: 2*{name}, b: {name}}}\n"
+        (found,) = problems(used)
+        assert (found.text, found.place.line) == (f"{text}, and 2 more places", 1)
+        (found,) = problems(used.splitlines()[0])
+        assert found.text == text
+
     def test_they_are_bounded(self):
-        text = "definitions:\n" + "".join(f"  a{i}: zz\n" for i in range(1100))
+        text = "definitions:\n" + "".join(f"  a{i}: zz{i}\n" for i in range(1100))
         found = problems(text)
         assert len(found) == 1001
         assert found[-1].text == "100 more faults are not shown"

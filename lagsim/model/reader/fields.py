@@ -24,6 +24,8 @@ MAX_CANDIDATES = 2000
 MAX_GUESSED_LENGTH = 80
 # Nobody reads more, and each carries its source line.
 MAX_FAULTS = 1000
+# Of what is not known where it is used one report is enough.
+UNKNOWN = ("expression-unknown-function", "unknown-name")
 # Of a list of names a message shows so many.
 LISTED = 12
 
@@ -84,7 +86,7 @@ class Faults:
         """
         if not self._problems:
             return
-        problems = sorted(self._problems, key=self._order)
+        problems = _once(sorted(self._problems, key=self._order))
         more = len(problems) - MAX_FAULTS
         if more > 0:
             last = Problem("more-faults", f"{more} more faults are not shown")
@@ -94,6 +96,20 @@ class Faults:
     def _order(self, problem: Problem) -> tuple[bool, int, int]:
         place = problem.place
         return (place.file == self._file, *place[1:3]) if place else (False, 0, 0)
+
+
+def _once(problems: Iterable[Problem]) -> list[Problem]:
+    """Report what is unknown where it is used first, with the count of other places."""
+    uses: dict[tuple[str, str], list[Problem]] = {}
+    for problem in problems:
+        key = (problem.code, problem.text)
+        own = key if problem.code in UNKNOWN else (str(id(problem)), "")
+        uses.setdefault(own, []).append(problem)
+    found = []
+    for first, *others in uses.values():
+        places = f", and {len(others)} more place{'s' * (len(others) > 1)}"
+        found.append(first._replace(text=first.text + places) if others else first)
+    return found
 
 
 def belongs(key: str) -> str:
