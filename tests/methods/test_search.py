@@ -90,19 +90,21 @@ def test_each_root_is_met_once(seed, as_switch, step, method):
 
 
 @pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
-def test_a_narrow_pulse_beside_a_point_is_met(method):
-    """It rises and fades between a point of the one step and what is seen beside it."""
-    draw = random.Random(method)
+@pytest.mark.parametrize("shape", ["pulse", "dip"])
+def test_what_is_narrow_beside_a_point_is_met(shape, method):
+    """It begins and ends between a point of the one step and what is seen beside it."""
+    draw = random.Random(f"{shape} {method}")
     for _ in range(40):
         w, point = 10 ** draw.uniform(-7, -4.5), draw.choice([1, 2, 3, 0.618, 1.618])
         at = point + draw.choice([-1, 1]) * w * 10 ** draw.uniform(0.5, 2.5)
         condition = f"exp(-((x - {at!r})/{w!r})^2/2) >= 0.5"
+        begins = at - w * math.sqrt(2 * math.log(2))
+        if shape == "dip":
+            condition, begins = f"(x - {at!r})^2 <= {w!r}^2", at - w
         events = f"e: {{at: '{condition}', set: {{met: 1}}}}"
         text = TEXT.format(force="0*x", events=events, step=4, method=method)
         [event] = simulate(text, error_bar="never").events
-        assert event.time == pytest.approx(
-            at - w * math.sqrt(2 * math.log(2)), abs=1e-9
-        )
+        assert event.time == pytest.approx(begins, abs=1e-9)
 
 
 def dips(draw):

@@ -246,27 +246,34 @@ def away(s: Table, k: int, at_point: Floats) -> float:
 
 
 def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Least distance of signal k on the cubic between two points, or less than it.
-
-    The cubic lies within the hull of a, a + A/3, b - B/3, b.
-    """
+    """Least distance of signal k on its cubic between two points, or less than it."""
     kind = s.kinds[k - events(s)]
-    a = left[k]
-    b = right[k]
-    c = a + width / 3.0 * left[rows(s) + k]
-    d = b - width / 3.0 * right[rows(s) + k]
-    low = min(a, b, c, d)
-    u = max(a, b, c, d)
-    # Slopes are differences: what seems to turn so close to an end may do so inside.
-    error = 2.0 * BESIDE * (u - low)
-    if min(abs(c - a), abs(d - b)) <= error:
-        low -= 3.0 * BESIDE * error
-        u += 3.0 * BESIDE * error
+    low = lowest(1.0, s, k, left, right, width)
+    u = -lowest(-1.0, s, k, left, right, width)
     if kind == LARGE:
         u = max(u, -low)
     elif kind != LARGEST:
         u = max(low, -u, 0.0)
     return distance(kind, s.powers[k - events(s)], u)
+
+
+def lowest(
+    way: float, s: Table, k: int, left: Floats, right: Floats, width: float
+) -> float:
+    """Least value of row k, times `way`, on its cubic between two points, or less.
+
+    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences:
+    what seems to turn at an end may do so just inside of it.
+    """
+    a = way * left[k]
+    b = way * right[k]
+    c = a + way * width / 3.0 * left[rows(s) + k]
+    d = b - way * width / 3.0 * right[rows(s) + k]
+    low = min(a, b, c, d)
+    error = 2.0 * BESIDE * (max(a, b, c, d) - low)
+    if min(abs(c - a), abs(d - b)) <= error:
+        low -= 3.0 * BESIDE * error
+    return float(low)
 
 
 def is_missed(s: Table, p: Parameters, x: float) -> bool:

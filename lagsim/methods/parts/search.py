@@ -14,10 +14,10 @@ dense output:
 Values and slopes of rows are taken at several points, and once more between each two:
 where a row there does not follow from values and slopes at both, the points come closer
 until it does (`missed.off`). Only then what happens between two points is looked for:
-an event function that is negative at one, or by the slopes may have been between them
-(a touch, a narrow pulse); the closest approach of a signal. A minimum within a stretch
-is located by golden section (`least_of`), and the first moment at which something ends
-by bisection, to the last bit.
+an event function that is negative at one, or may have been between them (a touch, a
+narrow pulse), by the cubic that it is close to; the closest approach of a signal. A
+minimum within a stretch is located by golden section (`least_of`), and the first moment
+at which something ends by bisection, to the last bit.
 """
 
 from __future__ import annotations
@@ -407,9 +407,8 @@ def end_within(
         if ends(s, p, k, after[k], x):
             high = x
     for k in range(events(s)):
-        fall = before[rows(s) + k]
-        rise = after[rows(s) + k]
-        if touches(x - low, before[k], fall, after[k], rise):
+        most = min(before[k], after[k], least_allowed(s, p, k))
+        if missed.lowest(1.0, s, k, before, after, x - low) < most:
             least = least_of(EVENT, NARROW, s, p, k, low, x)
             if ends(s, p, k, value_at(EVENT, s, p, k, least), least):
                 high = least if high == 0.0 else min(high, least)
@@ -420,17 +419,6 @@ def end_within(
             if after[k] > p.slack[k]:
                 p.slack[k] = 0.0
     return high
-
-
-def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
-    """Whether an event function could be negative between a and b.
-
-    It falls at the start and rises at the end; a convex one stays above its tangents.
-    """
-    if fall >= 0.0 or rise <= 0.0:
-        return False
-    meets = (b - a - rise * width) / (fall - rise)
-    return a + fall * meets < 0.0
 
 
 def cut(s: Events, p: Parameters, low: float, high: float) -> None:
