@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -47,10 +48,23 @@ _OPTION = re.compile(r"--([a-z-]+) ")
 
 
 @contextmanager
+def uncollected() -> Iterator[None]:
+    """Look for no garbage: a graph is many objects and none, see `cli.entry`."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextmanager
 def in_python() -> Iterator[None]:
     """Let faults name the arguments that they are in as Python does."""
     try:
-        yield
+        with uncollected():
+            yield
     except InputError as error:
         raise InputError(map(_renamed, error.problems)) from None
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lagsim.api.arguments import in_python, number_or_text, numbers
+from lagsim.api.arguments import in_python, number_or_text, numbers, uncollected
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
@@ -286,7 +286,8 @@ def load(source: str | Path, **values: float | str) -> Model:
     InputError
         With every fault, each with file, line, column, code, text and hint.
     """
-    model = model_of(source)
+    with uncollected():
+        model = model_of(source)
     return model.bind(**values) if values else model
 
 

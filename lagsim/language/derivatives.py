@@ -49,7 +49,7 @@ class _Reverse:
         self.active: set[int] = set()
         cone = g.cone(nodes)
         for n in cone:
-            if n in self.variables or any(a in self.active for a in g.args[n]):
+            if n in self.variables or not self.active.isdisjoint(g.args[n]):
                 self.active.add(n)
         # Inner selections come first, so none needs recursion.
         self.selections: dict[int, Gradient] = {}
@@ -122,7 +122,7 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
     for n in g.cone(nodes, seed):
         if n in seed:
             rates[n] = seed[n]
-        elif any(a in rates for a in g.args[n]):
+        elif not rates.keys().isdisjoint(g.args[n]):
             rates[n] = rate_of(g, n, rates)
     return [rates.get(n, g.zero) for n in nodes]
 

@@ -82,7 +82,7 @@ def evaluate_rows(
                 fixed[n] = value
         elif op in (CONSTANT, TRUTH, DATA):
             fixed[n] = g.payload(n)
-        elif any(a in moving for a in args):
+        elif not moving.keys().isdisjoint(args):
             rows = [moving[a] if a in moving else repeat(fixed[a]) for a in args]
             moving[n] = list(starmap(OPERATIONS[op].__call__, zip(*rows, strict=False)))
         else:
@@ -157,7 +157,7 @@ def roundings(
         and it is the same wherever that enters.
     """
     nodes = list(nodes)
-    varying, placed = g.dependent(nodes, moving), g.dependent(nodes, state)
+    varying, placed = g.dependents(nodes, moving, state)
     errors: dict[int, int] = {}
     linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
     for n in g.cone(nodes):

@@ -731,7 +731,7 @@ class Collected:
         """Return what stands still, and what moves, of which `n` is the product."""
         known = self._parts
         if n not in known:
-            near = all(a in known for a in self.g.args[n])
+            near = known.keys() >= {*self.g.args[n]}
             for below in (n,) if near else self.g.cone([n], known):
                 if below not in known:
                     known[below] = self._apart(below)

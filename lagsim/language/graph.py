@@ -241,14 +241,21 @@ class Graph:
 
     def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
         """Nodes in the cone of `nodes` that depend on any of `names`."""
-        names, found = frozenset(names), set[int]()
-        for n in self.cone(nodes):
-            if self.ops[n] == VARIABLE:
-                if self._payload[n] in names:
+        return self.dependents(nodes, names)[0]
+
+    def dependents(
+        self, nodes: Iterable[int], *several: Collection[str]
+    ) -> list[set[int]]:
+        """Nodes in the cone of `nodes` that depend on any of the names, for several."""
+        cone, made = self.cone(nodes), []
+        variables = [(n, self._payload[n]) for n in cone if self.ops[n] == VARIABLE]
+        for names in map(frozenset, several):
+            found = {n for n, name in variables if name in names}
+            for n in cone if found else ():
+                if not found.isdisjoint(self.args[n]):
                     found.add(n)
-            elif any(a in found for a in self.args[n]):
-                found.add(n)
-        return found
+            made.append(found)
+        return made
 
     def cost(self, nodes: Iterable[int], names: Collection[str]) -> int:
         """Cost of `nodes`, in additions; what none of `names` moves is free."""
@@ -270,7 +277,7 @@ class Graph:
         """Degrees of several, as `degree` does."""
         nodes, names = list(nodes), frozenset(names)
         found: dict[int, frozenset[int] | None] = {}
-        flat = frozenset((0,))
+        flat, still = frozenset((0,)), set[int]()
         for n in self.cone(nodes):
             op = self.ops[n]
             if op == VARIABLE:
@@ -278,8 +285,12 @@ class Graph:
                 found[n] = frozenset((1,)) if inside else flat
             elif op in (CONSTANT, TRUTH, DATA):
                 found[n] = frozenset() if n == self.zero else flat
+            elif still.issuperset(self.args[n]):
+                found[n] = flat
             else:
                 found[n] = self._degree_of(n, op, [found[a] for a in self.args[n]])
+            if found[n] is flat:
+                still.add(n)
         return [found[n] for n in nodes]
 
     def _degree_of(
@@ -317,15 +328,17 @@ class Graph:
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
         """`nodes` with each key of `new` replaced by its value."""
         nodes = list(nodes)
-        done: dict[int, int] = {}
+        done: dict[int, int] = {}  # those that are not themselves
         for n in self.cone(nodes):
             if n in new:
-                done[n] = new[n]
-            elif self.args[n] and any(done[a] != a for a in self.args[n]):
-                done[n] = self.call(self.ops[n], *(done[a] for a in self.args[n]))
+                made = new[n]
+            elif done.keys().isdisjoint(self.args[n]):
+                continue
             else:
-                done[n] = n
-        return [done[n] for n in nodes]
+                made = self.call(self.ops[n], *(done.get(a, a) for a in self.args[n]))
+            if made != n:
+                done[n] = made
+        return [done.get(n, n) for n in nodes]
 
 
 def _too_many(most: int) -> InputError:

@@ -669,7 +669,7 @@ def shared(
     given, factors = [g.zero] * len(found), {node: g.one}
     rest = g.zero
     cone = g.cone([node])
-    owners = _owners(g, cone, names)
+    owners = owners_of(g, cone, names)
     for n in reversed(cone):
         factor = factors.get(n)
         if factor is None:
@@ -683,13 +683,21 @@ def shared(
                 factors[a] = g.call("add", factors.get(a, g.zero), c)
             continue
         term = g.call("mul", factor, n)
-        for i in {names[name] for name in g.depends([n]) if name in names}:
+        own = {owners[n]}
+        if owners[n] == SEVERAL:
+            own = {names[name] for name in g.depends([n]) if name in names}
+        for i in own:
             given[i] = g.call("add", given[i], term)
     return given, rest
 
 
-def _owners(g: Graph, cone: Iterable[int], names: Mapping[str, int]) -> dict[int, int]:
-    """Group that each node depends on, or NOBODY or SEVERAL."""
+def owners_of(
+    g: Graph, cone: Iterable[int], names: Mapping[str, int]
+) -> dict[int, int]:
+    """Group that each node depends on, or NOBODY or SEVERAL.
+
+    names : the group of each variable that has one.
+    """
     found: dict[int, int] = {}
     for n in cone:
         if g.ops[n] == VARIABLE:

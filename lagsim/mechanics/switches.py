@@ -655,9 +655,9 @@ class _Finder:
     ) -> None:
         self.g = g
         self.nodes = nodes
-        self.moving = g.dependent(nodes, moving)
-        self.fast = g.dependent(nodes, speeds) if speeds else set()
-        self.timed = g.dependent(nodes, ("t",)) - self.moving
+        found = g.dependents(nodes, moving, speeds, ("t",))
+        self.moving, self.fast, timed = found
+        self.timed = timed - self.moving
         self.time: dict[int, int] = {}  # switch or condition -> discrete function
         self.state: dict[int, tuple[str, tuple[int, ...]]] = {}
         self.decided: dict[int, int] = {}  # state switch -> discrete function

@@ -29,7 +29,7 @@ from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.equations import groups, shared
+from lagsim.mechanics.equations import NOBODY, groups, owners_of, shared
 from lagsim.mechanics.structure import largest_beside
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
@@ -188,10 +188,12 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     nodes = [*energies, *forms]
     group_of = {x[j]: k for k, many in enumerate(found)
                 for x in (e.q, e.velocities) for j in many}  # fmt: skip
+    cone = g.cone(nodes)
+    owners = owners_of(g, cone, group_of)
     for k, both in enumerate(zip(energies, forms, strict=True)):
-        if any(group_of.get(name, k) != k for name in g.depends(both)):
+        if any(owners[node] not in (k, NOBODY) for node in both):
             return []
-    most = min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes))))
+    most = min(MOST_ROWS, int(MOST_OPERATIONS / len(cone)))
     stride = -(-len(monitor.passed) // max(most, 2))
     rows, worked = monitor.passed[::stride], monitor.worked[::stride]
     moving = dict(zip(("t", *e.state), rows.T, strict=True))
@@ -208,19 +210,22 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     rest += np.sum(worked[:, timed], axis=1)
     if not np.ptp(rest) <= SAME_ENERGY * np.max(np.abs(each)):
         return []
+    done = np.zeros_like(each)
+    of_first = {e.q[group[0]]: i for i, group in enumerate(found)}
+    for work, its in zip(e.works, worked.T, strict=True):
+        for i in {of_first[name] for name in work.coordinates if name in of_first}:
+            done[i] += its
+    ranges, work_ranges = np.ptp(each - kinetic, axis=1), np.ptp(done, axis=1)
+    drifts = each - done - (each[:, :1] - done[:, :1])
+    sizes = np.abs(drifts)
     made = []
-    for i, group in enumerate(found):
-        names = tuple(e.q[j] for j in group)
-        own = [k for k, x in enumerate(e.works) if names[0] in x.coordinates]
-        done = np.sum(worked[:, own], axis=1)
-        in_play = max(fastest[i], np.ptp(each[i] - kinetic[i]), np.ptp(done))
-        drifts = each[i] - done - (each[i, 0] - done[0])
-        k = int(np.argmax(np.abs(drifts)))
+    for i, (group, k) in enumerate(zip(found, np.argmax(sizes, axis=1), strict=True)):
+        in_play = max(fastest[i], ranges[i], work_ranges[i])
         made.append(
             Balance(
-                group, names, energies[i], float(in_play), float(np.ptp(done)),
-                float(abs(drifts[k])), float(drifts[k]), rows[k], drifts, rows,
-                partial(_since, rows[:, 0], np.abs(drifts)),
+                group, tuple(e.q[j] for j in group), energies[i], float(in_play),
+                float(work_ranges[i]), float(sizes[i, k]), float(drifts[i, k]),
+                rows[k], drifts[i], rows, partial(_since, rows[:, 0], sizes[i]),
             )
         )  # fmt: skip
     return made

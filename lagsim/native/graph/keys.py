@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from array import array
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
@@ -76,7 +78,7 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     cone = g.cone(n for nodes in made.values() for n in nodes)
     place = {n: k for k, n in enumerate(cone)}
     leaves = [(k, g.payload(n)) for k, n in enumerate(cone) if not g.args[n]]
-    ops = [g.ops[n] for n in cone]
+    ops, args = [g.ops[n] for n in cone], [g.args[n] for n in cone]
     rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
     parts = [
         repr(sys.version_info[:2]),
@@ -84,10 +86,12 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
         repr([(x.native, x.declares, x.condition) for x in rows]),
         repr((PIECE, LANES, orders, manner)),
         repr(ops),
-        repr([[place[a] for a in g.args[n]] for n in cone]),
         repr(leaves),
         repr([(name, [place[n] for n in nodes]) for name, nodes in made.items()]),
         repr((place.get(g.zero), layout.size, sorted(layout.fixed))),
         repr((list(layout.y.items()), list(layout.p.items()))),
     ]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    digest = hashlib.sha256("\n".join(parts).encode())
+    digest.update(bytes(map(len, args)))
+    digest.update(array("q", map(place.__getitem__, chain.from_iterable(args))))
+    return digest.hexdigest()

@@ -14,7 +14,7 @@ values are 0 and 1.
 from __future__ import annotations
 
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -95,7 +95,8 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
         before = f"{clearing(len(made))}\n{tapes.state}"
         lines += _function(name, tapes.tape(k, made), before)
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
-    whole = Interpreter(tapes.opcodes, tapes.time)
+    kinds = {Kind(*kind): opcode for kind, opcode in tapes.opcodes.items()}
+    whole = Interpreter(kinds, tapes.time)
     text = [*sorted(whole.declared), tapes.table, *lines, *whole.lines, ""]
     return Code("\n".join(text), tapes.size)
 
@@ -148,7 +149,7 @@ class _Tapes:
         self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]]
     ) -> None:
         self.g, self.layout = g, layout
-        self.opcodes: dict[Kind, int] = {STORE: 1}
+        self.opcodes: dict[tuple[Any, ...], int] = {STORE: 1}
         cone = g.cone(chain.from_iterable(functions.values()))
         fixed = fixed_nodes(g, functions, layout.fixed)
         leaves = [n for n in cone if not g.args[n]]
@@ -240,7 +241,7 @@ class _Tapes:
         if True in products:
             several = [g.args[a] if inner[a] else (a,) for a in args]
             args = tuple(chain.from_iterable(several))
-        kind = Kind(op, exponent_of(g, n), products, data)
+        kind = op, exponent_of(g, n), products, data
         return self.opcodes.setdefault(kind, 1 + len(self.opcodes)), args
 
     def tape(self, k: int, results: Sequence[int]) -> Ints:
