@@ -33,6 +33,7 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.errors import InputError, Problem
+from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
 from lagsim.run.session import StartError, open_case, wanted
@@ -120,7 +121,12 @@ def _check_parameter(model: Model, name: str | None) -> None:
     if name not in known:
         text = f"--vary {name}: the model has no such parameter"
         hint = f"of {', '.join(known)}" if known else "it has no parameters"
+        hint = member_hint(name, known) or hint
         raise InputError([Problem("unknown-parameter", text, hint=hint)])
+    if name in model.stated.structural():
+        text = f"--vary {name}: members of families are counted or named by it"
+        hint = f"map each of its values by itself: --set {name}=3"
+        raise InputError([Problem("usage", text, hint=hint)])
     if name in stability.columns(None):
         text = f"`{name}` cannot be varied: {TABLE} has a column of that name"
         raise InputError([Problem("usage", text, hint="give it another name")])

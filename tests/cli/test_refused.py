@@ -20,6 +20,8 @@ simulation: {duration: 10, output_step: 0.1}
 """
 FILES = {
     "swing.yaml": PENDULUM, "spring.yaml": OSCILLATOR.replace("DAMPED", ""),
+    "springs.yaml": OSCILLATOR.replace("DAMPED", "")
+    .replace("{k: 4", "{k: 4, n: 2, m(1..n): 1"),
     "damped.yaml": OSCILLATOR.replace("DAMPED", ", dissipation: x_dot^2/2"),
     "timeless.yaml": TIMELESS, "contact.yaml": CONTACT, "wrong.yaml": CAPTION,
     "good.csv": "t,x\n0,1\n1,2\n", "torn.json": "{", "list.json": "[]",
@@ -154,6 +156,11 @@ LINES |= {
     f"{SPRING} --steps nan:1": "two different numbers",
     f"{SPRING} --vary k": "--vary k : two different numbers",
     f"{SPRING} --vary m=1:2": "--vary m: the model has no such parameter",
+    "stability springs.yaml --vary n=1:2": "members of families are counted or named",
+    "stability springs.yaml --vary m(2)=1:2": (
+        "--vary m(2): the model has no such",
+        "its name outside of the file is `m.2`",
+    ),
     f"{SPRING} --vary k=1:2 --vary k=2:3": "one parameter varies at a time",
     f"{SPRING} --vary step=1:2": "`step` cannot be varied: stability.csv has a column",
     f"{SPRING} --set l": "--set l: a name and an expression",
