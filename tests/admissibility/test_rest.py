@@ -81,7 +81,7 @@ def test_a_chain_between_posts_is_a_discrete_catenary(n, how):
     assert coordinates(start) == pytest.approx(angles, abs=1e-12)
 
 
-@pytest.mark.parametrize("n", [3, 20])
+@pytest.mark.parametrize("n", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_rods_let_go_level_hang_down(n):
     text, start = rod_chain(n, 1.0).split("initial:\n")
     start = re.sub(r"(?m)^  (\w+): (.*)$", r"  \1: {guess: \2}", start)
@@ -109,15 +109,15 @@ def test_units_and_origin_do_not_matter(change, bound, how):
 
 def test_the_run_begins_there_and_stays(tmp_path):
     path = tmp_path / "chain.yaml"
-    path.write_text(chain(guess(5, "straight")))
-    q, span = catenary(5, 0.8)
+    path.write_text(chain(guess(3, "straight")))
+    q, span = catenary(3, 0.8)
     for method in ("dop853", "radau", "taylor"):
         found = simulate(path, method=method, duration=2)
-        ends = [[found[f"q{i}"][k] for i in range(1, 6)] for k in (0, -1)]
+        ends = [[found[f"q{i}"][k] for i in range(1, 4)] for k in (0, -1)]
         assert ends == pytest.approx(np.array([q, q]), abs=1e-9)
         assert np.abs(found["lambda_px"]) == pytest.approx(span, rel=1e-9)
     assert lagsim.check(path).rest == pytest.approx(
-        {f"q{i + 1}": q[i] for i in range(5)}
+        {f"q{i + 1}": q[i] for i in range(3)}
     )
 
 
@@ -300,7 +300,7 @@ def test_a_ladder_between_two_contacts():
     text = LADDER.replace("MU", "0").replace("SPRING", "4").replace("1.1", "0.97")
     start = at_rest(text)
     assert coordinates(start)[2] == pytest.approx(math.asin(2 * 9.81 / 24), abs=1e-9)
-    found = lagsim.simulate(lagsim.load(text))
+    found = simulate(lagsim.load(text))
     assert found["lambda_floor"] == pytest.approx(2 * 9.81, rel=1e-6)
     foot = 3 * math.cos(math.asin(2 * 9.81 / 24))
     assert found["lambda_wall"] == pytest.approx(4 * foot, rel=1e-6)
@@ -340,7 +340,7 @@ def test_sweep_and_bind(tmp_path):
         found = lagsim.sweep(path, {"k": stiff}, ends=ends)
         assert found["z.end"] == pytest.approx(-19.62 / np.array(stiff), rel=1e-12)
     bound = lagsim.load(path).bind(k=100)
-    assert lagsim.simulate(bound)["z"] == pytest.approx(-0.1962, rel=1e-12)
+    assert simulate(bound)["z"] == pytest.approx(-0.1962, rel=1e-12)
 
 
 @pytest.mark.parametrize(

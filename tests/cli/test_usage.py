@@ -169,7 +169,13 @@ def test_progress_bars_end_at_the_end(lagsim, write, monkeypatch, line, model, l
         assert 0 < found[-1] < 100
 
 
-@pytest.mark.parametrize("command", ["check --json m.yaml", "run --no-plots m.yaml"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param("check --json m.yaml", marks=pytest.mark.slow),
+        "run --no-plots m.yaml",
+    ],
+)
 def test_closed_streams(tmp_path, write, command):
     write(PENDULUM, "m.yaml")
     done = shell(f"lagsim {command} >&- 2>&- <&-", tmp_path)
@@ -183,7 +189,9 @@ def test_closed_standard_input_is_an_empty_file(tmp_path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")  # noqa: PTH110
-@pytest.mark.parametrize("command", ["check --json m.yaml", "--help"])
+@pytest.mark.parametrize(
+    "command", ["check --json m.yaml", pytest.param("--help", marks=pytest.mark.slow)]
+)
 def test_standard_output_is_full(tmp_path, write, command):
     write(PENDULUM, "m.yaml")
     done = shell(f"lagsim {command} >/dev/full", tmp_path)

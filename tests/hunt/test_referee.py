@@ -40,7 +40,9 @@ def test_an_oscillator_follows_the_cosine():
     assert np.max(np.abs(found.a[:, 0] + np.cos(found.times))) < CLOSE
 
 
-@pytest.mark.parametrize("method", ["x: 0", "rod"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("x: 0", marks=pytest.mark.slow), "rod"]
+)
 def test_a_pendulum_on_a_rod_is_the_pendulum_of_an_angle(method):
     angle = Item(
         "angle", coordinates={"a": (0.5, 0.0)}, kinetic=("a_dot^2/2",),

@@ -241,7 +241,10 @@ def test_what_is_no_page_holds_no_film():
     assert animation.recorded(broken) is None
 
 
-@pytest.mark.parametrize(("points", "rows"), [(1, 200_000), (300, 20_000)])
+@pytest.mark.parametrize(
+    ("points", "rows"),
+    [(1, 200_000), pytest.param(300, 20_000, marks=pytest.mark.slow)],
+)
 def test_a_page_has_a_bound(points, rows):
     """Neither rows nor points make a page larger than the room for its numbers."""
     many = ", ".join(f"p{k}: [cos(q + {k}), sin(q), q]" for k in range(points))

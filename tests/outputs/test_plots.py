@@ -278,7 +278,9 @@ def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
     assert labels[-1][2] == names[-1]
 
 
-@pytest.mark.parametrize("count", [4, 16, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [4, *(pytest.param(n, marks=pytest.mark.slow) for n in (16, 40))]
+)
 def test_numbers_of_panels_side_by_side_have_room(count):
     t = np.linspace(0, 1, 9)
     sizes = [0.0515, 0.1285, 12.4, -0.41, 1e3, 1e5, 3e-3, 0.9995]

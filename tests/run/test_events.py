@@ -361,7 +361,7 @@ def balanced(p, duration, start):
     return np.array(states)
 
 
-@pytest.mark.parametrize("start", [0, 1000])
+@pytest.mark.parametrize("start", [0, pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_sampled_controller(start):
     model = load(MODELS / "cart-pole.yaml")
     text = (MODELS / "cart-pole.yaml").read_text("utf-8")

@@ -322,7 +322,9 @@ def over_a_ground(place, height, speed, w):
     return z, rate
 
 
-@pytest.mark.parametrize("name", ["dop853", "radau", "rk4"])
+@pytest.mark.parametrize(
+    "name", ["dop853", "radau", pytest.param("rk4", marks=pytest.mark.slow)]
+)
 def test_kinks_in_positions_are_passed_in_one_arc(name):
     """However many there are; and every row of a block has its own piece."""
     place, w = np.linspace(0.0, 10.0, 2001), 3.0

@@ -261,7 +261,9 @@ def freely(method, step=None, more=""):
     return np.array([r[f"w.{c}"] for c in "xyz"]), r
 
 
-@pytest.mark.parametrize("method", ["dop853", "taylor"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("dop853", marks=pytest.mark.slow), "taylor"]
+)
 def test_a_body_that_tumbles(method):
     """By elliptic functions. Nothing but its length constrains it: Gauss's a is q''."""
     w, r = freely(method, more="output: {gauss: true}\n")

@@ -50,7 +50,9 @@ def test_a_start_close_to_gimbal_lock_moves(method, lean):
     assert found.trajectory.statistics.evaluations < 10_000
 
 
-@pytest.mark.parametrize("method", ["auto", "dop853"])
+@pytest.mark.parametrize(
+    "method", ["auto", pytest.param("dop853", marks=pytest.mark.slow)]
+)
 def test_a_passage_of_gimbal_lock_is_controlled_no_finer_than_its_rounding(method):
     # Twice past an angle of 1e-3, where M is known to 1e-10 of itself.
     text = TOP.replace("lean: 1e-5", "lean: 1e-3").replace("1.05", "3")

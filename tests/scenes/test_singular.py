@@ -238,7 +238,10 @@ def test_four_bars_pass_their_dead_points(N, speed, length):
         check_told(result, N, speed)
 
 
-@pytest.mark.parametrize(("N", "speed", "length"), [(1, 1, 1), (2, 1, 1), (3, 3, 2)])
+@pytest.mark.parametrize(
+    ("N", "speed", "length"),
+    [(1, 1, 1), (2, 1, 1), pytest.param(3, 3, 2, marks=pytest.mark.slow)],
+)
 def test_four_bars_in_angles(N, speed, length):
     # Stages of a step are off these constraints, which divides their error by the
     # independence; the tips' coordinates happen to keep all uprights parallel.
@@ -250,7 +253,7 @@ def test_four_bars_in_angles(N, speed, length):
     assert result.drift < 1e-8
 
 
-@pytest.mark.parametrize("speed", [1.0, 2.3])
+@pytest.mark.parametrize("speed", [pytest.param(1.0, marks=pytest.mark.slow), 2.3])
 def test_two_mechanisms_side_by_side(speed):
     # They lose rank at other times, or all at the same.
     result = run(in_angles(loops_of(1), loops_of(2, speed=speed, tag="b")))

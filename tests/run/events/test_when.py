@@ -28,7 +28,10 @@ def test_a_trapdoor_opens(when):
     assert found["y"] == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("method", ["method: dop853", "method: rk4, step: 0.01"])
+@pytest.mark.parametrize(
+    "method",
+    ["method: dop853", pytest.param("method: rk4, step: 0.01", marks=pytest.mark.slow)],
+)
 def test_a_latch_holds_where_its_event_acted(method):
     # x - z = d goes up to 0.6 and stays there, within rounding; x + z swings on.
     text = f"""

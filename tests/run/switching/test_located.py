@@ -91,7 +91,10 @@ def test_a_fall_onto_a_spring():
     assert len(found.trajectory.events) == 2 * 21
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 0.01}])
+@pytest.mark.parametrize(
+    "options",
+    [{}, pytest.param({"method": "rk4", "step": 0.01}, marks=pytest.mark.slow)],
+)
 def test_a_branch_without_values_past_its_surface(options):
     # x'' = -sqrt(1 - x) up to x = 1: v^2/2 falls by the integral, 2/3.
     found = run(scene(force="if(x < 1, -sqrt(1 - x), 0)", v=2, duration=5), **options)

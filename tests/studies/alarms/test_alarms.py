@@ -354,7 +354,9 @@ def test_nor_beside_a_heavy_body():
     assert codes(found) == []
 
 
-@pytest.mark.parametrize("unit", ["1e-6", "1", "1e6"])
+@pytest.mark.parametrize(
+    "unit", ["1e-6", *(pytest.param(x, marks=pytest.mark.slow) for x in ("1", "1e6"))]
+)
 def test_polar_coordinates_beside_a_quaternion_still_are(unit):
     polar = f" + {unit}*(r_dot^2 + r^2*phi_dot^2)/2"
     found = run(body(UNROTATED % POLAR, unit, ", r: {}, phi: {}", polar))
