@@ -9,8 +9,8 @@ steps of least change end it.
 
 Contacts that touch at the guess hold, with their friction. One that would be passed is
 added, one that would pull is left, friction that would slide is left out, and the next
-contact is tried where nothing is found. What these do in the end is decided elsewhere,
-by their laws.
+contact is tried where nothing is found, at last each beside those before. What these do
+in the end is decided elsewhere, by their laws.
 """
 
 from __future__ import annotations
@@ -61,6 +61,8 @@ LIGHT = 1e-2
 FAITHFUL = 0.25
 # A curvature of the energy counts as this part of the greatest at least.
 FLAT = 1e-6
+# So many combinations of contacts are tried for each of them.
+TRIES = 4
 # A step is at most so many times as long as the relations.
 FAR = 1e3
 
@@ -373,9 +375,9 @@ def find_rest(
     begun = {k for k in active if not laws[k].slider}
     limits = one_sided(point, {law.constraint for law in laws if law.slider})
     rows = [limits.get(law.constraint, law.row) for law in laws]
-    for far in (False, True):
-        held, tried = begun, set[frozenset[int]]()
-        while frozenset(held) not in tried:
+    for far, wide in (False, False), (True, False), (False, True):
+        held, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
+        while frozenset(held) not in tried and len(tried) <= TRIES * (1 + len(apart)):
             tried.add(frozenset(held))
             rest = Rest(point, stated, [rows[k] for k in sorted(held)], free)
             end = _solved(rest, far=far)
@@ -391,7 +393,12 @@ def find_rest(
             else:
                 more = [laws[k].constraint for k in apart if k not in held]
                 changes = _of(laws, more[:1])
+                bases.append(held)
             held = held ^ changes
+            if wide and frozenset(held) in tried:
+                each = [_of(laws, {laws[k].constraint}) for k in apart]
+                beside = (base | x for base in bases for x in each)
+                held = next((x for x in beside if frozenset(x) not in tried), held)
     return None
 
 

@@ -176,6 +176,19 @@ def test_a_rest(case):
     assert ("undetermined-guess" in codes(start)) is (case[3] == [4.0])
 
 
+@pytest.mark.parametrize(
+    ("walls", "rest"),
+    [("x >= 0, x <= 2, y >= 0, y <= 3", [2, 3]), ("x >= 0, x >= -0.5, x <= 2", [2])],
+)
+def test_pushed_away_from_the_nearest_walls(walls, rest):
+    relations = enumerate(walls.split(","))
+    laws = [f"w{k}: {{relation: {x}, restitution: 0}}" for k, x in relations]
+    text = text_of({}, dict.fromkeys("xy"[: len(rest)], "{guess: 0.1}"), {
+        "potential": "-3*x - 2*y" if "y" in walls else "-3*x",
+        "more": f"constraints: {{{', '.join(laws)}}}\n"})  # fmt: skip
+    assert coordinates(at_rest(text)) == pytest.approx(rest, abs=1e-12)
+
+
 def test_time_is_that_of_the_start():
     for name, rest in (("whirling with t", WHIRL), ("forced", 0.75 * math.cos(2.0))):
         assert coordinates(at_rest(text_of(*CASES[name][:3]), 2.0)) == pytest.approx(
