@@ -415,10 +415,15 @@ class Run:
         return struck.ending
 
     def _set_modes(self, but: Source | None = None) -> Ending | None:
-        """Let all sources set their modes, but for one; all where something strikes."""
+        """Let all sources set their modes, but for one.
+
+        All of them again where something strikes, and once more where laws that go or
+        come change what keeps the motion on a surface.
+        """
+        p, again = self.arc.system.p, bool(self.arc.system.surfaces)
         struck = True
         while struck:
-            struck = False
+            struck, before = False, p.law_mode.copy()
             for source in self.sources:
                 if source is but:
                     continue
@@ -428,6 +433,8 @@ class Run:
                     return begun.ending
                 struck |= begun.rows is not None
             but = None
+            if again and not np.array_equal(p.law_mode, before):
+                struck, again = True, False
         return None
 
     def _take(self, decision: Decision) -> None:

@@ -1,4 +1,4 @@
-"""Displacement of resting coordinates if nothing held them, by the forces on them.
+"""Displacement of what rests: coordinates if nothing held them, and what follows them.
 
 See `mechanics.equations`. A coordinate that moves no farther than the rounding of its
 forces could take it is at rest.
@@ -92,6 +92,30 @@ def could_push(
     pushed = in_groups(labels, roots, pulled)
     linked[chosen] = pushed[chosen] * step * step
     return Held(np.max(forces, axis=1, initial=0.0), np.fmax(own, linked))
+
+
+def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
+    """Displacement of states (l,) if coordinates moved by their `reach` (n,).
+
+    In the whole of the motion, or in its own time constant where a state has one.
+
+    rows : (k, 1 + 2 n + l), times, coordinates, velocities and states
+    """
+    e, g, n = equations, equations.graph, len(equations.q)
+    variables = [g.variable(name) for name in e.state]
+    nodes = [slope for x in e.states for slope in gradient(g, x.rate, variables)]
+    some = rows[:: -(-len(rows) // MOST_ROWS)]
+    values: dict[str, float | Floats] = {p.name: p.value for p in e.model.parameters}
+    values |= dict(zip(("t", *e.state), some.T, strict=True))
+    found = np.abs(evaluate_rows(g, nodes, values, len(some)))
+    slopes = np.max(found, axis=1).reshape(len(e.states), len(variables))
+    time = float(np.ptp(rows[:, 0]))
+    own = slopes[:, 2 * n :].diagonal().copy()
+    slopes[:, 2 * n :][np.diag_indices(len(own))] = 0.0
+    moved = np.concatenate([reach, reach / time, np.zeros(len(own))])
+    for _ in e.states:
+        moved[2 * n :] = slopes @ moved / np.fmax(own, 1.0 / time)
+    return moved[2 * n :]
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:

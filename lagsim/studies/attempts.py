@@ -147,7 +147,6 @@ def compared(
     sizes = np.where((worst > LOST * sizes) & (own > LOST * sizes), own, sizes)
     roots = inertia_roots(equations, start)
     labels = joined(n, [row.A.entries for row in equations.rows])
-    # A state has no inertia, and nothing beside it, by which it could be measured.
     moving, linked, held = np.zeros((3, len(names)))
     moving[:n] = largest_beside(roots, sizes[:n])
     linked[:n] = in_groups(labels, roots, sizes[:n])
@@ -158,10 +157,11 @@ def compared(
     # All else moves by far more than its error, or than a part of what moves beside it.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
-        from lagsim.run.held import could_push
+        from lagsim.run.held import could_follow, could_push
 
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
         held[:n] = could_push(equations, mine, which, step).reach
+        held[n:] = could_follow(equations, mine, held[:n])
         scales, still = _scales(sizes, moving, linked, largest, held)
     rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
     parted = ""

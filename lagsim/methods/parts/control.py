@@ -266,17 +266,36 @@ def allow_roundoff(
     if s.size > s.velocities.stop:
         # The power of forces has no rounding where everything rests, at the start.
         add_bound(s, p, t + h, new, s.velocities.stop, s.size)
-        # Nor has it where rows balance them, or surfaces, but velocities have.
-        if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
-            moved, worked = s.roundoff[s.velocities], s.roundoff[s.quadratures]
-            for i in range(s.n):
-                own = int(p.worked[i])
-                power = abs(s.masses[i]) * s.parts[i] * moved[i] * h
-                if own >= 0:
-                    worked[own] = max(worked[own], power)
     set_tolerances(s, p, t + h, new, k, h)
+    if s.size > s.velocities.stop:
+        bound_by_others(s, p, h, new, k)
     s.rounding_known = 1.0
     return True
+
+
+def bound_by_others(
+    s: Control, p: Parameters, h: float, new: Floats, k: Floats
+) -> None:
+    """Control states and works no finer than errors of others make their rates.
+
+    What follows a coordinate that is held, or the power on it, has no scale but the
+    tolerance of that coordinate; another state may follow it in turn.
+    """
+    for _ in range(1 + s.states):
+        for i in range(s.size):
+            s.work[i] = s.y[i] + (s.tolerances[i] if i % 2 == 0 else -s.tolerances[i])
+        derivative(s.t, s.work, p, s.spare)
+        s.evaluations += 1.0
+        grown = 0
+        for i in range(s.velocities.stop, s.size):
+            change = abs(s.spare[i] - k[i])
+            if h * change > 2.0 * s.tolerances[i] and change < OVERFLOW:
+                grown += 1
+            if change < OVERFLOW:
+                s.roundoff[i] = max(s.roundoff[i], change)
+        set_tolerances(s, p, s.t + h, new, k, h)
+        if grown == 0:
+            break
 
 
 def foresee(s: Control, p: Parameters, k: Floats) -> None:

@@ -230,6 +230,7 @@ class Crossing:
     settled: bool  # the motion has come to rest on the surfaces, by itself,
     left: float  # in so much time
     hit: int | None  # the surface that has ended the arc before
+    resting: Collection[int]  # surfaces at whose level constraints hold the motion
     open: list[int] = field(default_factory=list)  # what forces decide
     loose: list[int] = field(default_factory=list)  # what follows from the open ones
     undecided: list[int] = field(default_factory=list)  # by nothing at all
@@ -259,7 +260,7 @@ class Crossing:
             return
         modes.write()
         rows = modes.rows()
-        if modes.keeps(k):
+        if k in self.resting or modes.keeps(k):
             modes.put(k, self.levels[k], LEVEL)
             return
         rate = self._rate(rows, k)

@@ -28,6 +28,7 @@ from lagsim.tolerances import (
     RESIDUAL_ROUNDOFF,
     SOLUTION_ROUNDOFF,
     TINY,
+    VALUE_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
@@ -470,6 +471,42 @@ class Modes:
             and not np.any(here.J[k])
             and not np.any(there.J[k])
         )
+
+    def held(self) -> dict[int, float]:
+        """Surfaces at whose level constraints hold the motion, but for this rounding.
+
+        Neither a side nor another place gives them a rate that is more than rounding,
+        and they are off by no more than that makes in the run.
+        """
+        arc, span = self.arc, self.arc.settings.duration
+        if not arc.system.m:
+            return {}
+        values = self.values(arc.t, arc.y)
+        levels = [self.level(k, value) for k, value in enumerate(values)]
+        off = np.abs(values - levels)
+        off = np.where(self.on_rates, off, span * np.abs(self.rows().rates) + off)
+        most = np.where(self.on_rates, span, span * span)
+        most *= self._roundoff_of_rates(arc.y)
+        found = off <= most
+        parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
+        former = self.value.copy(), self.kind.copy()
+        for side in (BELOW, ABOVE):
+            for k in np.flatnonzero(found).tolist():
+                self.put(k, levels[k], side)
+            self.write()
+            for y in (arc.y, arc.y + parts * arc.ranges) if found.any() else ():
+                found &= self._roundoff_of_rates(y) >= 0.0
+        self.restore(*former)
+        self.write()
+        return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
+
+    def _roundoff_of_rates(self, y: Floats) -> Floats:
+        """Bound the rounding (K,) of rates at y that are nothing else; -1 of others."""
+        arc, rates = self.arc, self.forced(y)
+        bounds = arc.runner.function("rounding")(arc.t, y)[: arc.system.n]
+        slopes = np.abs(self.rows(y).J[:, : arc.system.n])
+        roundoff = VALUE_ROUNDOFF * (slopes @ np.abs(bounds))
+        return np.where(np.abs(rates) <= roundoff, roundoff, -1.0)
 
     def values(self, t: float, y: Floats) -> Floats:
         """Expressions of the surfaces (K,)."""

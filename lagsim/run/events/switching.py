@@ -65,6 +65,9 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
+        self.resting: dict[
+            int, float
+        ] = {}  # surfaces that constraints hold, see `held`
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = self.passed_at = math.nan
@@ -137,6 +140,13 @@ class Switching(Source):
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
         on = set(at_rest) | ({hit} if hit is not None else set())
+        # What constraints have held until now is still on its level.
+        values = modes.values(arc.t, arc.y)
+        for k, most in self.resting.items():
+            if abs(values[k] - modes.level(k, values[k])) <= most:
+                on.add(k)
+        self.resting = modes.held()
+        on.update(self.resting)
         levels, rows, sizes = self._find_sides(on)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
@@ -144,7 +154,9 @@ class Switching(Source):
         if not rests:
             settled = bool(at_rest) or any(kept[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
-            crossing = Crossing(modes, levels, sizes, at_rest, held, settled, left, hit)
+            crossing = Crossing(
+                modes, levels, sizes, at_rest, held, settled, left, hit, self.resting
+            )
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
             modes.choose(crossing.undecided)

@@ -124,3 +124,46 @@ def test_what_is_held_at_rest_strikes_nothing(hold):
     text += f"modes: {{b: 1, c: 1}}\nevents: {events}\nforces: {{X: -3*c*X_dot}}\n"
     found = simulate(text, error_bar="never")
     assert {event.kind for event in found.events} == {"event"}
+
+
+def test_what_follows_a_coordinate_that_is_held_takes_no_steps_of_its_own():
+    text = HELD.replace("PLACE", "0").replace("0.004", "0.1")
+    text = text.replace(
+        "relation: X = 0, when: t < 0.892", "relation: X_dot = 0, limit: 99"
+    )
+    alone = simulate(text, error_bar="never")
+    both = text.replace("  X: 0", "  u: 0\n  w: 0\n  X: 0", 1)
+    both += "states: {u: {rate: X}, w: {rate: u}}\n"
+    followed = simulate(both)
+    assert followed.record["steps"] <= alone.record["steps"] + 2
+    assert followed["w"] == pytest.approx(0.0, abs=1e-15)
+    assert followed.record["error"]["relative"] < 1e-10
+
+
+RUBBED = """
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: x_dot^2 + ((x_dot + y_dot*cos(y))^2 + (y_dot*sin(y))^2)/2
+  potential: -9.81*cos(y)
+forces: {x: -2*sign(x_dot)}
+constraints: {hold: HOLD}
+initial: {x: X, y: 0.8}
+simulation: {duration: 1, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize("place", ["0", "1"])
+@pytest.mark.parametrize(
+    "hold", ["{relation: x = X, when: t < 0.5}", "{relation: x_dot = 0, limit: 9}"]
+)
+def test_friction_on_what_is_held_is_zero(hold, place):
+    """A pendulum's pivot: its force is d/dt(y' cos y), as sign(0) = 0."""
+    text = RUBBED.replace("HOLD", hold).replace("X", place)
+    found = simulate(text, error_bar="never")
+    held = found.t < 0.45
+    y, v = found["y"][held], found["y_dot"][held]
+    force = -9.81 * np.sin(y) * np.cos(y) - v * v * np.sin(y)
+    assert found["lambda_hold"][held] == pytest.approx(force, abs=1e-9)
+    kinds = [event.kind for event in found.events]
+    released = ["switch", "release", "stick", "slip"]
+    assert kinds == (released if "when" in hold else [])
