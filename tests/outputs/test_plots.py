@@ -80,9 +80,13 @@ def helix():
     return (x, y, z), coordinates(columns, ["x"], scene)
 
 
+def one_sheet(k, **fields):
+    draw, *more = PICTURES[k]
+    return draw(record(swing(), **fields), *more)
+
+
 def sheets(**fields):
-    run = record(swing(), **fields)
-    return [draw(run, *more) for draw, *more in PICTURES]
+    return [one_sheet(k, **fields) for k in range(len(PICTURES))]
 
 
 def drawings(**fields):
@@ -110,7 +114,7 @@ def test_a_picture_is_a_png_of_the_drawn_pixels():
 
 
 def test_an_svg_has_the_size_of_the_sheet_and_is_white():
-    [sheet, *_] = sheets()
+    sheet = one_sheet(0)
     root = ET.fromstring(content(sheet, "svg"))
     size = pytest.approx([72 * sheet.width, 72 * sheet.height], abs=1e-3)
     assert [float(root.get(x).removesuffix("pt")) for x in ("width", "height")] == size
@@ -132,7 +136,7 @@ def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
 
 @pytest.mark.parametrize("form", [pytest.param("svg", marks=pytest.mark.slow), "pdf"])
 def test_files_for_print_are_the_same_again_and_tell_no_date_and_nobody(form):
-    first, _ = made(form), made_anew("png")
+    first, _ = made(form), content(one_sheet(0), "png")
     assert made_anew(form) == first
     told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
     assert not any(told.search(file) for file in first)
@@ -143,7 +147,7 @@ def test_a_line_stands_where_it_stands_in_pixels():
     places = []
     for form, dpi in (("png", DPI), ("svg", 72)):
         with noted() as drawing:
-            content(sheets()[0], form)
+            content(one_sheet(0), form)
         box = drawing.panels[0].box
         places.append(np.array([box.x0, box.y0, box.x1, box.y1]) / dpi)
     assert np.allclose(*places, rtol=0, atol=1e-6)
@@ -370,7 +374,7 @@ def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():
 def test_paths_are_pale_past_the_horizon():
     coloured = []
     for part in (0.1, 0.5, 1.0):
-        found = pixels(sheets(horizon=part * 12.0)[3])
+        found = pixels(one_sheet(3, horizon=part * 12.0))
         coloured.append(np.sum(found[:, :, 2] - found[:, :, 0] > 60))
     assert 0 < coloured[0] < 0.5 * coloured[1] < 0.7 * coloured[2]
 
