@@ -122,8 +122,8 @@ def arrived(s: State, p: Parameters) -> int:
         return at.SWITCH_FOUND
     if s.t >= s.end:
         return at.DONE
-    if p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
-        pass_knots(s, p)
+    if pass_knots(p, s.t + p.apart) > 0:
+        go_on(s, p)
     if (p.passed >= p.known and p.known > 0.0) or s.crossed >= max(s.noted, 1):
         return at.KNOTS_PASSED
     if s.feature_width > 0.0 and s.t >= s.feature_end:
@@ -133,11 +133,13 @@ def arrived(s: State, p: Parameters) -> int:
     return NOWHERE
 
 
-def pass_knots(s: State, p: Parameters) -> None:
-    """Go on with the pieces of tables that begin at the time reached."""
-    while p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
+def pass_knots(p: Parameters, t: float) -> int:
+    """Take the cells behind all knots up to a time; return how many there were."""
+    count = 0
+    while p.passed < p.known and p.knot_times[int(p.passed)] <= t:
         pass_knot(p)
-    go_on(s, p)
+        count += 1
+    return count
 
 
 def passes_level(s: State, p: Parameters) -> bool:

@@ -115,6 +115,8 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
         narrower = unknown_up_to(kind, s, p, low, x)
+        if points >= most and kind == EVENT and low == 0.0:
+            narrower = 0.0  # the step leads on, in any case
         if narrower == 0.0:
             if kind == SIGNAL:
                 found = missed_within(s, p, low, x)

@@ -253,7 +253,7 @@ class Switching(Source):
         """Change of each surface (K,) by errors within the tolerance.
 
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
-        see `methods._controller`.
+        see `methods.parts.control`.
         """
         arc = self.modes.arc
         speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]

@@ -6,7 +6,7 @@ function of t may rise is where its argument (see `localized`) is largest, passe
 zero or is least: `breaks` finds every such moment, however long the rest before it. How
 far the argument has to go from there for the function to fade tells how wide it is.
 Steps end where that begins and shrink towards the moment itself, see
-`methods._adaptive`.
+`methods.parts.driver`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lagsim.language.tables import at_ends
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.driver import pass_knot
+from lagsim.methods.parts.driver import pass_knots
 from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
 from lagsim.program.localized import indicators_in_time
@@ -142,11 +142,8 @@ class Knots(_Ahead):
                 first, *_ = next(self._of(k, clock), (arc.settings.end,))
                 arc.system.set_modes(prevailing(value, arc.t, first), [k])
             self._fill(arc)
-        reached = arc.t + p.apart
-        if arc.t >= arc.settings.end:
-            reached = -math.inf  # a table may end where the run does
-        while p.passed < p.known and p.knot_times[int(p.passed)] <= reached:
-            pass_knot(p)
+        if arc.t < arc.settings.end:  # a table may end where the run does
+            pass_knots(p, arc.t + p.apart)
         return GO_ON
 
     def _rounding(self, clock: Clock) -> float:
@@ -253,9 +250,9 @@ class TimeBreaks(_Ahead):
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 
-# Distances are in powers of e, as in `methods._looks`. The width of what happens is the
-# way on which it fades by the first, and it is over where it has faded by the second;
-# or, where it fades as a power does, after so many widths.
+# Distances are in powers of e, as in `methods.parts.missed`. The width of what happens
+# is the way on which it fades by the first, and it is over where it has faded by the
+# second; or, where it fades as a power does, after so many widths.
 FADED = 0.5
 GONE = 80.0
 FAR = 64.0
