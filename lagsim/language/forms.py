@@ -660,11 +660,13 @@ class Collected:
         """
         g = self.g
         still, core = self.parts(factor)
+        if still == g.one:
+            return g.call("mul", node, factor)
         terms = [(sign, *self.parts(n)) for sign, n in self.addends(node)]
         inside = [(still, *factors) for factors in terms]
         signs = {g.one, g.constant(-1.0)}
         before, after = (len(self._alike(x)[0].keys() - signs) for x in (terms, inside))
-        if still == g.one or after > before or (after == before and core != g.one):
+        if after > before or (after == before and core != g.one):
             return g.call("mul", node, factor)
         return g.call("mul", self.sum(inside), core)
 

@@ -8,6 +8,7 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
@@ -72,7 +73,8 @@ class Graph:
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, Payload] = {}
-        self._known: dict[str, dict[object, int]] = {}  # operation -> args or payload
+        # Operation -> its arguments, or payload -> node.
+        self._known: defaultdict[str, dict[object, int]] = defaultdict(dict)
         self.memoized: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
@@ -97,7 +99,7 @@ class Graph:
         InputError
             Where there would be too many.
         """
-        alike = self._known.setdefault(op, {})
+        alike = self._known[op]
         key = args if payload is None else payload
         known = alike.get(key)
         if known is not None:
@@ -150,11 +152,13 @@ class Graph:
 
     def known(self, op: str, args: tuple[int, ...]) -> int | None:
         """Node of `op` on `args` if there is one already."""
-        return self._known.get(op, {}).get(args)
+        return self._known[op].get(args)
 
     def constant(self, x: float) -> int:
         """Node of the number `x`."""
-        return self.kept(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
+        x = float(x) + 0.0  # -0.0 becomes 0.0
+        known = self._known[CONSTANT].get(x)
+        return self.kept(CONSTANT, payload=x) if known is None else known
 
     def truth(self, x: bool) -> int:
         """Node of a truth value."""
@@ -166,11 +170,12 @@ class Graph:
 
     def variable(self, name: str) -> int:
         """Node of the variable `name`, the same one each time."""
-        return self.kept(VARIABLE, payload=name)
+        known = self._known[VARIABLE].get(name)
+        return self.kept(VARIABLE, payload=name) if known is None else known
 
     def variables(self) -> Mapping[Any, int]:
         """Node of each variable by name."""
-        return self._known.get(VARIABLE, {})
+        return self._known[VARIABLE]
 
     def value(self, node: int) -> float | None:
         """Return the number that `node` is, or None if it is not a constant."""
