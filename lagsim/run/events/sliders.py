@@ -23,7 +23,13 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.trajectory import Outcome
-from lagsim.tolerances import LEAST_CLOSING, SATISFIED, SUM_ROUNDOFF
+from lagsim.tolerances import (
+    DEPENDENT_ROWS,
+    LEAST_CLOSING,
+    SATISFIED,
+    SUM_ROUNDOFF,
+    TINY,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -93,8 +99,11 @@ class _Sliders:
         self._slip(sorted({*self._past(self.own, -at_edge(self.arc)), *self.viscous}))
         self._move()
         past = self._past(self.own, SATISFIED)
-        self._set(self.sliding)
-        past += [k for k in self.sliding if not np.isfinite(self.y).all()]
+        rows = self._at(self.sliding).rows[np.ix_(self.all, self.places)]
+        rows = np.nan_to_num(rows)
+        rows /= np.maximum(np.linalg.norm(rows, axis=1), TINY)[:, None]
+        if not past and not np.linalg.svd(rows)[1].min() > DEPENDENT_ROWS:
+            past = sorted(self.sliding)
         events = self._events() if self.arc.steps else []
         unmet = [self.laws[k].name for k in past]
         elastic = set(past).issubset(self.elastic)
