@@ -62,3 +62,14 @@ def test_as_a_dataframe():
     assert isinstance(frame, pandas.DataFrame)
     assert tuple(frame.columns) == found.columns
     assert frame["theta.end"].tolist() == found["theta.end"].tolist()
+
+
+def test_faults_are_told():
+    model = lagsim.load(PENDULUM)
+    for values, options in (
+        ({"gg": [1]}, {}),
+        ({"g": []}, {}),
+        ({"g": [1]}, {"method": "no"}),
+    ):
+        with pytest.raises(lagsim.InputError):
+            lagsim.sweep(model, values, **options)

@@ -45,6 +45,13 @@ def test_each_gives_the_bytes_of_a_run_alone(lagsim, three, jobs):
         assert {k for k in one if one[k] != other[k]} <= differing
 
 
+def test_by_default_each_has_the_folder_of_its_name(lagsim, write):
+    write(named("a"), "1.yaml"), write(named("b"), "2.yaml")
+    called = lagsim("run", "1.yaml", "2.yaml", "--no-plots", "-q", "-j", 1)
+    assert (called.code, called.out, called.err) == (0, "", "")
+    assert names("results") == ["a", "b"]
+
+
 def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
     called = lagsim("run", *three, "none.yaml", "--no-plots", "--json", "-j", 1, code=2)
     first, second, third, last = called.json

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive
@@ -241,3 +242,19 @@ def range_of(members):
     if last:
         return [*range(int(first), int(last) + 1)]
     return [*map(int, first.split(", "))]
+
+
+def test_what_nobody_can_read_is_refused():
+    definitions = "  d0: x^2 + x\n"
+    definitions += "".join(f"  d{k}: d{k - 1}*d{k - 1} + x\n" for k in range(1, 40))
+    text = f"""
+coordinates: {{x: {{}}}}
+definitions:
+{definitions}
+energy: {{kinetic: x_dot^2/2, potential: d39}}
+initial: {{x: 0}}
+"""
+    found = content(derive(read(text, "model.yaml")))
+    assert str(found.document["definitions"]["d39"]) == "d38**2 + x"
+    with pytest.raises(InputError, match="written out"):
+        content(derive(read(text, "model.yaml")), expand=True)
