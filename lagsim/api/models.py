@@ -297,7 +297,8 @@ def load(source: str | Path, **values: float | str) -> Model:
 class Derivation:
     """The equations of a model, in each format of `lagsim derive`.
 
-    Made when they are asked for. A notebook shows them typeset.
+    Made when they are asked for, or refused by an InputError where they are too long. A
+    notebook shows them typeset.
     """
 
     def __init__(self, model: Read, options: dict[str, bool]) -> None:
