@@ -104,6 +104,15 @@ def latched(t):
     return {"x$": (both + apart) / 2.0, "z$": (both - apart) / 2.0}
 
 
+def bounced(t):
+    """Two members that strike a stop at 2/3 and at 0.5, and a state that decays."""
+    x, z = 1.0 - 1.5 * t, 0.5 - t
+    return {
+        "x$": np.maximum(x, -0.5 * x), "z$": np.maximum(z, -0.5 * z),
+        "s$": 0.7 * np.exp(-t),
+    }  # fmt: skip
+
+
 POINTS = [[float(x), float(y)] for x, y in zip(KNOTS, FORCES, strict=True)]
 CORNERS = [[float(ring(np.zeros(1))[f"p$.{k}.{c}"][0]) for c in "xy"] for k in (2, 3)]
 SPEEDS = [[0.3 - 1.1 * y, 1.1 * x] for x, y in CORNERS]
@@ -161,6 +170,18 @@ FEATURES = (
             "events": {"tick$": "{every: 0.5, set: {k$: k$ + 1}}"},
             "forces": {"x$": '"k$*f$(t)"'},
         },
+    ),
+    Feature(
+        "members in contact", ("1", "-1.5"), bounced,
+        {
+            "coordinates": {"z$": "{}"}, "states": {"s$": "{rate: -s$}"},
+            "definitions": {"h$(1)": "x$", "h$(2)": "z$"},
+            "constraints": {
+                "stop$(i = 1..2)": "{relation: h$(i) >= 0, restitution: 0.5}"
+            },
+            "initial": {"z$": "0.5", "z$_dot": "-1", "s$": "0.7"},
+        },
+        FLAT,
     ),
     Feature(
         "latch", ("0", "1.2"), latched,
@@ -251,7 +272,7 @@ def drawn(seed, count):  # noqa: F811
             yield features, words
 
 
-@pytest.mark.parametrize("f", FEATURES[-6:], ids=lambda f: f.name)
+@pytest.mark.parametrize("f", FEATURES[-7:], ids=lambda f: f.name)
 def test_a_feature_beside_two_others(f):
     moves([f, FEATURES[0], FEATURES[3]], {})
 
