@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
 LINES = 75_700
-LINES_OF_TESTS = 57_500
+LINES_OF_TESTS = 57_630
 
 
 def lines(folder):
