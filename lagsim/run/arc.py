@@ -203,6 +203,14 @@ class Arc(NamedTuple):
         state = self.state
         return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
+    def surface_rows(self, t: float, y: Floats) -> tuple[Floats, Floats]:
+        """Residuals, rates, b, scales (4, K) of the surfaces; their rows (K, n + l)."""
+        K, (starts, columns) = self.system.surfaces, self.system.pattern
+        found = self.runner.function("surface_rows", 4 * K + len(columns))(t, y)
+        J = np.zeros((K, len(y[self.state.driven])))
+        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = found[4 * K :]
+        return found[: 4 * K].reshape(4, K), J
+
     def row(self, y: Floats | None = None) -> Floats:
         """Time and state (1, 1 + size), the one reached or y."""
         row = np.empty((1, 1 + self.system.size))

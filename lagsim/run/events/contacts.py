@@ -297,7 +297,7 @@ class Contacts(Source):
         ends = {k: arc.t + left for k, left in rests.items() if left is not None}
         ends |= stopped
         e = [0.0 if k in ends else here.restitutions[k] for k in some]
-        problem, response = here.problem(some, np.array(e))
+        problem, response = here.problem(some, np.array(e), here.shape.reply)
         if stopped:
             # What ends is held: a slip has the friction of what is left of its impacts.
             kinds = [Kind.TIMED if k in ends else self.laws[k].kind for k in some]
@@ -445,7 +445,7 @@ def select_modes(
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
     """State (size,) a moment later, with multipliers p of laws, to second order."""
     rates = here.free.copy()
-    rates[here.arc.velocities] += here.shape.reply.response[:, some] @ p
+    rates[here.arc.velocities] += here.answer.response[:, some] @ p
     return here.arc.later(here.y, rates, moment)
 
 
@@ -458,7 +458,7 @@ def _ahead(here: Kinematics, some: list[int]) -> Ahead:
         later = Kinematics(here.arc, y, here.t + moment, here.shape)
         w = []
         for x in here, later:
-            D, part = x.shape.reply.D[np.ix_(some, some)], np.ones(len(some))
+            D, part = x.answer.D[np.ix_(some, some)], np.ones(len(some))
             known = here.bounds[some] > 0.0
             part[known] = x.bounds[some][known] / here.bounds[some][known]
             w.append(x.accelerations[some] + D @ (part * p))
@@ -495,7 +495,7 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
     mode, direction = np.zeros(L), np.zeros(L)
     if not some:
         return Chosen(mode, direction, some, np.empty(0), np.empty(0), False)
-    problem, _ = here.problem(some, np.zeros(len(some)))
+    problem, _ = here.problem(some, np.zeros(len(some)), here.answer)
     roundoff = here.roundoff[some]
     asked = here.accelerations[some]
     found = modes(

@@ -441,13 +441,9 @@ class Modes:
 
     def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
         """Return what the surfaces do at the state reached, or at y and t."""
-        arc, K = self.arc, self.count
+        arc = self.arc
         y, t = arc.y if y is None else y, arc.t if t is None else t
-        starts, columns = arc.system.pattern
-        rows = arc.runner.function("surface_rows", 4 * K + len(columns))(t, y)
-        J = np.zeros((K, len(arc.y[arc.state.driven])))
-        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
-        residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
+        (residuals, rates, b, scales), J = arc.surface_rows(t, y)
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:

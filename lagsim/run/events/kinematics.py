@@ -225,8 +225,7 @@ class Kinematics:
         system = self.arc.system
         if not system.p.law_mode.any():
             return self.accelerations
-        field = self.arc.runner.function("field", system.size + system.m)
-        a = field(self.t, self.y)[self.levels[1]]
+        a = self._field(self.t, self.y)[self.levels[1]]
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
@@ -248,11 +247,32 @@ class Kinematics:
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
-        field = arc.runner.function("field", arc.system.size + m)(t, y)
+        field = self._field(t, y)
         p.law_mode[:] = mode
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
-        return field[: arc.system.size], b.copy(), bounds.copy(), statics.copy()
+        return field, b.copy(), bounds.copy(), statics.copy()
+
+    def _field(self, t: float, y: Floats) -> Floats:
+        """Return y' (size,), along the surfaces that the motion follows."""
+        arc, size = self.arc, self.arc.system.size
+        along = arc.system.p.sliding > 0.0
+        found = arc.runner.function("derivative")(t, y) if along else None
+        field = arc.runner.function("field", size + arc.system.m)(t, y)
+        return (field if found is None else found)[:size]
+
+    @cached_property
+    def answer(self) -> Delassus:
+        """Accelerations per multiplier, also beside surfaces that the motion follows.
+
+        Forces keep it there, which no impulse has.
+        """
+        p, shape, n = self.arc.system.p, self.shape, self.arc.system.n
+        if not p.sliding:
+            return shape.reply
+        _, J = self.arc.surface_rows(self.t, self.y)
+        along = J[p.slides == kept.FOLLOWED, :n]
+        return delassus(shape.M, np.vstack([shape.equalities, along]), shape.rows)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.
@@ -327,10 +347,10 @@ class Kinematics:
         )
 
     def problem(
-        self, some: Sequence[int], restitutions: Floats
+        self, some: Sequence[int], restitutions: Floats, reply: Delassus
     ) -> tuple[Closed, Floats]:
         """Rows of some laws as a problem, and what they do (n, r)."""
-        laws, reply = [self.laws[k] for k in some], self.shape.reply
+        laws = [self.laws[k] for k in some]
         places = {k: i for i, k in enumerate(some)}
         # All of them, as is usual, need no copies.
         at = slice(None) if len(some) == self.count else np.array(some)
