@@ -167,3 +167,27 @@ def test_friction_on_what_is_held_is_zero(hold, place):
     kinds = [event.kind for event in found.events]
     released = ["switch", "release", "stick", "slip"]
     assert kinds == (released if "when" in hold else [])
+
+
+JAMMED = """
+parameters: {L: LENGTH, d: 0.368*L}
+coordinates: {x: {}, q: {}}
+definitions: {u: x + 0.375*L*sin(q), h: -0.375*L*cos(q)}
+energy:
+  kinetic: (0.352*x_dot^2 + 1.029*(u_dot^2 + h_dot^2))/2
+  potential: 1.029*9.81*L*h
+forces: {x: (7.52*sin(5.14*t) - 4.22*sign(x_dot))*L}
+constraints: {floor: {relation: h >= -d, restitution: 0.5, friction: 0.2, slip: u_dot}}
+initial: {x: 0.04*L, q: -0.255, q_dot: -0.384}
+simulation: {duration: 1, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize("length", ["1", "1000"])
+def test_a_rod_that_jams_between_a_cart_and_a_floor_rests(length):
+    """Its angle from the vertical has a tangent of 0.196, below the friction of 0.2."""
+    found = simulate(JAMMED.replace("LENGTH", length), error_bar="never")
+    assert found.outcome == "done"
+    late = found.t > 0.7
+    assert found["q"][late] == pytest.approx(-np.arccos(0.368 / 0.375), abs=1e-9)
+    assert found["x_dot"][late] == pytest.approx(0.0, abs=1e-12 * float(length))
