@@ -65,9 +65,7 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
-        self.resting: dict[
-            int, float
-        ] = {}  # surfaces that constraints hold, see `held`
+        self.resting: dict[int, float] = {}  # see `Modes.held`
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = self.passed_at = math.nan
