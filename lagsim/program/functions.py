@@ -485,7 +485,8 @@ def _solved(
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
-    new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
+    forces = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
+    moved = dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
     rates = motion_rates(e, elimination)
     if switching:
         found = {
@@ -493,14 +494,14 @@ def _solved(
             "columns": list(columns.nodes.values()),
         }
     else:
-        new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-        observed = g.substitute(columns.nodes.values(), new)
+        observed = g.substitute(columns.nodes.values(), forces | moved)
         found = {
             "derivative": rates,
             # Rows show the motion without what pulls the state to the constraints.
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
-    found["rounding"] = _rounding(e, elimination)
+    # The power of an eliminated drive depends on q''.
+    found["rounding"] = g.substitute(_rounding(e, elimination), forces | moved)
     if e.rows:
         found |= _steps(e, elimination)
     return found
