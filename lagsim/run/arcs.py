@@ -114,6 +114,8 @@ def finite_rows(rows: Floats, columns: int) -> int:
 MOST_EVENTS = 10_000
 # So many of the last of them show where they come from, and how fast.
 LATELY = 1000
+# Switches and laws that change each other's modes are asked so many times more.
+ROUNDS = 4
 
 
 class Recorder:
@@ -417,10 +419,10 @@ class Run:
     def _set_modes(self, but: Source | None = None) -> Ending | None:
         """Let all sources set their modes, but for one.
 
-        All of them again where something strikes, and once more where laws that go or
-        come change what keeps the motion on a surface.
+        All of them again where something strikes, and a few times more where laws that
+        go or come change what keeps the motion on a surface.
         """
-        p, again = self.arc.system.p, bool(self.arc.system.surfaces)
+        p, again = self.arc.system.p, ROUNDS if self.arc.system.surfaces else 0
         struck = True
         while struck:
             struck, before = False, p.law_mode.copy()
@@ -434,7 +436,7 @@ class Run:
                 struck |= begun.rows is not None
             but = None
             if again and not np.array_equal(p.law_mode, before):
-                struck, again = True, False
+                struck, again = True, again - 1
         return None
 
     def _take(self, decision: Decision) -> None:

@@ -432,7 +432,7 @@ def select_modes(
     own = p.law_place < 0.0  # a slider's are those that it is settled with
     p.law_mode[own], p.law_direction[own] = found.mode[own], found.direction[own]
     _set_floors(here, found, slid)
-    p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
+    p.law_forces = float(any(mode in FORCING for mode in found.mode.tolist()))
     _set_slack(here, found)
     p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
     events = list(_changes(here, before)) if arc.steps else []
@@ -484,15 +484,18 @@ class Chosen(NamedTuple):
 def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> Chosen:
     """Select modes by the accelerations of what is closed and does not separate."""
     laws, L, rates = here.laws, here.count, here.rates
-    closed = here.is_closed(also)
+    closed, p = here.is_closed(also), here.arc.system.p
     some: list[int] = []
+    mode, direction = np.zeros(L), np.zeros(L)
     for k, law in enumerate(laws):
+        if here.slides_in_place(k):
+            mode[k], direction[k] = kept.SLIDING, p.law_direction[k]
+            continue
         leaves = law.kind.one_sided and rates[k] > here.still[k]
         if law.kind is Kind.SLIP:
             leaves = law.normal not in some
         if closed[k] and not leaves:
             some.append(k)
-    mode, direction = np.zeros(L), np.zeros(L)
     if not some:
         return Chosen(mode, direction, some, np.empty(0), np.empty(0), False)
     problem, _ = here.problem(some, np.zeros(len(some)), here.answer)
@@ -503,7 +506,7 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
         np.where(np.abs(asked) <= roundoff, 0.0, asked),
         rates[some],
         roundoff,
-        np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
+        np.maximum(here.still, 2.0 * p.law_still)[some],
         _ahead(here, some),
         np.array([k in left for k in some]),
     )

@@ -17,6 +17,7 @@ from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
+    DEPENDENT_SQUARE,
     SAME_TIME,
     SOLUTION_ROUNDOFF,
     SUM_ROUNDOFF,
@@ -273,6 +274,19 @@ class Kinematics:
         _, J = self.arc.surface_rows(self.t, self.y)
         along = J[p.slides == kept.FOLLOWED, :n]
         return delassus(shape.M, np.vstack([shape.equalities, along]), shape.rows)
+
+    def slides_in_place(self, k: int) -> bool:
+        """Whether a limited law bears its bound, and a surface keeps its slip at 0.
+
+        Nothing but the switch there knows how much more is borne: `sign` of a slip that
+        has a `limit` too. What the law gives changes no acceleration.
+        """
+        law, p, own = self.laws[k], self.arc.system.p, self.shape.reply.D[k, k]
+        slides = p.law_mode[k] == kept.SLIDING and abs(self.rates[k]) <= self.still[k]
+        alone = law.kind is Kind.LIMITED and law.pair < 0 and not law.slider
+        if not (alone and slides and p.sliding):
+            return False
+        return bool(self.answer.D[k, k] <= DEPENDENT_SQUARE * own)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.

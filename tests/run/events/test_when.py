@@ -191,3 +191,31 @@ def test_a_rod_that_jams_between_a_cart_and_a_floor_rests(length):
     late = found.t > 0.7
     assert found["q"][late] == pytest.approx(-np.arccos(0.368 / 0.375), abs=1e-9)
     assert found["x_dot"][late] == pytest.approx(0.0, abs=1e-12 * float(length))
+
+
+@pytest.mark.parametrize(("c", "s"), [(1, 0), (0.8, 0.6)])
+def test_dry_friction_beside_a_limit_adds_to_it(c, s):
+    # Coulomb: `sign` and `limit` on one slip hold it together, by the sum of both.
+    text = """
+parameters: {{F1: 8, F2: 2.4}}
+coordinates: {{r(1..2): {{components: xyz}}}}
+definitions: {{slip: "{c}*r_dot(2).x + {s}*r_dot(2).y"}}
+gravity: [{s}*-3, {c}*3, -9]
+bodies: {{b(i = 1..2): {{mass: 1 + i/4, at: r(i)}}}}
+energy: {{kinetic: bodies, potential: bodies}}
+forces: {{slip: "4*sin(5*t) - {force}"}}
+constraints:
+  rod: norm(r(1)) = 0.4
+  bar: norm(r(2) - r(1)) = 0.4
+  hold: {{relation: slip = 0, limit: {limit}}}
+initial: {{r(1): [0.24, 0, 0.32], r(2): [0, 0.32, 0.32]}}
+simulation: {{duration: 1, output_step: 0.1}}
+"""
+    two, one = (
+        simulate(text.format(c=c, s=s, force=force, limit=limit), error_bar="never")
+        for force, limit in (("F2*sign(slip)", "F1"), ("0", "F1 + F2"))
+    )
+    assert two.complete
+    assert len(two.events) <= 3 * len(one.events) + 3
+    for name in ("r.1.x", "r.2.x", "r.2.y", "r_dot.2.z"):
+        assert two[name] == pytest.approx(one[name], abs=1e-10)
