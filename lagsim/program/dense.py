@@ -416,8 +416,31 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
+    if is_lost(y, p, out) > 0.0:
+        out[: p.n] = 0.0
     out[p.n + 1] = 0.0
     out[p.n + 2] = residual_left(0, t, y, p, out)
+
+
+def is_lost(y: Floats, p: Parameters, step: Floats) -> float:
+    """Whether a change (n,) of positions y shrinks no residual: rounding takes it back.
+
+    Far from the origin, what it moves besides would drift with each projection.
+    """
+    n, lost = p.n, 0.0
+    for j in range(n):
+        if step[j] != 0.0 and y[j] + step[j] == y[j]:
+            lost = 1.0
+    if lost > 0.0:
+        for k in range(int(p.ranked) if LAWS else p.m):
+            i = int(p.order[k])
+            row = p.A[i * n :]
+            after = p.gaps[i]
+            for j in range(n):
+                after += row[j] * ((y[j] + step[j]) - y[j])
+            if abs(after) < abs(p.gaps[i]):
+                lost = 0.0
+    return lost
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import ellipk
 
 from tests.small_scenes import swing as swinging
 from tests.support import run
@@ -134,3 +135,33 @@ simulation: {{duration: 5, output_step: 0.1, formulation: projection}}
     # The energy of the start, 9.81/2; the place is held to some roundings of itself.
     assert np.max(np.abs(energy - 4.905)) < 1e-9 + 1e3 * ROUNDING * place
     assert not result.trajectory.warnings
+
+
+LEANING = """
+coordinates: {{X: {{}}, q: {{}}}}
+definitions: {{bob: "vec(X + 0.4*sin(q), -0.4*cos(q))"}}
+gravity: [0, -9.81]
+bodies: {{bob: {{mass: 0.4, at: bob}}}}
+energy: {{kinetic: "bodies + X_dot^2/2", potential: bodies}}
+constraints: {{wall: {{{law}}}}}
+initial: {{X: "{place!r} + 0.32", q: 1.2}}
+simulation: {{duration: {end}, output_step: 0.1, method: {method}}}
+"""
+
+
+@pytest.mark.parametrize("place", [1e3, 1e6])
+def test_a_cart_leaves_its_wall_when_the_rod_pulls_no_more(place):
+    # At the bottom of the swing, a quarter of its period. No double is at the wall.
+    law = f'relation: "X - {place!r} <= 0.32", restitution: 0'
+    result = run(LEANING.format(law=law, place=place, end=0.4, method="dop853"))
+    (release,) = result.trajectory.events
+    quarter = math.sqrt(0.4 / 9.81) * ellipk(math.sin(0.6) ** 2)
+    assert (release.kind, release.constraint) == ("release", "wall")
+    assert release.time == pytest.approx(quarter, abs=1e-12)
+
+
+def test_what_a_fixed_cart_bears_does_not_drift_with_each_projection():
+    law, method = 'relation: X - 1e6 = 0.32, when: "t < 100"', "rk4, step: 0.001"
+    result = run(LEANING.format(law=law, place=1e6, end=5, method=method))
+    swing = swinging(math.sqrt(9.81 / 0.4) * result["t"], 1.2)
+    assert np.max(np.abs(result["q"] - swing)) < 1e-10
