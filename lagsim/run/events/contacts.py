@@ -529,7 +529,11 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     rtol = float(arc.plan.tolerance)
     for k, law in enumerate(here.laws):
         pair = [k, law.pair]
-        if law.pair < k or kept.SLIDING not in found.mode[pair]:
+        if law.pair < k:
+            continue
+        if kept.SLIDING not in found.mode[pair]:
+            if k in slid or law.pair in slid:  # it stops, and may be asked again
+                stills[pair] = p.law_still[k]
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
         if k in slid or law.pair in slid:

@@ -219,3 +219,19 @@ simulation: {{duration: 1, output_step: 0.1}}
     assert len(two.events) <= 3 * len(one.events) + 3
     for name in ("r.1.x", "r.2.x", "r.2.y", "r_dot.2.z"):
         assert two[name] == pytest.approx(one[name], abs=1e-10)
+
+
+def test_a_disc_that_stops_beside_a_table_stops_once():
+    # The springs push by less than the brake holds: what has come to rest stays there.
+    found = simulate("""
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: (x_dot^2 + 1.3*y_dot^2 + 0.4*x_dot*y_dot)/2
+  potential: 10*x^2 + 5*(x - y)^2
+tables: {force: {points: [[-1, 1], [0, 0], [1, -1.2]], interpolation: monotone}}
+forces: {x: force(x)}
+constraints: {brake: {relation: [x_dot = 0, y_dot = 0], limit: 8}}
+initial: {x: 0.1, x_dot: 0.4, y: 0.05, y_dot: 0.3}
+simulation: {duration: 1, output_step: 0.1}
+""")
+    assert [event.kind for event in found.events] == ["stick"]
