@@ -28,6 +28,7 @@ from lagsim.run.events.sliders import at_edge, settle
 from lagsim.run.events.transitions import count_closed
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
     LEAST_CLOSING,
     SATISFIED,
@@ -216,6 +217,13 @@ class Contacts(Source):
             self.asked_at = arc.t
         left = self.left if arc.t == self.left_at else set()
         events, paradox, unique = select_modes(here, also, self.slid, left)
+        held = np.flatnonzero(arc.system.p.law_mode == kept.HELD).tolist()
+        stopped = [k in self.slid and self.laws[k].pair >= 0 for k in held]
+        if any(stopped):  # what is left of the speed of a disc goes no farther
+            asked, reply = np.where(stopped, here.rates[held], 0.0), here.shape.reply
+            found.y[arc.velocities] -= reply.response[:, held] @ _raised(
+                reply.D, held, asked
+            )
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in events if e.constraint not in rested]
         if paradox:
@@ -542,10 +550,13 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
         scale = rubs * _steady(here, found, pair, rubs)
-        floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * here.still[k])
+        # Below this it would turn and stop in fewer roundings of the time than steps
+        # need.
+        rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
+        floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * max(here.still[k], rounded))
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
         floor = max(floor, rubs * (arc.plan.step or 0.0) / 2.0)
-        stills[pair] = rtol * scale
+        stills[pair] = max(rtol * scale, rounded)
         if speed < floor:
             floors[pair] = floor
     p.law_floor[:], p.law_still[:] = floors, stills
