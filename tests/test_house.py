@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_770
-LINES_OF_TESTS = 57_700
+LINES = 75_780
+LINES_OF_TESTS = 57_740
 
 
 def lines(folder):
