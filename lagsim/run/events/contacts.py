@@ -321,6 +321,9 @@ class Contacts(Source):
                 problem.D, deep, gaps
             )
         found.y[arc.velocities] += response @ result.impulses
+        if deep:
+            left = rates + problem.D @ result.impulses
+            found.y[arc.velocities] -= _moving_again(here, found.y, some, left)
         changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
         found.y[arc.state.quadratures][: arc.system.works] += changes
         arc.system.p.impulses[some] = result.impulses
@@ -402,6 +405,19 @@ def _raised_state(here: Kinematics) -> Floats:
             asked = np.append(values[low], np.zeros(len(held)))
             y[level] -= reply.response[:, rows] @ _raised(reply.D, rows, asked)
     return y
+
+
+def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) -> Floats:
+    """Velocities (n,) that what has been stopped has at y, a rounding from there.
+
+    left : rates (r,) of the laws `some` before
+    """
+    there, reply = Kinematics(here.arc, y, known=here.shape), here.shape.reply
+    rests = np.abs(left) <= here.still[some]
+    rows = [k for k, still in zip(some, rests.tolist(), strict=True) if still]
+    if not (np.abs(there.rates[rows]) > there.still[rows]).any():
+        return np.zeros(here.arc.system.n)
+    return reply.response[:, rows] @ _raised(reply.D, rows, there.rates[rows])
 
 
 def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:

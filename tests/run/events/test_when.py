@@ -255,3 +255,21 @@ simulation: {{start: {start}, duration: 1, output_step: 0.1}}
         assert [e.kind for e in found.events] == [e.kind for e in first.events]
         assert found["x"][-1] == pytest.approx(first["x"][-1], abs=1e-10)
         assert found["y"][-1] == pytest.approx(first["y"][-1], abs=1e-10)
+
+
+@pytest.mark.parametrize("floor", [0, 1000, -3000])
+def test_a_rod_falls_onto_a_floor_far_away_once(floor):
+    # Without restitution it strikes once: at the height to which rounding has put it,
+    # its foot is as much at rest as where it struck.
+    text = f"""
+parameters: {{Y: {floor}}}
+coordinates: {{x: {{}}, y: {{}}, a: {{}}}}
+definitions: {{gap: y - Y - cos(a)/2, foot: x - sin(a)/2}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2 + a_dot^2/24, potential: 9.81*(y - Y)}}
+constraints:
+  floor: {{relation: gap >= 0, restitution: 0, friction: 0.2, slip: foot_dot}}
+initial: {{x: 0, y: Y + 0.552, a: 0.498, x_dot: 0.2, y_dot: -0.3, a_dot: 2.51}}
+simulation: {{duration: 0.5, output_step: 0.1}}
+"""
+    found = simulate(text, error_bar="never")
+    assert [event.kind for event in found.events] == ["impact", "contact"]
