@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_780
-LINES_OF_TESTS = 57_740
+LINES = 75_800
+LINES_OF_TESTS = 57_760
 
 
 def lines(folder):
