@@ -512,7 +512,8 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
     some: list[int] = []
     mode, direction = np.zeros(L), np.zeros(L)
     for k, law in enumerate(laws):
-        if here.slides_in_place(k):
+        pressed = law.kind is not Kind.SLIP or law.normal in some
+        if pressed and here.slides_in_place(k):
             mode[k], direction[k] = kept.SLIDING, p.law_direction[k]
             continue
         leaves = law.kind.one_sided and rates[k] > here.still[k]
@@ -535,6 +536,9 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
         np.array([k in left for k in some]),
     )
     mode[some], direction[some] = [float(x) for x in found.mode], found.direction
+    for k, law in enumerate(laws):
+        if law.kind is Kind.SLIP and mode[law.normal] == kept.OFF:
+            mode[k] = kept.OFF
     diagonal = np.diag(problem.D).copy()
     return Chosen(mode, direction, some, found.multipliers, diagonal, found.paradox)
 

@@ -276,14 +276,15 @@ class Kinematics:
         return delassus(shape.M, np.vstack([shape.equalities, along]), shape.rows)
 
     def slides_in_place(self, k: int) -> bool:
-        """Whether a limited law bears its bound, and a surface keeps its slip at 0.
+        """Whether a law bears its bound, and a surface keeps its slip at 0.
 
         Nothing but the switch there knows how much more is borne: `sign` of a slip that
-        has a `limit` too. What the law gives changes no acceleration.
+        has a `limit` or friction too. What the law gives changes no acceleration.
         """
         law, p, own = self.laws[k], self.arc.system.p, self.shape.reply.D[k, k]
         slides = p.law_mode[k] == kept.SLIDING and abs(self.rates[k]) <= self.still[k]
-        alone = law.kind is Kind.LIMITED and law.pair < 0 and not law.slider
+        bounded = law.kind in (Kind.LIMITED, Kind.SLIP)
+        alone = bounded and law.pair < 0 and not law.slider
         if not (alone and slides and p.sliding):
             return False
         return bool(self.answer.D[k, k] <= DEPENDENT_SQUARE * own)

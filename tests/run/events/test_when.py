@@ -273,3 +273,28 @@ simulation: {{duration: 0.5, output_step: 0.1}}
 """
     found = simulate(text, error_bar="never")
     assert [event.kind for event in found.events] == ["impact", "contact"]
+
+
+def test_dry_friction_of_a_floor_and_of_a_switch_add_until_it_lifts_off():
+    # Coulomb: together they hold the slip by 0.2*10 + 0.5 = 0.25*10 N, until the block
+    # is lifted at t = 3.3.
+    text = """
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: 10*z}}
+forces: {{x: "3*sin(3*t) - {force}", z: "if(t < 3.3, 0, 12)"}}
+constraints:
+  floor: {{relation: z >= 0, restitution: 0, friction: {mu}, slip: x_dot}}
+initial: {{x: 0, z: 0, x_dot: 0.4}}
+simulation: {{duration: 5, output_step: 0.1}}
+"""
+    two, one = (
+        simulate(text.format(force=force, mu=mu), error_bar="never")
+        for force, mu in (
+            ("0.5*sign(x_dot)", 0.2),
+            ("if(t < 3.3, 0, 0.5*sign(x_dot))", 0.25),
+        )
+    )
+    assert two.complete
+    assert len(two.events) <= 20
+    for name in ("x", "z", "x_dot"):
+        assert two[name] == pytest.approx(one[name], abs=1e-10)
