@@ -416,37 +416,39 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
-    if is_lost(y, p, out) > 0.0:
-        out[: p.n] = 0.0
+    drop_lost(y, p, p.gaps, out)
     out[p.n + 1] = 0.0
     out[p.n + 2] = residual_left(0, t, y, p, out)
 
 
-def is_lost(y: Floats, p: Parameters, step: Floats) -> float:
-    """Whether a change (n,) of positions y shrinks no residual: rounding takes it back.
+def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
+    """Leave no change (n,) of x that shrinks no residual: rounding takes it back.
 
-    Far from the origin, what it moves besides would drift with each projection.
+    Far from the origin, or at high speeds, what it moves besides would drift with each
+    projection. x : positions, or velocities, first; residuals : (m,), what they leave.
     """
     n, lost = p.n, 0.0
     for j in range(n):
-        if step[j] != 0.0 and y[j] + step[j] == y[j]:
+        if step[j] != 0.0 and x[j] + step[j] == x[j]:
             lost = 1.0
     if lost > 0.0:
         for k in range(int(p.ranked) if LAWS else p.m):
             i = int(p.order[k])
             row = p.A[i * n :]
-            after = p.gaps[i]
+            after = residuals[i]
             for j in range(n):
-                after += row[j] * ((y[j] + step[j]) - y[j])
-            if abs(after) < abs(p.gaps[i]):
+                after += row[j] * ((x[j] + step[j]) - x[j])
+            if abs(after) < abs(residuals[i]):
                 lost = 0.0
-    return lost
+    if lost > 0.0:
+        step[:n] = 0.0
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Write the same for the velocities and the rates, with sigma instead of 0."""
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
+    drop_lost(y[p.velocities], p, p.gap_rates, out)
     out[p.n + 1] = p.sigma
     out[p.n + 2] = residual_left(p.m, t, y, p, out)
     if not LAWS:
