@@ -174,3 +174,24 @@ def test_what_a_held_cart_bears_does_not_drift_with_each_projection(relation, sp
     result = run(text)
     swing = swinging(math.sqrt(9.81 / 0.4) * result["t"], 1.2)
     assert np.max(np.abs(result["q"] - swing)) < 1e-10
+
+
+@pytest.mark.parametrize("start", [0.0, 1e4, 33333.3])
+def test_a_belt_turns_back_under_a_block_on_a_rail_at_any_time(start):
+    # The belt holds it until both rest; then the rail holds it: 6 - 1 N of its 6 N.
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: -x}}
+forces: {{x: -6*sign(x_dot)}}
+constraints:
+  belt: {{relation: "x_dot = 0.1*cos(5.85*(t - {start!r}))", limit: 6}}
+initial: {{x: 0, x_dot: 0.1}}
+simulation: {{start: {start!r}, duration: 0.5, output_step: 0.1, method: dop853}}
+"""
+    result = run(text)
+    assert result.trajectory.outcome.complete
+    events = result.trajectory.events
+    assert sorted(e.kind for e in events) == ["slip", "stick", "switch"]
+    assert {e.time for e in events} == {events[0].time}
+    assert events[0].time - start == pytest.approx(math.pi / 2 / 5.85, abs=1e-11)
+    assert result["x"][-1] == pytest.approx(0.1 / 5.85, abs=1e-12)

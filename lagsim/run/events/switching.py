@@ -65,6 +65,8 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
+        # The surface met last, and when: the state is on it, whoever asks once more.
+        self.met: tuple[float, int | None] = (math.nan, None)
         self.resting: dict[int, float] = {}  # see `Modes.held`
         self.approaches = 0
         self.reach = AHEAD
@@ -137,7 +139,9 @@ class Switching(Source):
                 held[hit] = ABOVE if share > 0.5 else BELOW
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
-        on = set(at_rest) | ({hit} if hit is not None else set())
+        self.met = self.met if hit is None else (arc.t, hit)
+        met = self.met[1] if self.met[0] == arc.t else None
+        on = set(at_rest) | ({met} if met is not None else set())
         # What constraints have held until now is still on its level.
         values = modes.values(arc.t, arc.y)
         for k, most in self.resting.items():
@@ -153,7 +157,7 @@ class Switching(Source):
             settled = bool(at_rest) or any(kept[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(
-                modes, levels, sizes, at_rest, held, settled, left, hit, self.resting
+                modes, levels, sizes, at_rest, held, settled, left, met, self.resting
             )
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
