@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_800
-LINES_OF_TESTS = 57_780
+LINES = 75_810
+LINES_OF_TESTS = 57_810
 
 
 def lines(folder):
