@@ -385,6 +385,8 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
             SATISFIED * np.abs(point.array(nodes)) + CAUTION * point.rounding(nodes)
         )
     bounds = np.abs(K) @ np.nan_to_num(bounds) + RESIDUAL_ROUNDOFF * terms
+    # K itself is rounded, also between bodies that nothing joins.
+    bounds += RESIDUAL_ROUNDOFF * float(np.linalg.norm(f / sizes)) / sizes
     pairs = zip(e.accelerations, a + K @ pushes, bounds, strict=True)
     return [_at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
 

@@ -372,3 +372,21 @@ def test_the_command(change, code, text, lagsim, write):
         called = lagsim(command[0], path, *command[1:], code=code)
         if code or command[0] == "check":
             assert re.search(text, called.out + called.err)
+
+
+@pytest.mark.parametrize("names", ["Z: {}, x: {}, y: {}", "x: {}, y: {}, Z: {}"])
+def test_a_heavy_body_at_rest_beside_a_pendulum_rests_wherever_it_stands(names):
+    # The pendulum of length 0.4 hangs where a spring to x = 0.3 balances its weight:
+    # 20*(0.3 - x) = 9.81*x/sqrt(0.16 - x^2). Nothing joins the heavy body to it.
+    found = simulate(f"""
+coordinates: {{{names}}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2)/2 + 1e6*Z_dot^2/2
+  potential: 9.81*y + 4.5e6*Z^2 + 10*(x - 0.3)^2
+constraints: {{rod: x^2 + y^2 = 0.16}}
+initial: {{Z: 0, x: {{guess: 0.24}}, y: {{guess: -0.32}}}}
+simulation: {{begin: rest, duration: 1, output_step: 0.5}}
+""")
+    x = brentq(lambda x: 20 * (0.3 - x) - 9.81 * x / math.sqrt(0.16 - x * x), 0, 0.3)
+    assert found["x"] == pytest.approx(x, abs=1e-12)
+    assert found["Z"] == pytest.approx(0.0, abs=1e-18)
