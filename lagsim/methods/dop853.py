@@ -151,9 +151,13 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
     # Perhaps it is nothing but rounding.
-    doubtful = error >= 1.0 or (error >= SLOWING and s.balanced > 0.0)
+    doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
+    s.balanced_alone = 0.0
+    if not doubtful and error >= SLOWING and s.balanced > 0.0:
+        doubtful = True
+        s.balanced_alone = 1.0
     if doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
         error = error_norm(s, h, errors)
     if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):

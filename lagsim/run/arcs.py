@@ -358,7 +358,8 @@ class Run:
     def _may_jump(self) -> bool:
         """Whether a constraint or its rate may jump; laws see to their own impacts."""
         e = self.arc.equations
-        return may_jump(e, [node for x in e.rows for node in (x.residual, x.rate)])
+        nodes = [node for x in e.rows for node in (x.residual, x.rate)]
+        return self.arc.system.m > 0 and may_jump(e, nodes)
 
     def _corner(self, code: int) -> Floats | None:
         """Look at the columns just before an event, where they are wanted."""

@@ -72,6 +72,7 @@ class Control(Output):
     lost_below: float  # the rows have lost rank where sigma is below this
     rounding_known: float  # 1 once its roundoff has been bounded in this step
     balanced: float  # 1 where a component has no scale but that of forces that cancel
+    balanced_alone: float  # 1: the roundoff of these alone counts
     sizes: Floats = array("size")  # the largest of y so far
     # The least and the largest value of each component.
     low: Floats = array("size", inf)
@@ -183,11 +184,14 @@ def set_tolerances(
             roundoff[i] = max(floor * rate, AMPLIFIED * of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
+        rough = floor * max(s.sizes[i], abs(after))
         if sized < least:
             sized = least
             s.balanced = 1.0
-        rough = floor * max(s.sizes[i], abs(after))
-        rough = max(rough, roundoff[i] * h, UNDERFLOW)
+            rough = max(rough, roundoff[i] * h)
+        elif s.balanced_alone == 0.0:
+            rough = max(rough, roundoff[i] * h)
+        rough = max(rough, UNDERFLOW)
         s.tolerances[i] = max(rtol * sized, rough)
     if p.m > 0:
         share_tolerances(s)

@@ -454,6 +454,7 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0
     shorten(s, high)
+    s.row_limit = min(s.row_limit, s.t)
 
 
 def end_of(
@@ -478,7 +479,6 @@ def shorten(s: Events, x: float) -> None:
     """
     s.cut = x
     s.t = s.step_t + x * s.step_h
-    s.row_limit = min(s.row_limit, s.t)
 
 
 def orient(s: Events, p: Parameters, t: float, y: Floats, most: float) -> None:
