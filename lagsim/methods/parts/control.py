@@ -45,7 +45,7 @@ FLOOR = 1e-3
 LEAK = 1e-2
 # What a method's stages make of the rounding of velocities in the error estimate of a
 # position: the coefficients of DOP853 are as large as 43, of either sign.
-AMPLIFIED = 4.0
+AMPLIFIED = 3.0
 # What of its range counts as the size of a component: an oscillation about 0 is half of
 # it in size, a motion away from 0 the whole.
 WIDTH = 0.7
@@ -184,15 +184,11 @@ def set_tolerances(
             roundoff[i] = max(floor * rate, AMPLIFIED * of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
-        rough = floor * max(s.sizes[i], abs(after))
-        if sized < least:
-            sized = least
-            s.balanced = 1.0
+        s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
+        rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
+        if sized < least or s.balanced_alone == 0.0:
             rough = max(rough, roundoff[i] * h)
-        elif s.balanced_alone == 0.0:
-            rough = max(rough, roundoff[i] * h)
-        rough = max(rough, UNDERFLOW)
-        s.tolerances[i] = max(rtol * sized, rough)
+        s.tolerances[i] = max(rtol * max(sized, least), rough)
     if p.m > 0:
         share_tolerances(s)
     if p.works > 0:
