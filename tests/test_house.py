@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
-LINES = 75_810
-LINES_OF_TESTS = 57_830
+LINES = 75_820
+LINES_OF_TESTS = 57_850
 
 
 def lines(folder):
