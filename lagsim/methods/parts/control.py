@@ -43,9 +43,9 @@ FLOOR = 1e-3
 # in the stages of a step, errors of one act on the others; projection takes them out.
 # A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
 LEAK = 1e-2
-# What a method's stages make of the rounding of velocities in the error estimate of a
-# position: the coefficients of DOP853 are as large as 43, of either sign.
-AMPLIFIED = 3.0
+# What a method's stages make of rounding in the error estimate of what has no scale but
+# that: the coefficients of DOP853 are as large as 43, of either sign.
+AMPLIFIED = 4.0
 # What of its range counts as the size of a component: an oscillation about 0 is half of
 # it in size, a motion away from 0 the whole.
 WIDTH = 0.7
@@ -181,13 +181,13 @@ def set_tolerances(
         if i < n:
             # Positions: what their velocities do in the step.
             part *= moment
-            roundoff[i] = max(floor * rate, AMPLIFIED * of_velocities[i] * h)
+            roundoff[i] = max(floor * rate, of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
         s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
         rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
-        if sized < least or s.balanced_alone == 0.0:
-            rough = max(rough, roundoff[i] * h)
+        counts = AMPLIFIED if sized < least else 1.0 - s.balanced_alone
+        rough = max(rough, counts * roundoff[i] * h)
         s.tolerances[i] = max(rtol * max(sized, least), rough)
     if p.m > 0:
         share_tolerances(s)
