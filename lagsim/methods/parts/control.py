@@ -43,8 +43,8 @@ FLOOR = 1e-3
 # in the stages of a step, errors of one act on the others; projection takes them out.
 # A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
 LEAK = 1e-2
-# What a method's stages make of rounding in the error estimate of what has no scale but
-# that: the coefficients of DOP853 are as large as 43, of either sign.
+# What a method's stages make of rounding in the error estimate of what constraints
+# hold: the coefficients of DOP853 are as large as 43, of either sign.
 AMPLIFIED = 4.0
 # What of its range counts as the size of a component: an oscillation about 0 is half of
 # it in size, a motion away from 0 the whole.
@@ -168,6 +168,7 @@ def set_tolerances(
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
     s.balanced = 0.0
+    held = AMPLIFIED if CONSTRAINED else 1.0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -186,7 +187,7 @@ def set_tolerances(
         least = FLOOR * moment * part
         s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
         rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
-        counts = AMPLIFIED if sized < least else 1.0 - s.balanced_alone
+        counts = held if sized < least else 1.0 - s.balanced_alone
         rough = max(rough, counts * roundoff[i] * h)
         s.tolerances[i] = max(rtol * max(sized, least), rough)
     if p.m > 0:
