@@ -161,7 +161,8 @@ def compared(
 
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
         held[:n] = could_push(equations, mine, which, step).reach
-        held[n:] = could_follow(equations, mine, held[:n])
+        if equations.states:
+            held[n:] = could_follow(equations, mine, held[:n])
         scales, still = _scales(sizes, moving, linked, largest, held)
     rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
     parted = ""

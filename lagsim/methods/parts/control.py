@@ -268,7 +268,7 @@ def allow_roundoff(
         # The power of forces has no rounding where everything rests, at the start.
         add_bound(s, p, t + h, new, s.velocities.stop, s.size)
     set_tolerances(s, p, t + h, new, k, h)
-    if s.size > s.velocities.stop:
+    if s.states > 0 or (p.works > 0 and (p.m > 0 or p.sliding > 0.0)):
         bound_by_others(s, p, h, new, k)
     s.rounding_known = 1.0
     return True
@@ -290,10 +290,9 @@ def bound_by_others(
         grown = 0
         for i in range(s.velocities.stop, s.size):
             change = abs(s.spare[i] - k[i])
-            if h * change > 2.0 * s.tolerances[i] and change < OVERFLOW:
-                grown += 1
             if change < OVERFLOW:
                 s.roundoff[i] = max(s.roundoff[i], change)
+                grown += 1 if h * change > 2.0 * s.tolerances[i] else 0
         set_tolerances(s, p, s.t + h, new, k, h)
         if grown == 0:
             break

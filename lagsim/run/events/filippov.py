@@ -484,13 +484,15 @@ class Modes:
         most = np.where(self.on_rates, span, span * span)
         most *= self._roundoff_of_rates(arc.y)
         found = off <= most
+        if not found.any():
+            return {}
         parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
         former = self.value.copy(), self.kind.copy()
         for side in (BELOW, ABOVE):
             for k in np.flatnonzero(found).tolist():
                 self.put(k, levels[k], side)
             self.write()
-            for y in (arc.y, arc.y + parts * arc.ranges) if found.any() else ():
+            for y in (arc.y, arc.y + parts * arc.ranges):
                 found &= self._roundoff_of_rates(y) >= 0.0
         self.restore(*former)
         self.write()

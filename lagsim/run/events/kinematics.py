@@ -256,11 +256,11 @@ class Kinematics:
 
     def _field(self, t: float, y: Floats) -> Floats:
         """Return y' (size,), along the surfaces that the motion follows."""
-        arc, size = self.arc, self.arc.system.size
-        along = arc.system.p.sliding > 0.0
-        found = arc.runner.function("derivative")(t, y) if along else None
-        field = arc.runner.function("field", size + arc.system.m)(t, y)
-        return (field if found is None else found)[:size]
+        runner, system = self.arc.runner, self.arc.system
+        along = runner.function("derivative")(t, y) if system.p.sliding else None
+        # Last, as it leaves b and the bounds of laws.
+        field = runner.function("field", system.size + system.m)(t, y)
+        return (field if along is None else along)[: system.size]
 
     @cached_property
     def answer(self) -> Delassus:
