@@ -178,6 +178,6 @@ def test_a_process_that_hangs_shows_where():
 def test_each_variable_of_the_tests_is_told():
     asked = re.compile(r"environ\.get\(\s*\"(LAGSIM_\w+)\"")
     names = {one[1] for _, text in sources() for one in asked.finditer(text)}
-    told = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    told = (ROOT / "docs" / "adding.md").read_text("utf-8")
     assert {"LAGSIM_TEST_PATIENCE", "LAGSIM_TEST_SLICE"} <= names
     assert [name for name in sorted(names) if f"`{name}`" not in told] == []
