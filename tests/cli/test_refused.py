@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from lagsim.codes import errors
+from lagsim.studies.sweep.runs import MOST_RUNS
 from tests.cli._results import names
 from tests.small_scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM, TIMELESS
 
 OSCILLATOR = """\
-parameters: {k: 4, step: 1}
+parameters: {k: 4, step: 1, reason: 1}
 coordinates: {x: }
 energy: {kinetic: x_dot^2/2, potential: k*x^2/2DAMPED}
 initial: {x: 1}
@@ -133,6 +134,42 @@ LINES |= {
     for k, told in enumerate(GARBLED.values())
 }
 
+SWEPT: dict[str, str | tuple[str, str]] = {
+    "": "NAME=A:B:N",
+    **dict.fromkeys(("g", "=1,2"), "a name and its values"),
+    "g=1 g=2": "g is given twice",
+    **dict.fromkeys(
+        ("g=1:2:1", "g=1:2", "g=1:2:x", "g=1:2:3:4"), "two ends and how many"
+    ),
+    "gg=1": "`gg` is no parameter of",
+    "g=1,nothing": "nothing",
+    "g=1,": "",
+    "g=1/0,1": "not a finite number",
+    "g=0:1:123456789": f"more than {MOST_RUNS}",
+    "g=0:1:2000 l=0:1:2000": f"more than {MOST_RUNS}",
+    # All faults at once: the hint is that of the first.
+    "thetta=1 g=+": ("a value is expected", "did you mean `theta`?"),
+    "L=1,2": "`L`",
+    "l=1+": "a value is expected",
+    "l=1 --method no": "there is no method `no`",
+    "l=1 --ends --keep": "--ends makes no rows, which --keep",
+    "l=1 --ends --error-bar always": "--ends makes no rows",
+    "l=1,2 -o good.csv": "the output folder good.csv is not a folder",
+    "l=1,2 -o good.csv/x": "the output folder good.csv/x ",
+    "g=1,2 --points p.csv": "one of NAME",
+    "--points none.csv": "none.csv: No such file",
+    "--sample g=normal(1,1)": "-N goes with --sample",
+    "g=1,2 -N 5": "-N goes with",
+    "g=1,2 --seed 5": "--seed with both",
+    "--sample g=normal(1) -N 2": "normal(mean, deviation)",
+    "--sample g=uniform(2,1) -N 2": "low is less than high",
+    "--sample g=normal(1,0) -N 2": "more than 0",
+    "--sample g=normal(1,1) --sample g=normal(1,1) -N 2": "given twice",
+    "--sample G=normal(1,1) -N 2": "`G` is no parameter",
+    "--sample g=normal(1,1) -N 2000000": "more than 1000000",
+}
+LINES |= {f"sweep swing.yaml {words}".strip(): told for words, told in SWEPT.items()}
+LINES["sweep spring.yaml reason=1,2"] = "sweep.csv has a column of that name"
 SPRING, SWING = "stability spring.yaml", "bench swing.yaml"
 LINES |= {
     f"{SWING} --methods dop853,dop54": "there is no method `dop54`",
@@ -179,13 +216,6 @@ LINES |= {
     "run contact.yaml --method taylor": "`taylor` cannot",
     "run timeless.yaml -o out": ("`run` needs to know how long", "--duration"),
     "run swing.yaml --table npz --resume": "--resume",
-    "sweep swing.yaml": "NAME=A:B:N",
-    "sweep swing.yaml L=1,2": "`L`",
-    "sweep swing.yaml l=1:2": "l=1:2",
-    "sweep swing.yaml l=1 --method no": "there is no method `no`",
-    "sweep swing.yaml l=1+": "a value is expected",
-    "sweep swing.yaml l=1 --ends --keep": "--ends makes no rows, which --keep",
-    "sweep swing.yaml l=1 --ends --error-bar always": "--ends makes no rows",
     "spectrum out x -o x.txt": "x.txt: no such format",
     "overlay one -o it.doc": "ends in .png, .svg, .pdf or .html",
     **{
@@ -211,8 +241,6 @@ LINES |= {
     "golden swing.yaml --update --dir good.csv": (
         "the output folder good.csv is not a folder"
     ),
-    "sweep swing.yaml l=1,2 -o good.csv": "the output folder good.csv is not a folder",
-    "sweep swing.yaml l=1,2 -o good.csv/x": "the output folder good.csv/x ",
     "stability a.yaml b.yaml": "b.yaml",
     "run a.yaml --bogus": "--bogus",
     "simulate": "simulate",

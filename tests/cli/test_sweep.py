@@ -392,37 +392,15 @@ energy: {kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}
 initial: {r: 1, phi: 0, phi_dot: 1}
 simulation: {duration: 3, output_step: 0.1, rtol: 1e-9, formulation: full}
 """
-SWEPT = ("phi_dot=0:1.2:7", "mu=0.9,1.1")
-
-
-@pytest.fixture
-def falling(tmp_path):
-    path = tmp_path / "fall.yaml"
-    path.write_text(f"name: fall\n{CENTRE}")
-    return str(path)
 
 
 @pytest.mark.slow
-def test_they_are_the_ends_of_whole_runs(falling, lagsim):
-    swept = ("sweep", falling, *SWEPT, "-j", 1)
+def test_they_are_the_ends_of_whole_runs(lagsim, write):
+    swept = ("sweep", write(CENTRE), "phi_dot=0:1.2:7", "mu=0.9,1.1", "-j", 1)
     lagsim(*swept, "--ends", "-o", "ends", code=3)
     lagsim(*swept, *QUICK, "-o", "whole", code=3)
     one, other = rows_of("ends"), rows_of("whole")
     assert len(one) == len(other) == 14
-    # Without any turn it falls into the centre, whoever makes the run.
-    assert [row["outcome"] for row in one] == ["failed"] * 2 + ["done"] * 12
     for row, full in zip(one, other, strict=True):
         kept = {k: v for k, v in full.items() if not k.endswith((".min", ".max"))}
         assert row == kept
-    assert record("ends")["compiled"] == 1
-
-
-@pytest.mark.slow
-def test_processes_and_what_follows_give_the_same(falling, lagsim):
-    text = Path(falling).read_text().replace("phi_dot: 1}", "phi_dot: mu}")
-    Path(falling).write_text(text)
-    swept = ("sweep", falling, "mu=0.7:1.2:12")
-    lagsim(*swept, "--ends", "-j", 2, "-o", "ends", code=0)
-    lagsim(*swept, *QUICK, "-j", 1, "-o", "whole")
-    for row, full in zip(rows_of("ends"), rows_of("whole"), strict=True):
-        assert row == {k: full[k] for k in row}

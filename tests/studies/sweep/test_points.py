@@ -123,28 +123,6 @@ def test_faults_of_a_file_have_lines(text, expected, tmp_path):
         assert one.startswith(f"{path}:{part}")
 
 
-@pytest.mark.parametrize(
-    ("line", "text"),
-    [
-        ("g=1,2 --points p.csv", "one of NAME"), ("", "one of NAME"),
-        ("--sample g=normal(1,1)", "-N goes with --sample"),
-        ("g=1,2 -N 5", "-N goes with"), ("g=1,2 --seed 5", "--seed with both"),
-        ("--sample g=normal(1) -N 2", "normal(mean, deviation)"),
-        ("--sample g=uniform(2,1) -N 2", "low is less than high"),
-        ("--sample g=normal(1,0) -N 2", "more than 0"),
-        ("--sample g=normal(1,1) --sample g=normal(1,1) -N 2", "given twice"),
-        ("--sample G=normal(1,1) -N 2", "`G` is no parameter"),
-        ("--sample g=normal(1,1) -N 2000000", "more than 1000000"),
-        ("--points none.csv", "none.csv: No such file"),
-    ],
-)  # fmt: skip
-def test_usage(line, text, command, tmp_path):  # noqa: F811
-    (tmp_path / "pendulum.yaml").write_text(PENDULUM)
-    called = command("sweep", "pendulum.yaml", *line.split(" ") if line else ())
-    assert called.code == 2
-    assert text in called.err
-
-
 def test_python_wants_one_of_them():
     for given in ({}, {"values": {"g": [1]}, "points": {"g": [1]}}, {"sample": TWO}):
         with pytest.raises(TypeError):

@@ -9,12 +9,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import lagsim
-from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
-from lagsim.studies.sweep.runs import MOST_RUNS, Found, Runs, grid_of, parsed
+from lagsim.studies.sweep.runs import Found, Runs, grid_of, parsed
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM
@@ -40,66 +39,35 @@ def test_all_combinations_the_first_name_slowest(model):
     expected = list(itertools.product([1, 2], [0, 0.5, 1], [5, 6]))
     assert grid.runs == 12
     assert [grid.values(k) for k in range(12)] == expected
-    assert [axis.starts for axis in grid.axes] == [False, True, False]
-    assert [axis.unit for axis in grid.axes] == ["m/s^2", "rad", ""]
 
 
-def test_numbers_between_round_ends_are_round(model):
-    [axis] = parsed(model, ["g=0:1:11"]).axes
-    assert axis.values == tuple(k / 10 for k in range(11))
-    assert [float(text) for text in axis.texts] == list(axis.values)
+# A name with its values: numbers, and what Python gives; the values, their unit, and
+# whether they are those of a start.
+AXES = [
+    ("theta=0:1:3", (0, 0.5, 1), "rad", True),
+    ("l=5,6", (5, 6), "", False),
+    # Between round ends they are round.
+    ("g=0:1:11", tuple(k / 10 for k in range(11)), "m/s^2", False),
+    ("theta=-pi/2:pi:4", (-math.pi / 2, 0, math.pi / 2, math.pi), "rad", True),
+    ("g=atan2(1, 2), 3*l,1e-3", (math.atan2(1, 2), 6, 1e-3), "m/s^2", False),
+    ("theta_dot=1,2", (1, 2), "rad/s", True),
+    ("x=0.1,0.2", (0.1, 0.2), "m", True),
+    ({"g": [1, 2.5, "pi"]}, (1, 2.5, math.pi), "m/s^2", False),
+]
 
 
-def test_values_are_expressions(model):
-    grid = parsed(model, ["theta=-pi/2:pi:4", "g=atan2(1, 2), 3*l,1e-3"])
-    first, second = grid.axes
-    assert first.values == pytest.approx([-math.pi / 2, 0.0, math.pi / 2, math.pi])
-    assert second.texts == ("atan2(1, 2)", "3*l", "1e-3")
-    assert second.values == pytest.approx([math.atan2(1, 2), 6.0, 1e-3])
-
-
-def test_start_values_of_rates_and_definitions(model):
-    grid = parsed(model, ["theta_dot=1,2", "x=0.1,0.2"])
-    assert [axis.unit for axis in grid.axes] == ["rad/s", "m"]
-    assert all(axis.starts for axis in grid.axes)
-
-
-def test_python_gives_numbers_or_expressions(model):
-    [axis] = grid_of(model, {"g": [1, 2.5, "pi"]}).axes
-    assert axis.texts == ("1.0", "2.5", "pi")
-    assert axis.values == (1.0, 2.5, math.pi)
-
-
-FAULTS = {
-    "no values": (["g"], "a name and its values"),
-    "no name": (["=1,2"], "a name and its values"),
-    "twice": (["g=1", "g=2"], "g is given twice"),
-    "one value between": (["g=1:2:1"], "two ends and how many"),
-    "no count": (["g=1:2"], "two ends and how many"),
-    "a count that is none": (["g=1:2:x"], "two ends and how many"),
-    "four parts": (["g=1:2:3:4"], "two ends and how many"),
-    "no such name": (["gg=1"], "`gg` is no parameter of"),
-    "no such value": (["g=1,nothing"], "nothing"),
-    "an empty value": (["g=1,"], ""),
-    "not finite": (["g=1/0,1"], "not a finite number"),
-    "a column": (["reason=1,2"], "sweep.csv has a column of that name"),
-    "too many of one": (["g=0:1:123456789"], f"more than {MOST_RUNS}"),
-    "too many": (["g=0:1:2000", "l=0:1:2000"], f"more than {MOST_RUNS}"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "told"), FAULTS.values(), ids=FAULTS)
-def test_faults_are_told(model, arguments, told):
-    with pytest.raises(InputError) as fault:
-        parsed(model, arguments)
-    assert told in str(fault.value)
-
-
-def test_all_faults_are_told_at_once_with_what_was_meant(model):
-    with pytest.raises(InputError) as fault:
-        grid_of(model, {"thetta": [1], "g": ["+"]})
-    assert "did you mean `theta`?" in str(fault.value)
-    assert len(fault.value.problems) == 2
+@pytest.mark.parametrize(("given", "values", "unit", "starts"), AXES, ids=str)
+def test_an_axis(model, given, values, unit, starts):
+    grid = grid_of(model, given) if isinstance(given, dict) else parsed(model, [given])
+    [axis] = grid.axes
+    assert (axis.values, axis.unit, axis.starts) == (values, unit, starts)
+    # Their texts are what was given, or numbers to the bit.
+    if "atan2" in given:
+        assert axis.texts == ("atan2(1, 2)", "3*l", "1e-3")
+    elif isinstance(given, dict):
+        assert axis.texts == ("1.0", "2.5", "pi")
+    else:
+        assert tuple(map(float, axis.texts)) == values or ":" not in given
 
 
 # Runs that share what is compiled
@@ -132,6 +100,13 @@ simulation: {}
 BOUNCE = "parameters: {e: 0.5}\n" + CONTACT.replace(
     "restitution: 0.5", "restitution: e"
 )
+CENTRE = """
+parameters: {mu: 1}
+coordinates: {r: , phi: }
+energy: {kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}
+initial: {r: 1, phi: 0, phi_dot: 1}
+simulation: {output_step: 0.1, rtol: 1e-9, formulation: full}
+"""
 # Integrated apart, sparse, with contacts, by impulses, with limits, held velocities.
 SCENES = [
     ("coupled-oscillators", {}),
@@ -160,7 +135,14 @@ ENDS = [
     ("kepler", {"method": "verlet", "step": 0.01}),
     ("double-pendulum", {"output_step": 0.001}),
     ("elastic-pendulum-forced", {"method": "radau"}),
-]
+    # Without any turn it falls into the centre, by steps of no size.
+    (CENTRE, {"name": "phi_dot", "values": (0, 0.2, 1.2), "duration": 3}),
+    # A start value that follows, in two processes.
+    (CENTRE.replace("phi_dot: 1}", "phi_dot: mu}"), {
+        "name": "mu", "values": [0.7 + 0.04 * k for k in range(12)], "jobs": 2,
+        "duration": 3,
+    }),
+]  # fmt: skip
 
 
 def assert_those_of_runs_alone(scene, asked, *, ends=False):
@@ -169,7 +151,9 @@ def assert_those_of_runs_alone(scene, asked, *, ends=False):
     usual = {p.name: p.value for p in model.parameters}
     name = asked.pop("name", next(iter(usual)))
     values = asked.pop("values", None) or [usual[name], 1.02 * usual[name]]
-    swept = lagsim.sweep(model, {name: values}, jobs=1, ends=ends, **asked)
+    jobs = asked.pop("jobs", 1)
+    swept = lagsim.sweep(model, {name: values}, jobs=jobs, ends=ends, **asked)
+    assert swept.record["compiled"] == 1 or not ends
     for k, value in enumerate(values):
         single = {"error_bar": "never"} | asked
         alone = lagsim.simulate(lagsim.load(source, **{name: repr(value)}), **single)
