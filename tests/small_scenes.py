@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 from scipy.special import ellipj, ellipk
@@ -109,6 +110,22 @@ def pendulum(amplitude=1, simulation=None):
 
 def held_pendulum(amplitude=1, simulation=None):
     return _HELD.format(amplitude=amplitude, simulation=line(simulation))
+
+
+def scene(initial, potential="0", kinetic="", **sections):
+    """Write a model; its coordinates are the names in `initial` that are no rates.
+
+    Each has mass 1 where no kinetic energy is given. Other sections, `coordinates` as
+    well, are the entries of a mapping: forces="x: -x_dot".
+    """
+    plain = re.sub(r"\{.*?\}", "", initial)
+    names = [q for q in re.findall(r"(\w+):", plain) if not q.endswith("_dot")]
+    masses = " + ".join(f"{q}_dot^2" for q in names)
+    kinetic = kinetic or (f"({masses})/2" if len(names) > 1 else f"{masses}/2")
+    given = {"coordinates": ", ".join(f"{q}: {{}}" for q in names)} | sections
+    given["energy"] = f"kinetic: {kinetic}, potential: {potential}"
+    given["initial"] = initial
+    return "".join(f"{name}: {{{text}}}\n" for name, text in given.items())
 
 
 def line(simulation):

@@ -5,23 +5,20 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagsim
+from tests.small_scenes import scene
 from tests.support import MODELS
 
-PENDULUM = """
-parameters: {m: 2, g: 9.81, L: 0.5}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
-constraints: {rod: x^2 + y^2 = L^2}
-initial: {x: 0.3, y: -0.4}
-simulation: {duration: 2}
-"""
-DRIVEN = """
-parameters: {k: 4, c: 0.5}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-forces: {x: cos(t) - c*x_dot}
-initial: {x: 1}
-"""
+PENDULUM = scene(
+    "x: 0.3, y: -0.4",
+    "m*g*y",
+    "m*(x_dot^2 + y_dot^2)/2",
+    parameters="m: 2, g: 9.81, L: 0.5",
+    constraints="rod: x^2 + y^2 = L^2",
+    simulation="duration: 2",
+)
+DRIVEN = scene(
+    "x: 1", "k*x^2/2", parameters="k: 4, c: 0.5", forces="x: cos(t) - c*x_dot"
+)
 
 
 def test_it_is_what_the_equations_say():
@@ -61,11 +58,7 @@ def test_rows_that_say_the_same_change_nothing():
 
 def test_what_does_not_follow_is_no_number():
     # y has no inertia, and nothing holds it; once it is held, all is known.
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + (x*y_dot)^2)/2, potential: x}
-initial: {x: 1, y: 0}
-"""
+    text = scene("x: 1, y: 0", "x", "(x_dot^2 + (x*y_dot)^2)/2")
     rhs = lagsim.load(text).rhs
     assert rhs(0, [1, 0], [0, 0]) == pytest.approx([-1, 0])
     assert np.isnan(rhs(0, [0, 0], [0, 0])).all()

@@ -8,14 +8,9 @@ import pytest
 from lagsim.cli import _faults
 from lagsim.errors import InputError
 from lagsim.native.link import cache, engine
-from tests.small_scenes import PENDULUM
+from tests.small_scenes import PENDULUM, scene
 
-FREE = """\
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: x}
-initial: {x: 2, y: 1}
-simulation: {duration: 1}
-"""
+FREE = scene("x: 2, y: 1", "x", simulation="duration: 1")
 
 
 def test_a_run_too_short_to_be_divided(lagsim, write):
@@ -121,11 +116,8 @@ def test_a_system_that_has_no_more_to_give(lagsim, write, monkeypatch, error, to
 
 def test_a_guess_whose_square_is_no_number(lagsim, write):
     # Warnings are errors here, and would be bugs of lagsim's.
-    called = lagsim("check", write("""
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
-constraints: {c: x^2 + y^2 = 1e300}
-initial: {x: {guess: 1e200}, y: {guess: 1e180}}
-"""))  # fmt: skip
+    start = "x: {guess: 1e200}, y: {guess: 1e180}"
+    text = scene(start, constraints="c: x^2 + y^2 = 1e300")
+    called = lagsim("check", write(text))
     assert called.code == 2
     assert "`x^2` in the constraint `c` is inf at the start" in called.err

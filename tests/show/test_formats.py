@@ -17,17 +17,16 @@ from lagsim.show.latex import _width as as_latex_width
 from lagsim.show.text import as_text
 from tests.show.cases import EACH, content_of, equations_of, kept, known, numbers, small
 from tests.show.latex_checker import check
+from tests.small_scenes import scene
 from tests.support import MODELS
 
-NAMED = """
-parameters: {lambda: 2, I: 3, E: 5, S: 7, beta: 1.5, N: 2, zoo: 1, theta_1: 4}
-coordinates: {theta1: {}, größe: {}}
-energy:
-  kinetic: I*theta1_dot^2/2 + E*größe_dot^2/2
-  potential: lambda*cos(theta1) + S*größe^2*beta + N*zoo*theta_1*theta1
-constraints: {lambda: größe = beta*theta1}
-initial: {theta1: 0, größe: 0}
-"""
+NAMED = scene(
+    "theta1: 0, größe: 0",
+    "lambda*cos(theta1) + S*größe^2*beta + N*zoo*theta_1*theta1",
+    "I*theta1_dot^2/2 + E*größe_dot^2/2",
+    parameters="lambda: 2, I: 3, E: 5, S: 7, beta: 1.5, N: 2, zoo: 1, theta_1: 4",
+    constraints="lambda: größe = beta*theta1",
+)
 EVERY_FUNCTION = """
 parameters: {a: 0.7}
 coordinates: {x: {}, y: {}}
@@ -147,26 +146,19 @@ def test_every_function_in_python():
 
 
 def test_python_outside_a_domain_is_not_a_number_and_nothing_else():
-    text = """
-parameters: {k: 0}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: "sqrt(x)/k + if(x > 0, 0, 1)*x"}
-initial: {x: 1}
-"""
+    text = scene("x: 1", "sqrt(x)/k + if(x > 0, 0, 1)*x", parameters="k: 0")
     scope = {}
     exec(as_python(derive(read(text, "m.yaml")), "0"), scope)
     assert not (abs(scope["force"](0, [-1.0], [0.0])[0]) < 1e300)
 
 
 def test_python_keeps_off_names_of_its_own():
-    text = """
-parameters: {np: 2, q: 3, out: 5, PARAMETERS: 7, def: 11, z1: 13}
-coordinates: {class: {}, q_dot_: {}}
-energy:
-  kinetic: np*class_dot^2 + q*q_dot__dot^2
-  potential: out*class^2*PARAMETERS + def*q_dot_^2*z1*class*q_dot_
-initial: {class: 1, q_dot_: 1}
-"""
+    text = scene(
+        "class: 1, q_dot_: 1",
+        "out*class^2*PARAMETERS + def*q_dot_^2*z1*class*q_dot_",
+        "np*class_dot^2 + q*q_dot__dot^2",
+        parameters="np: 2, q: 3, out: 5, PARAMETERS: 7, def: 11, z1: 13",
+    )
     equations = derive(read(text, "m.yaml"))
     scope = {}
     exec(as_python(equations, "0"), scope)
@@ -211,13 +203,13 @@ def test_accelerations_step_by_step():
         assert row[0] * q_ddot[i] == pytest.approx(force, abs=1e-9 * max(map(abs, lam)))
 
 
-SINGULAR = """
-parameters: {m: 2, k: 3}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: m*(x_dot + y_dot)^2/2, potential: k*x^2/2}
-constraints: {tie: y = x}
-initial: {x: 1, y: 1}
-"""
+SINGULAR = scene(
+    "x: 1, y: 1",
+    "k*x^2/2",
+    "m*(x_dot + y_dot)^2/2",
+    parameters="m: 2, k: 3",
+    constraints="tie: y = x",
+)
 
 
 @pytest.mark.parametrize("kinetic", ["m*(x_dot + y_dot)^2/2", "m*x_dot^2/2"])
@@ -245,12 +237,7 @@ def test_notes_say_what_was_left_out():
 
 def test_the_unconstrained_acceleration_gives_way_to_the_names_of_the_file():
     c = small(
-        """
-parameters: {a_x: 2, a_x_: 3}
-coordinates: {x: {}}
-energy: {kinetic: a_x*x_dot^2/2, potential: a_x_*x^2/2}
-initial: {x: 1}
-""",
+        scene("x: 1", "a_x_*x^2/2", "a_x*x_dot^2/2", parameters="a_x: 2, a_x_: 3"),
         with_gauss=True,
     )
     assert "G = a_x (ẍ − ā_x)²/2" in as_text(c)
@@ -263,12 +250,7 @@ initial: {x: 1}
 
 @pytest.mark.parametrize("law", ["limit: 1", "when: t < 1"])
 def test_what_a_law_may_take_away_is_not_conserved(law):
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
-constraints: {c: {relation: x_dot = 0, LAW}}
-initial: {x: 0, y: 0}
-"""
+    text = scene("x: 0, y: 0", constraints="c: {relation: x_dot = 0, LAW}")
     assert kept(small(text.replace("LAW", law))).keys() == {("y",)}
     assert kept(small(text.replace(", LAW", ""))).keys() == {(), ("y",)}
 

@@ -16,7 +16,7 @@ from lagsim.run.observers.monitors import EnergyMonitor, gained
 from lagsim.studies.alarms import about_constraints
 from tests.invariance.same import CHANGES
 from tests.invariance.transforms import document
-from tests.small_scenes import oscillator
+from tests.small_scenes import oscillator, scene
 from tests.studies.judged import barred, cautions, codes, evidence
 from tests.support import MODELS, ROOT, run
 
@@ -243,14 +243,12 @@ def test_a_fast_mode_with_some_energy(u, told):
 
 
 # Two rods of a double pendulum; it is chaotic when let go from high up.
-DOUBLE = """\
-coordinates: {a: {}, b: {}}
-energy:
-  kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
-  potential: -9.81*(2*cos(a) + cos(b))
-initial: {a: HIGH, b: HIGH/2}
-simulation: {duration: 28, output_step: 0.05}
-"""
+DOUBLE = scene(
+    "a: HIGH, b: HIGH/2",
+    "-9.81*(2*cos(a) + cos(b))",
+    "a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)",
+    simulation="duration: 28, output_step: 0.05",
+)
 
 
 @pytest.mark.parametrize(("high", "expected"), [("2", ["horizon"]), ("0.02", [])])
@@ -267,15 +265,11 @@ def test_the_horizon_of_chaos(high, expected):
 
 
 # Bars of a parallelogram, driven at one crank: flat at pi, where it could turn over.
-LINKAGE = """\
-coordinates: {a: {}, b: {}, c: {}}
-energy: {kinetic: (a_dot^2 + b_dot^2 + c_dot^2)/2, potential: "0"}
-constraints:
-  across: cos(a) + cos(c) = 1 + cos(b)
-  along: sin(a) + sin(c) = sin(b)
-initial: {a: 2, b: 2, c: 0, a_dot: 1, b_dot: 1, c_dot: 0}
-simulation: {duration: 2, output_step: 0.01}
-"""
+LINKAGE = scene(
+    "a: 2, b: 2, c: 0, a_dot: 1, b_dot: 1, c_dot: 0",
+    constraints="across: cos(a) + cos(c) = 1 + cos(b), along: sin(a) + sin(c) = sin(b)",
+    simulation="duration: 2, output_step: 0.01",
+)
 
 
 def test_where_bars_lie_in_one_line():
@@ -288,13 +282,11 @@ def test_where_bars_lie_in_one_line():
 
 
 # A mass on a circle that only its second derivative holds.
-CIRCLE = """\
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "0"}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: 1, y: 0, x_dot: 0, y_dot: 1}
-simulation: {duration: 4, output_step: 0.2}
-"""
+CIRCLE = scene(
+    "x: 1, y: 0, x_dot: 0, y_dot: 1",
+    constraints="rod: x^2 + y^2 = 1",
+    simulation="duration: 4, output_step: 0.2",
+)
 
 
 @pytest.mark.parametrize(("step", "told"), [(0.25, True), (0.01, False)])

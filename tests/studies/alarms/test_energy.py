@@ -12,16 +12,11 @@ import pytest
 import lagsim
 from lagsim.run.error import ErrorBar
 from lagsim.studies.alarms import Energy, group_balances
-from tests.small_scenes import held_pendulum
+from tests.small_scenes import held_pendulum, scene
 from tests.studies.judged import cautions, codes, doubt, evidence
 from tests.support import run
 
-SWING = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: "1 - cos(x)"}
-initial: {x: 1}
-simulation: {duration: 10, output_step: 0.01}
-"""
+SWING = scene("x: 1", "1 - cos(x)", simulation="duration: 10, output_step: 0.01")
 ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
 
 
@@ -87,12 +82,9 @@ def test_energy_that_is_far_off_is_in_doubt_whatever_explains_it():
     assert doubt(found, bar_of(found, lambda t: 1.0 * (t > 4))).refutes
 
 
-ONE_SIDED = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "y^2/2 + POTENTIAL"}
-initial: {x: 1, y: 0.3}
-simulation: {duration: 10, output_step: 0.01}
-"""
+ONE_SIDED = scene(
+    "x: 1, y: 0.3", "y^2/2 + POTENTIAL", simulation="duration: 10, output_step: 0.01"
+)
 CONTINUOUS = [
     "if(x > 0, x^2, 0) + if(x < 0, 3*x^2, 0)",
     "x^2 + max(0, -x)^2",
@@ -149,13 +141,12 @@ def test_a_constraint_that_lets_go():
 
 def test_a_constraint_whose_terms_all_vanish_is_held():
     """Off by rounding, and so is all that it is made of; x moves by 1 beside it."""
-    text = """
-coordinates: {x: {}, y: {}, z: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: x^2/2}
-constraints: {flat: y - z = 0}
-initial: {x: 1, y: 0, z: 0}
-simulation: {duration: 10, method: dop853, formulation: projection}
-"""
+    text = scene(
+        "x: 1, y: 0, z: 0",
+        "x^2/2",
+        constraints="flat: y - z = 0",
+        simulation="duration: 10, method: dop853, formulation: projection",
+    )
     found = run(text)
     for name in ("y", "residual_flat", "scale.flat"):
         found = spoilt(found, name, lambda t: 1e-17 * (t > 3))
@@ -192,22 +183,22 @@ energy: {{kinetic: x_dot^2/2 + M*z_dot^2/2, potential: "1 - cos(x) + M*z^2/2{mor
 initial: {{x: 1, z: 1}}
 simulation: {{start: {start}, duration: 10, output_step: 0.01}}
 """
-BALL = """
-parameters: {M: 1e5}
-coordinates: {y: {}, z: {}}
-energy: {kinetic: y_dot^2/2 + M*z_dot^2/2, potential: 9.81*y + M*z^2/2}
-constraints: {floor: {relation: y >= 0, restitution: 0.5}}
-initial: {y: 1, z: 1}
-simulation: {duration: 2, output_step: 0.01}
-"""
-ROD_BESIDE = """
-parameters: {M: 1e5}
-coordinates: {x: {}, y: {}, z: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2 + M*z_dot^2/2, potential: y + M*z^2/2}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: 1, y: 0, z: 1}
-simulation: {duration: 10, output_step: 0.01}
-"""
+BALL = scene(
+    "y: 1, z: 1",
+    "9.81*y + M*z^2/2",
+    "y_dot^2/2 + M*z_dot^2/2",
+    parameters="M: 1e5",
+    constraints="floor: {relation: y >= 0, restitution: 0.5}",
+    simulation="duration: 2, output_step: 0.01",
+)
+ROD_BESIDE = scene(
+    "x: 1, y: 0, z: 1",
+    "y + M*z^2/2",
+    "(x_dot^2 + y_dot^2)/2 + M*z_dot^2/2",
+    parameters="M: 1e5",
+    constraints="rod: x^2 + y^2 = 1",
+    simulation="duration: 10, output_step: 0.01",
+)
 
 
 def beside(M=1e5, more="", forces="", start=0.0):
@@ -608,7 +599,7 @@ simulation: {{start: {t}, duration: 12.6, output_step: 0.05}}
 """
 
 
-def scene(potential, force, other="", u=1.0, M=1e5, t=0.0):
+def bodies(potential, force, other="", u=1.0, M=1e5, t=0.0):
     q, T, V, push, constraint = OTHERS.get(other, ("",) * 5)
     forces = ", ".join(x for x in (force, push) if x)
     return SCENE.format(
@@ -627,8 +618,8 @@ def alarmed(text, **options):
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_mistake_is_told_as_it_is_alone(wrong, other):
     method, step, *light = WRONG[wrong]
-    (alone,) = alarmed(scene(*light), method=method, step=step)
-    found = alarmed(scene(*light, other), method=method, step=step)
+    (alone,) = alarmed(bodies(*light), method=method, step=step)
+    found = alarmed(bodies(*light, other), method=method, step=step)
     own = [c for c in found if "motion of x has" in c.text]
     if other in ("bouncing", "slipping"):  # whose events cut steps, or have rows
         assert [c.code for c in own] == [alone.code]
@@ -641,12 +632,12 @@ def test_a_mistake_is_told_as_it_is_alone(wrong, other):
 @pytest.mark.parametrize("force", ["", "x: -0.05*{u}*x_dot", "x: 0.1*{u}*sin(0.3*t)"])
 @pytest.mark.parametrize("M", [1e5, 1e12])
 def test_no_alarm_where_all_is_well(force, other, M):
-    assert cautions(run(scene(SPRING, force, other, M=M))) == []
+    assert cautions(run(bodies(SPRING, force, other, M=M))) == []
 
 
 @pytest.mark.parametrize("first", OTHERS)
 def test_a_mistake_of_the_heavy_one_is_not_the_light_ones(first):
     """A light pendulum at rest, whatever the heavy one gains."""
-    text = scene(SPRING, "", first).replace("x: 1,", "x: 0,")
+    text = bodies(SPRING, "", first).replace("x: 1,", "x: 0,")
     found = alarmed(text, method="euler", step=0.05)
     assert all("motion of z has gained" in c.text for c in found)

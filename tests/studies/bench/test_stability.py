@@ -13,7 +13,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
 from lagsim.studies.bench.stability import Wish, measure
 from lagsim.studies.step_bounds import predicted
-from tests.small_scenes import oscillator
+from tests.small_scenes import oscillator, scene
 from tests.support import MODELS
 
 OSCILLATOR = oscillator("duration: 20")
@@ -25,31 +25,22 @@ initial: {x: 1}
 simulation: {duration: 20}
 """
 # Modes x1 = x2 at 1 and x1 = -x2 at w; it starts in the slow one.
-COUPLED = """
-parameters: {w: 10, k: (w^2 - 1)/2}
-coordinates: {x1: {}, x2: {}}
-energy:
-  kinetic: (x1_dot^2 + x2_dot^2)/2
-  potential: (x1^2 + x2^2)/2 + k*(x1 - x2)^2/2
-initial: {x1: 1, x2: 1}
-simulation: {duration: 20}
-"""
+COUPLED = scene(
+    "x1: 1, x2: 1",
+    "(x1^2 + x2^2)/2 + k*(x1 - x2)^2/2",
+    parameters="w: 10, k: (w^2 - 1)/2",
+    simulation="duration: 20",
+)
 # Henon's quadratic map, as Verlet steps through a cubic well: at h w = sqrt 3 three
 # steps make a turn, and no amplitude is stable.
-CUBIC = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: x^2/2 - x^3/3}
-initial: {x: 0.12}
-simulation: {duration: 20}
-"""
-ROD = """
-parameters: {g: 9.81}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: sin(0.02), y: -cos(0.02)}
-simulation: {duration: 20}
-"""
+CUBIC = scene("x: 0.12", "x^2/2 - x^3/3", simulation="duration: 20")
+ROD = scene(
+    "x: sin(0.02), y: -cos(0.02)",
+    "g*y",
+    parameters="g: 9.81",
+    constraints="rod: x^2 + y^2 = 1",
+    simulation="duration: 20",
+)
 
 # Where |amplification| leaves 1 on the imaginary axis: RK4 at sqrt 8, Verlet at 2; of
 # Kahan and Li's the limits are given to four digits.
@@ -193,13 +184,7 @@ def test_no_predicted_border_where_the_motion_itself_grows():
 
 def test_eigenvalues_do_not_depend_on_coordinates():
     # Along the motion too: the pendulum in x, y against its angle.
-    angle = """
-parameters: {g: 9.81}
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -g*cos(a)}
-initial: {a: 1}
-simulation: {duration: 1}
-"""
+    angle = scene("a: 1", "-g*cos(a)", parameters="g: 9.81", simulation="duration: 1")
     in_angle = Linearisation(derive(read(angle, "a.yaml")))
     in_plane = Linearisation(derive(read(ROD, "b.yaml")))
     for a, rate in ((0.3, 1.5), (2.0, -3.0)):

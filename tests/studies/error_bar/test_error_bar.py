@@ -15,7 +15,7 @@ from lagsim.run.trajectory import Outcome
 from lagsim.studies import attempts
 from lagsim.studies.attempts import LOOSER, Allowance, Repeat, by_other_means
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
-from tests.small_scenes import oscillator, pendulum, swing
+from tests.small_scenes import oscillator, pendulum, scene, swing
 from tests.studies.judged import barred, made, repeated
 from tests.support import MODELS, run
 
@@ -100,12 +100,11 @@ def test_horizon_of_the_double_pendulum():
 
 def test_what_should_stay_at_rest_has_no_horizon():
     # y is 0 but for rounding: its range is rounding too, and says nothing.
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: (x^2 + y^2)/2 + 0.1*x*y*(x - y)}
-initial: {x: 1, y: 1}
-simulation: {duration: 200, output_step: 0.5}
-"""
+    text = scene(
+        "x: 1, y: 1",
+        "(x^2 + y^2)/2 + 0.1*x*y*(x - y)",
+        simulation="duration: 200, output_step: 0.5",
+    )
     rest = text.replace("x: 1, y: 1", "x: 0, y: 0")
     assert barred(read(rest, "m.yaml"))[1].relative == 0.0
     rotated = text.replace("y*(x - y)", "y*0").replace("y: 1", "y: 1e-30")
@@ -165,12 +164,11 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
 
 def test_a_short_last_row():
     # Half a row: nearness would match it with the row before.
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: 50*x^2}
-initial: {x: 1}
-simulation: {duration: 3.0001, output_step: 0.5, method: dop853}
-"""
+    text = scene(
+        "x: 1",
+        "50*x^2",
+        simulation="duration: 3.0001, output_step: 0.5, method: dop853",
+    )
     kept, bar = barred(read(text, "m.yaml"))
     assert len(bar.times) == len(kept.rows) == 8
     assert bar.times[-1] == 3.0001
@@ -179,14 +177,13 @@ simulation: {duration: 3.0001, output_step: 0.5, method: dop853}
     assert bar.relative < 1e-9
 
 
-IMPACT = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 2*(x - y)^2}
-constraints: {a: "x = abs(t - T)"}
-parameters: {T: 1.005}
-initial: {x: T, y: T, x_dot: -1, y_dot: -1}
-simulation: {duration: 3, output_step: 0.25}
-"""
+IMPACT = scene(
+    "x: T, y: T, x_dot: -1, y_dot: -1",
+    "2*(x - y)^2",
+    constraints='a: "x = abs(t - T)"',
+    parameters="T: 1.005",
+    simulation="duration: 3, output_step: 0.25",
+)
 
 
 @pytest.mark.parametrize("moment", ["1.005", "1", "0.1"])
@@ -234,13 +231,13 @@ def test_an_end_that_the_repeat_does_not_confirm():
 
 # What errors are measured by
 
-LIGHT = """
-parameters: {m: 1e-3, M: 1e27, R: 1e9}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: "(m*x_dot^2 + M*y_dot^2)/2", potential: "m*(1 - cos(x)) + M*y^2/2"}
-initial: {x: 2, y: R}
-simulation: {duration: 30, output_step: 0.1, method: rk4, step: 0.05}
-"""
+LIGHT = scene(
+    "x: 2, y: R",
+    "m*(1 - cos(x)) + M*y^2/2",
+    "(m*x_dot^2 + M*y_dot^2)/2",
+    parameters="m: 1e-3, M: 1e27, R: 1e9",
+    simulation="duration: 30, output_step: 0.1, method: rk4, step: 0.05",
+)
 
 
 def test_a_light_body_does_not_hide_behind_a_heavy_one():
@@ -254,13 +251,13 @@ def test_a_light_body_does_not_hide_behind_a_heavy_one():
 @pytest.mark.parametrize("heavy", ["1e-6", "1", "1e12"])
 def test_what_stays_still_beside_a_motion_has_no_horizon(heavy):
     # z is off by rounding only, and its range is rounding, too.
-    text = """
-parameters: {M: 1}
-coordinates: {x: {}, z: {}}
-energy: {kinetic: (M*x_dot^2 + z_dot^2)/2, potential: M*x^2/2 + z^2}
-initial: {x: 1, z: 1e-14}
-simulation: {duration: 100, output_step: 0.5, method: dop853}
-"""
+    text = scene(
+        "x: 1, z: 1e-14",
+        "M*x^2/2 + z^2",
+        "(M*x_dot^2 + z_dot^2)/2",
+        parameters="M: 1",
+        simulation="duration: 100, output_step: 0.5, method: dop853",
+    )
     bar = barred(read(text.replace("M: 1}", f"M: {heavy}}}"), "m.yaml"))[1]
     assert bar.horizon is None
 
@@ -269,12 +266,9 @@ simulation: {duration: 100, output_step: 0.5, method: dop853}
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853", "radau"])
 def test_rows_in_phase_with_the_motion_are_no_scale(step, method):
     # x = sin(2 pi t): of rows a period apart, or half of one, the range is rounding.
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: 2*pi^2*x^2}
-initial: {x: 0, x_dot: 2*pi}
-simulation: {duration: 13, output_step: 1}
-"""
+    text = scene(
+        "x: 0, x_dot: 2*pi", "2*pi^2*x^2", simulation="duration: 13, output_step: 1"
+    )
     options = {"method": method, "output_step": step, "rtol": "1e-9"}
     bar = barred(read(text, "m.yaml", options=options))[1]
     assert bar.scales == pytest.approx([2.0], rel=0.1)
@@ -283,13 +277,12 @@ simulation: {duration: 13, output_step: 1}
 
 
 def test_a_place_far_away_is_no_scale():
-    near = """
-parameters: {L: 0}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: -cos(x - L)}
-initial: {x: L + 2}
-simulation: {duration: 20, output_step: 0.1, method: dop853, rtol: 1e-6}
-"""
+    near = scene(
+        "x: L + 2",
+        "-cos(x - L)",
+        parameters="L: 0",
+        simulation="duration: 20, output_step: 0.1, method: dop853, rtol: 1e-6",
+    )
     far = near.replace("L: 0", "L: 4096")
     scales = [barred(read(text, "m.yaml"))[1].scales for text in (near, far)]
     assert scales[0] == pytest.approx(scales[1], rel=1e-3)
@@ -323,25 +316,23 @@ def test_what_rows_keep_at_rest_is_told_as_a_part_of_what_it_is_linked_with(leng
 
 def test_a_small_motion_is_not_hidden_by_what_it_is_linked_with():
     # y = z^2 is 1e-10 of the way of z, a motion of its own, thousands of roundings.
-    text = """
-coordinates: {y: {}, z: {}}
-energy: {kinetic: (y_dot^2 + z_dot^2)/2, potential: z^2/2}
-constraints: {path: y = 1e-10*z^2}
-initial: {y: 1e-10, z: 1}
-simulation: {duration: 10, output_step: 0.1, method: dop853}
-"""
+    text = scene(
+        "y: 1e-10, z: 1",
+        "z^2/2",
+        constraints="path: y = 1e-10*z^2",
+        simulation="duration: 10, output_step: 0.1, method: dop853",
+    )
     bar = barred(read(text, "m.yaml"))[1]
     assert bar.scales[0] < 1e-8
 
 
 def test_what_rests_at_its_place_is_told_as_a_part_of_that():
     # Rounding of its value alone, beside what moves ten times as far.
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
-initial: {x: 1, y: 0}
-simulation: {duration: 1.4, output_step: 0.1, method: dop853}
-"""
+    text = scene(
+        "x: 1, y: 0",
+        "9.81*y",
+        simulation="duration: 1.4, output_step: 0.1, method: dop853",
+    )
     told = barred(read(text, "m.yaml"))[1].coordinates["x"]
     assert 0.0 < told.largest < 1e-15
     assert told.relative < 1e-15
@@ -413,14 +404,12 @@ def test_fixed_steps_are_repeated_by_others(method):
 
 # Costs, and rounded times
 
-WAVE = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: 0}
-forces: {x: "sign(sin(3*(t - T)))"}
-initial: {x: 0}
-parameters: {T: START}
-simulation: {start: START, duration: 9, output_step: 0.25}
-"""
+WAVE = scene(
+    "x: 0",
+    forces='x: "sign(sin(3*(t - T)))"',
+    parameters="T: START",
+    simulation="start: START, duration: 9, output_step: 0.25",
+)
 
 
 def test_arcs_count_as_steps():
