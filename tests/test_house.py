@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
 LINES = 75_820
-LINES_OF_TESTS = 57_850
+LINES_OF_TESTS = 57_760
 
 
 def lines(folder):
