@@ -122,10 +122,12 @@ def scene(initial, potential="0", kinetic="", **sections):
     names = [q for q in re.findall(r"(\w+):", plain) if not q.endswith("_dot")]
     masses = " + ".join(f"{q}_dot^2" for q in names)
     kinetic = kinetic or (f"({masses})/2" if len(names) > 1 else f"{masses}/2")
-    given = {"coordinates": ", ".join(f"{q}: {{}}" for q in names)} | sections
-    given["energy"] = f"kinetic: {kinetic}, potential: {potential}"
-    given["initial"] = initial
-    return "".join(f"{name}: {{{text}}}\n" for name, text in given.items())
+    given = {
+        "coordinates": ", ".join(f"{q}: {{}}" for q in names),
+        "energy": f"kinetic: {kinetic}, potential: {potential}",
+        "initial": initial,
+    }
+    return "".join(f"{k}: {{{text}}}\n" for k, text in (given | sections).items())
 
 
 def line(simulation):
