@@ -163,3 +163,10 @@ class InputError(LagsimError):
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.problems))
+
+
+def unusable(
+    code: str, text: str, place: Place | None = None, hint: str = ""
+) -> InputError:
+    """Give the error of input with one fault."""
+    return InputError([Problem(code, text, place, hint)])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 import numpy as np
 
-from lagsim.errors import InputError, Place, Problem
+from lagsim.errors import InputError, Place, Problem, unusable
 from lagsim.methods import WIDTH, options
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
         found[name] = list(several)
         if not found[name]:
             hint = "a list with one value or more is expected"
-            raise InputError([Problem("usage", f"{name} has no values", hint=hint)])
+            raise unusable("usage", f"{name} has no values", hint=hint)
         for value in found[name]:
             number_or_text(name, value)
     return found

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim.cli._shared import show_json
 from lagsim.cli._streams import annotate_problem, complain, width_of
-from lagsim.errors import WINDOW, InputError, LagsimError, Problem
+from lagsim.errors import WINDOW, InputError, LagsimError, Problem, unusable
 from lagsim.run.session import StartError
 from lagsim.version import __version__
 
@@ -67,7 +67,7 @@ def _paths_told() -> Iterator[None]:
         if not isinstance(found, OSError) or found.errno not in _NO_PATH:
             raise
         text = f"{found.filename} cannot be used: {found.strerror}"
-        raise InputError([Problem("usage", text)]) from None
+        raise unusable("usage", text) from None
 
 
 def reported(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from lagsim.cli._faults import BUG, errors_document, reported, unforeseen
 from lagsim.cli._shared import aligned, assignments, coloured, progress_bar, show_json
 from lagsim.cli._streams import complain, say
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import LagsimError, Problem, unusable
 from lagsim.model.loading import text_of
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt, Terminated
@@ -163,7 +163,7 @@ class Batch:
             if name in first:
                 one = f"{first[name]} and {path} have one name, `{name}`, and so one"
                 hint = "give one of them another `name`, or run them one by one with -o"
-                raise InputError([Problem("one-name", f"{one} folder", hint=hint)])
+                raise unusable("one-name", f"{one} folder", hint=hint)
             first[name] = path
         return pieces
 

@@ -30,7 +30,7 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError, Problem, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
@@ -136,7 +136,7 @@ def _drawn_again(
     if overrides or wish != Wish(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
-        raise InputError([Problem("usage", text, hint=hint)])
+        raise unusable("usage", text, hint=hint)
     document = read_document(path)
     shown = [row for row in document["rows"] if wish.wants(row["method"])]
     drawn = coloured("drawn", "32")

@@ -10,7 +10,7 @@ import typer
 from lagsim.cli._shared import JSON, show_json, table
 from lagsim.cli._streams import say
 from lagsim.codes import every, found
-from lagsim.errors import InputError, Problem, did_you_mean
+from lagsim.errors import did_you_mean, unusable
 
 if TYPE_CHECKING:
     from lagsim.codes.row import Row
@@ -35,7 +35,7 @@ def command(
         hint = did_you_mean(code.upper(), _words())
         hint = hint or did_you_mean(code.lower(), _words())
         text = f"there is no message `{code}`"
-        raise InputError([Problem("unknown-code", text, hint=hint)])
+        raise unusable("unknown-code", text, hint=hint)
     if as_json:
         show_json([_document(row) for row in rows])
     elif code is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import typer
 
 from lagsim.cli._streams import say
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 
 TEMPLATES = {p.stem: p for p in Path(__file__).with_name("templates").glob("*.yaml")}
 ENDING = ".yaml"
@@ -29,10 +29,10 @@ def command(
     """Write a commented model file to begin from."""
     if template not in TEMPLATES:
         text = f"there is no template `{template}`"
-        raise InputError([Problem("unknown-template", text, hint=f"one of {KNOWN}")])
+        raise unusable("unknown-template", text, hint=f"one of {KNOWN}")
     path = Path(name if name.endswith(ENDING) else name + ENDING)
     if path.name == ENDING:
-        raise InputError([Problem("usage", f"`{name}` names no file")])
+        raise unusable("usage", f"`{name}` names no file")
     try:
         with path.open("xb") as file:
             file.write(TEMPLATES[template].read_bytes())
@@ -43,6 +43,6 @@ def command(
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or str(error)
         text = f"{path} cannot be written: {reason}"
-        raise InputError([Problem("unwritable", text)]) from None
+        raise unusable("unwritable", text) from None
     say(f"{path}: a start from the template {template}; next: lagsim run {path}")
     return 0

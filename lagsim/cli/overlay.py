@@ -11,7 +11,7 @@ import typer
 from lagsim.cli._shared import counted, quiet
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_picture
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay
 from lagsim.studies.overlay import read
@@ -45,14 +45,14 @@ def command(
         if path.suffix.lower() not in (PAGE, *PICTURES):
             kinds = f"{', '.join(PICTURES)} or {PAGE}"
             text = f"-o {path}: a name that ends in {kinds} is expected"
-            raise InputError([Problem("usage", text, hint=f"such as -o overlay{PAGE}")])
+            raise unusable("usage", text, hint=f"such as -o overlay{PAGE}")
     runs = read(folders)
     names = None
     if columns is not None:
         names = [name.strip() for name in columns.split(",") if name.strip()]
         if not names:
             text = f"--columns {columns}: names of columns are expected"
-            raise InputError([Problem("usage", text, hint="such as --columns x,y")])
+            raise unusable("usage", text, hint="such as --columns x,y")
     written = [str(path) for path in paths if _wrote(path, runs, names, output is None)]
     if written and not quiet:
         say(f"{counted(len(runs), 'run')}: {', '.join(written)}")

@@ -37,7 +37,7 @@ from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import commit
 from lagsim.codes import failure
-from lagsim.errors import InputError, Place, Problem, pointed
+from lagsim.errors import Place, pointed, unusable
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names, options
 from lagsim.model.loading import text_of
@@ -236,7 +236,7 @@ class Job:
         if wish.table is not Format.CSV:
             if wish.resume:
                 text = "--resume needs --table csv, which is written row by row"
-                raise InputError([Problem("usage", text)])
+                raise unusable("usage", text)
             check_format(wish.table, show_units=wish.show_units)
         self.clock.lap("import")
         with self.interrupt.raised():

@@ -13,7 +13,7 @@ from lagsim import files
 from lagsim.cli._shared import JSON, aligned, counted, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_file, put_picture
-from lagsim.errors import InputError, Problem, did_you_mean
+from lagsim.errors import InputError, Problem, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of
@@ -70,7 +70,7 @@ def _spectrum(result: Path, column: str) -> Spectrum:
         hint = member_hint(column, columns) or did_you_mean(column, columns)
         hint = hint or f"its columns are {', '.join(table.columns)}"
         text = f"{table.name}: there is no column `{column}`"
-        raise InputError([Problem("unknown-name", text, hint=hint)])
+        raise unusable("unknown-name", text, hint=hint)
     return spectrum(table.t, table[column], column, table.units.get(column, ""))
 
 

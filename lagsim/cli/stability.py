@@ -32,7 +32,7 @@ from lagsim.cli._shared import (
     quiet,
     table,
 )
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
@@ -122,14 +122,14 @@ def _check_parameter(model: Model, name: str | None) -> None:
         text = f"--vary {name}: the model has no such parameter"
         hint = f"of {', '.join(known)}" if known else "it has no parameters"
         hint = member_hint(name, known) or hint
-        raise InputError([Problem("unknown-parameter", text, hint=hint)])
+        raise unusable("unknown-parameter", text, hint=hint)
     if name in model.stated.structural():
         text = f"--vary {name}: members of families are counted or named by it"
         hint = f"map each of its values by itself: --set {name}=3"
-        raise InputError([Problem("usage", text, hint=hint)])
+        raise unusable("usage", text, hint=hint)
     if name in stability.columns(None):
         text = f"`{name}` cannot be varied: {TABLE} has a column of that name"
-        raise InputError([Problem("usage", text, hint="give it another name")])
+        raise unusable("usage", text, hint="give it another name")
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:

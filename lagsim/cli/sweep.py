@@ -28,7 +28,7 @@ from lagsim.cli._shared import (
 from lagsim.cli._streams import say
 from lagsim.cli._writing import writing
 from lagsim.cli.run import ERROR_BAR, with_settings
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import LagsimError, unusable
 from lagsim.files import content
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import versions
@@ -116,7 +116,7 @@ def command(
     if ends and (keep or error_bar is ErrorBars.ALWAYS):
         what = "--keep" if keep else "--error-bar always"
         text = f"--ends makes no rows, which {what} asks for"
-        raise InputError([Problem("usage", text, hint="leave one of them out")])
+        raise unusable("usage", text, hint="leave one of them out")
     read = read_file(model, assignments(sets))
     wanted(read, "sweep", options, "add it, or give --duration")
     grid = _grid(read, values or [], points, sample or [], count, seed)
@@ -153,10 +153,10 @@ def _grid(
 ) -> Grid:
     if bool(values) + bool(sample) + (points is not None) != 1:
         text = "one of NAME=A:B:N, --points and --sample is expected"
-        raise InputError([Problem("usage", text, hint=EXAMPLE)])
+        raise unusable("usage", text, hint=EXAMPLE)
     if bool(sample) is not (count is not None) or (seed and not sample):
         text = "-N goes with --sample, and --seed with both"
-        raise InputError([Problem("usage", text, hint=SAMPLED)])
+        raise unusable("usage", text, hint=SAMPLED)
     if points is not None:
         return of_file(read, points)
     if count is None:

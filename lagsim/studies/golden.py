@@ -9,6 +9,8 @@ methods. What these runs differ by is what a run elsewhere may differ by.
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +19,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
 from lagsim.mechanics.equations import Instant
@@ -178,44 +180,35 @@ def motion_of(case: Case, stride: int) -> Motion:
     return Motion(names, rows[wanted], sizes, trajectory, session.plan)
 
 
-def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
-    """Return variants of the golden run, with their kinds.
-
-    The kinds are `looser`, `tighter`, `perturbed` and `method`. One that does not come
-    to the end is left out.
-    """
-    for what, other in _asked(case, base.plan):
-        try:
+def variants(case: Case, base: Motion, stride: int) -> Iterator[Motion]:
+    """Return variants of the golden run, but for those that do not come to its end."""
+    for other in _asked(case, base.plan):
+        with contextlib.suppress(InputError):
             found = motion_of(other, stride)
-        except InputError:
-            continue
-        if found.trajectory.outcome is base.trajectory.outcome:
-            yield what, found
+            if found.trajectory.outcome is base.trajectory.outcome:
+                yield found
 
 
-def _asked(case: Case, plan: Plan) -> Iterator[tuple[str, Case]]:
+def _asked(case: Case, plan: Plan) -> Iterator[Case]:
     name = plan.method
-    if method_named(name).ADAPTIVE:
-        assert plan.rtol is not None
-        factors = [*(("looser", factor) for factor in LOOSER), ("tighter", TIGHTER)]
-        for kind, factor in factors:
+    if plan.rtol is not None:
+        for factor in (*LOOSER, TIGHTER):
             rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
             atol = None if plan.atol is None else plan.atol * factor
             # With the method that such a run would take, where none is named.
-            yield kind, case.asking(rtol=rtol, atol=atol)
-    else:
-        assert plan.step is not None
+            yield case.asking(rtol=rtol, atol=atol)
+    if plan.step is not None:
         # An error of order p becomes 2^p times larger, one of order 4 16 times.
-        yield "looser", case.asking(method=name, step=2.0 * plan.step)
-        yield "tighter", case.asking(method=name, step=0.5 * plan.step)
+        for factor in (2.0, 0.5):
+            yield case.asking(method=name, step=factor * plan.step)
         # Some are exact at any step: what a method with a tolerance may err by.
         rtol = LOOSER[0] * DEFAULT_RTOL
-        yield "looser", case.asking(method=METHODS[0], rtol=rtol, atol=None)
+        yield case.asking(method=METHODS[0], rtol=rtol, atol=None)
     for seed in range(SEEDS):
-        yield "perturbed", perturbed(case, seed)
+        yield perturbed(case, seed)
     for other in METHODS:
         if other != name:
-            yield "method", case.asking(method=other, formulation="auto")
+            yield case.asking(method=other, formulation="auto")
 
 
 # Rows this close to an event, as a part of the spacing, may lie on either side of it;
@@ -275,9 +268,8 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     force nor a constraint. Of what stays >= 0 it is what lies below.
     """
     column = dict(zip(motion.columns, motion.rows.T, strict=True))
-    found = {"energy": column["energy"]}
-    if "work" in column:
-        found = {BALANCE: column["energy"] - column["work"]}
+    energy, work = column["energy"], column.get("work")
+    found = {"energy": energy} if work is None else {BALANCE: energy - work}
     laws = {f"{RESIDUAL}{law.row.name}": law for law in equations.laws}
     for name, values in column.items():
         law = laws.get(name)
@@ -366,14 +358,15 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = motion_of(case, stride)
-    others = [other for _, other in variants(case, base, stride)]
+    others = [*variants(case, base, stride)]
     periodic = [x.name for x in case.equations.model.events if x.at is None]
     rows = base.rows[clear(base, others, spacing, periodic)]
+    alike = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
-        largest = np.zeros_like(rows)
-        for other in (x for x in others if x.columns == base.columns):
-            found = other.at(rows[:, 0], SAME_ROW * spacing, ends=True)
-            np.fmax(largest, np.abs(found - rows), out=largest)
+        near = SAME_ROW * spacing
+        found = (other.at(rows[:, 0], near, ends=True) for other in alike)
+        differences = (np.abs(other - rows) for other in found)
+        largest = functools.reduce(np.fmax, differences, np.zeros_like(rows))
         apart = _floors(case, base, rows) + SAFETY * largest
     sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
     state = case.equations.state
@@ -388,17 +381,14 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     envelope = np.maximum.accumulate(apart, axis=0) * (1.0 + DIGITS / 2)
     lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
     horizon = float(rows[lost[0], 0]) if len(lost) else None
-    if horizon is not None:
-        rows, envelope = rows[: lost[0]], envelope[: lost[0]]
     names = _kept(base.columns, case)
     chosen = [base.columns.index(name) for name in names]
-    rows, envelope = rows[:, chosen], envelope[:, chosen]
+    end = lost[0] if len(lost) else len(rows)
+    rows, envelope = rows[:end, chosen], envelope[:end, chosen]
     _ask_finite(names, rows, envelope)
-    steps = {
-        name: _steps(rows[:, 0], bounds)
-        for name, bounds in zip(names, envelope.T, strict=True)
-    }
-    kept = _bounded(case, base, others)
+    bounds = (_steps(rows[:, 0], own) for own in envelope.T)
+    steps = dict(zip(names, bounds, strict=True))
+    kept = _bounded(case, base, alike)
     return Golden(names, rows, steps, horizon, kept, stride), base
 
 
@@ -441,14 +431,13 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """Refuse columns that are not finite, or have no finite bound."""
     problems = []
-    for k, name in enumerate(names):
+    for name, *both in zip(names, rows.T, bounds.T, strict=True):
         # Where a row has no value, bounds may have none anywhere.
-        for wrong in (~np.isfinite(rows[:, k]), ~np.isfinite(bounds[:, k])):
-            if np.any(wrong):
-                t = rows[np.argmax(wrong), 0]
-                text = f"`{name}` has no finite value, or no bound, at t = {t:.6g}"
-                problems.append(Problem("not-finite", text, hint=LEAVE_OUT))
-                break
+        wrong = next((~ok for x in both if not (ok := np.isfinite(x)).all()), None)
+        if wrong is not None:
+            t = rows[np.argmax(wrong), 0]
+            text = f"`{name}` has no finite value, or no bound, at t = {t:.6g}"
+            problems.append(Problem("not-finite", text, hint=LEAVE_OUT))
     if problems:
         raise InputError(problems)
 
@@ -460,11 +449,12 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     found = np.zeros_like(rows)
     places = [base.columns.index(d.name) for d in shown]
     eps = 2.0 * UNIT_ROUNDOFF
-    parameters = {p.name: (p.value, eps * abs(p.value)) for p in model.parameters}
+    parameters = {p.name: p.value for p in model.parameters}
     nodes = [d.node for d in shown]
     for k, row in enumerate(rows.tolist() if shown else ()):
-        values = {c: (x, eps * abs(x)) for c, x in zip(base.columns, row, strict=True)}
-        errors = evaluate_with_error(model.graph, nodes, parameters | values)
+        values = parameters | dict(zip(base.columns, row, strict=True))
+        rounded = {name: (x, eps * abs(x)) for name, x in values.items()}
+        errors = evaluate_with_error(model.graph, nodes, rounded)
         found[k, places] = [error for _, error in errors]
     return np.nan_to_num(found, nan=0.0, posinf=0.0)
 
@@ -490,14 +480,8 @@ def _bounded(
     case: Case, base: Motion, others: Sequence[Motion]
 ) -> dict[str, Invariant]:
     """Return the conserved quantities, with bounds by the variants."""
-    found = {}
-    rtol = base.plan.rtol or DEFAULT_RTOL
-    apart = [
-        invariants(case.equations, motion)
-        for motion in (base, *others)
-        if motion.columns == base.columns
-    ]
-    kept = apart[0]
+    found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
+    kept, *_ = apart = [invariants(case.equations, x) for x in (base, *others)]
     momenta = [np.max(np.abs(v)) for n, v in kept.items() if n.startswith(MOMENTUM)]
     moving = scales(base.columns, base.rows.T)[base.columns.index("energy")]
     for name, values in kept.items():
@@ -514,7 +498,8 @@ def _bounded(
 # Files.
 
 FOLDER = "golden"
-# How long to wait for others who store in the folder; each takes some milliseconds.
+# How long to wait for others who store goldens of other models in the folder; each
+# takes some milliseconds.
 PATIENCE_SECONDS = 10.0
 # What a double holds, whatever its bound.
 MOST_DIGITS = 17
@@ -599,9 +584,7 @@ def store(
     """
     name = case.equations.model.name
     rows, about = table(golden), document(case, golden, base)
-    # Others may store goldens of other models into the folder.
-    patience = PATIENCE_SECONDS
-    with open_results(folder, f"{name}.json", patience=patience) as results:
+    with open_results(folder, f"{name}.json", patience=PATIENCE_SECONDS) as results:
         results.write(f"{name}.csv", rows)
         results.commit(about)
     return len(rows) + len(about), results.cautions
@@ -621,40 +604,36 @@ def load(folder: Path, model_name: str) -> Golden:
     except FileNotFoundError:
         text = f"there is no golden of {model_name} in {folder}"
         hint = "`lagsim golden --update` stores one"
-        raise InputError([Problem("no-golden", text, hint=hint)]) from None
+        raise unusable("no-golden", text, hint=hint) from None
     except OSError as error:
         raise _broken(path, f"cannot be read: {error.strerror}") from None
     except ValueError:
         raise _broken(path, "is not a JSON document") from None
-    rows = read_table(folder / f"{model_name}.csv")
+    table = read_table(folder / f"{model_name}.csv")
+    rows = np.ascontiguousarray(table.data.T)
     try:
-        return _golden(about, rows.columns, rows.data.T)
+        steps = {
+            name: [(float(t), float(bound)) for t, bound in pairs]
+            for name, pairs in about["bounds"].items()
+        }
+        if tuple(steps) != table.columns or not all(steps.values()):
+            raise ValueError  # noqa: TRY301
+        horizon = None if about["horizon"] is None else float(about["horizon"])
+        for key in ("output_step", "end"):
+            float(about[key])
+        kept = {
+            name: Invariant(float(entry["value"]), float(entry["bound"]))
+            for name, entry in about["invariants"].items()
+        }
+        stride = int(about["stride"])
     except (KeyError, TypeError, ValueError, AttributeError):
         raise _broken(path, "is not a golden, or not the one of these rows") from None
-
-
-def _golden(about: Any, columns: Sequence[str], rows: Floats) -> Golden:
-    steps = {
-        str(name): [(float(t), float(bound)) for t, bound in pairs]
-        for name, pairs in about["bounds"].items()
-    }
-    if list(steps) != list(columns) or not all(steps.values()):
-        raise ValueError
-    horizon = None if about["horizon"] is None else float(about["horizon"])
-    for key in ("output_step", "end"):
-        float(about[key])
-    kept = {
-        str(name): Invariant(float(entry["value"]), float(entry["bound"]))
-        for name, entry in about["invariants"].items()
-    }
-    rows = np.ascontiguousarray(rows)
-    stride = int(about["stride"])
-    return Golden(tuple(columns), rows, steps, horizon, kept, stride, about)
+    return Golden(table.columns, rows, steps, horizon, kept, stride, about)
 
 
 def _broken(path: Path, why: str) -> InputError:
     hint = "`lagsim golden --update` stores it again"
-    return InputError([Problem("bad-golden", f"{path} {why}", hint=hint)])
+    return unusable("bad-golden", f"{path} {why}", hint=hint)
 
 
 # Verdicts.
@@ -675,7 +654,7 @@ def run(case: Case, golden: Golden) -> Motion:
 def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
     """Return the verdict on a motion by the golden of its model."""
     about, model = golden.about, case.equations.model
-    pairs = dict(_columns(motion, golden)) | dict(_constants(case, motion, golden))
+    pairs = dict(_pairs(case, motion, golden))
     known = about.get("columns", golden.columns)
     changed, places = _changed(model, about)
     worst = ordered(pair.deviation(name) for name, pair in pairs.items())
@@ -688,7 +667,7 @@ def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
         of=pairs.__getitem__,
         notes=tuple(_notes(case, motion, about, changed)),
         changed=tuple(changed or ()),
-        place=places[0] if places else None,
+        place=next(iter(places), None),
     )
 
 
@@ -734,23 +713,17 @@ def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     return found
 
 
-def _columns(motion: Motion, golden: Golden) -> Iterator[tuple[str, Pair]]:
-    """Return each column of both, in the rows of the golden."""
+def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pair]]:
+    """Return each column of both in the golden's rows, each invariant in all rows."""
     t, near = golden.rows[:, 0], SAME_ROW * float(golden.about["output_step"])
     rows = motion.at(t, near, ends=golden.horizon is None)
-    for k, name in enumerate(golden.columns):
-        if name in motion.columns:
+    new = dict(zip(motion.columns, rows.T, strict=True))
+    for name, old in zip(golden.columns, golden.rows.T, strict=True):
+        if name in new:
             bounds = golden.bounds(name)
             if name == "t":  # the same times as far as they were looked for
                 bounds = bounds + np.where(at_impacts(t), 0.0, near)
-            new = rows[:, motion.columns.index(name)]
-            yield name, Pair(t, golden.rows[:, k], new, bounds)
-
-
-def _constants(
-    case: Case, motion: Motion, golden: Golden
-) -> Iterator[tuple[str, Pair]]:
-    """Return each invariant of both, in all rows of the motion."""
+            yield name, Pair(t, old, new[name], bounds)
     now, t = invariants(case.equations, motion), motion.rows[:, 0]
     for name, kept in golden.invariants.items():
         if name in now:
@@ -758,43 +731,38 @@ def _constants(
             yield f"{name}{CONSTANT}", Pair(t, value, now[name], bound)
 
 
-def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
+def _faults(motion: Motion, about: Mapping[str, Any]) -> Iterator[str]:
     outcome = motion.trajectory.outcome
     if not outcome.complete:
-        return [f"the run does not finish: {motion.trajectory.reason}"]
-    if outcome.word != about.get("outcome", outcome.word):
-        was = about["outcome"]
-        return [f"the run ends by `{outcome.word}`, the golden by `{was}`"]
-    return []
+        yield f"the run does not finish: {motion.trajectory.reason}"
+    elif outcome.word != (was := about.get("outcome", outcome.word)):
+        yield f"the run ends by `{outcome.word}`, the golden by `{was}`"
 
 
 def _notes(
     case: Case, motion: Motion, about: Mapping[str, Any], changed: list[str] | None
-) -> list[str]:
+) -> Iterator[str]:
     """Return notes on changes besides those of the motion."""
-    notes = []
     if case.equations.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:
-            what = "; ".join(changed) or "not in what the golden holds of it"
-            text = f"{text}: {what}"
-        notes.append(text)
+            text += f": {'; '.join(changed) or 'not in what the golden holds of it'}"
+        yield text
     for what in ("method", "formulation"):
         now, was = getattr(motion.plan, what), about.get(what)
         if now != was:
-            notes.append(f"{what} {now}, the golden's is {was}")
-    was, now = about.get("versions", {}), versions()
-    others = [f"lagsim {about.get('lagsim')}"] * (about.get("lagsim") != __version__)
-    others += [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
+            yield f"{what} {now}, the golden's is {was}"
+    was = {"lagsim": about.get("lagsim"), **about.get("versions", {})}
+    now = {"lagsim": __version__, **versions()}
+    others = [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
     if others:
-        notes.append(f"the golden is from {', '.join(others)}")
+        yield f"the golden is from {', '.join(others)}"
     spacing, end = float(about["output_step"]), float(about["end"])
     if case.settings.output_step != spacing:
-        notes.append(f"rows every {about['output_step']!r}, as in the golden")
+        yield f"rows every {about['output_step']!r}, as in the golden"
     reached = motion.trajectory.end
     if abs(reached - end) > SAME_ROW * spacing:
-        notes.append(f"the run ends at t = {reached!r}, the golden's at {end!r}")
-    return notes
+        yield f"the run ends at t = {reached!r}, the golden's at {end!r}"
 
 
 def picture(case: Case, verdict: Verdict) -> bytes:

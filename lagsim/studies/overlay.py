@@ -12,7 +12,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Problem, did_you_mean
+from lagsim.errors import InputError, Problem, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
@@ -87,15 +87,15 @@ def _record(folder: Path) -> Mapping[str, Any]:
         if folder.exists():
             what = f"{folder} holds no results: there is no {MANIFEST} in it"
         hint = f"`lagsim run MODEL -o {folder}` makes it"
-        raise InputError([Problem("no-results", what, hint=hint)]) from None
+        raise unusable("no-results", what, hint=hint) from None
     except OSError as error:
         why = f"{folder / MANIFEST} cannot be read: {error.strerror}"
-        raise InputError([Problem("no-results", why)]) from None
+        raise unusable("no-results", why) from None
     except ValueError:
         record = None
     if not isinstance(record, dict) or "columns" not in record:
         why = f"{folder / MANIFEST} is not a run.json of lagsim"
-        raise InputError([Problem("no-results", why)])
+        raise unusable("no-results", why)
     return record
 
 
@@ -178,7 +178,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
         if found:
             return found[:MOST_COLUMNS]
         what = "these results have no coordinate in common"
-        raise InputError([Problem("no-column", what, hint="name columns: --columns x")])
+        raise unusable("no-column", what, hint="name columns: --columns x")
     problems = []
     for run in runs:
         for name in names:

@@ -28,7 +28,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, unusable
 from lagsim.methods import method, names
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
@@ -208,7 +208,7 @@ class Restart:
 
 def _refused(path: Path, why: str) -> InputError:
     hint = "leave --resume out to start again, or choose another folder with -o"
-    return InputError([Problem("another-run", f"{path} {why}", hint=hint)])
+    return unusable("another-run", f"{path} {why}", hint=hint)
 
 
 def _machine() -> dict[str, str]:

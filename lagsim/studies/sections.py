@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
 from lagsim.methods.parts.missed import BETWEEN
 from lagsim.outputs.letters import letters_of, raised
@@ -237,7 +237,7 @@ def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:
     if not count < STROBES:
         text = f"`every` of the section `{section.name}` is {period:g}"
         text += f"; a run has at most {STROBES:,} of its periods"
-        raise InputError([Problem("out-of-range", text, section.place)])
+        raise unusable("out-of-range", text, section.place)
     times = made.start + period * np.arange(np.floor(count + 1e-9) + 1.0)
     return np.minimum(times, made.end)
 

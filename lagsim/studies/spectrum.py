@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, unusable
 from lagsim.tolerances import SAME_ROW, TINY
 
 if TYPE_CHECKING:
@@ -220,4 +220,4 @@ def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
 
 
 def _unusable(text: str, hint: str = "") -> InputError:
-    return InputError([Problem("no-spectrum", text, hint=hint)])
+    return unusable("no-spectrum", text, hint=hint)

@@ -23,7 +23,7 @@ import numpy as np
 import orjson
 
 from lagsim import files, limits
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import arrow, numberless, unguarded
@@ -151,7 +151,7 @@ def read_table(path: Path) -> Table:
         why = f"cannot be read: {error.strerror or 'it is damaged'}"
     except _FaultError as error:
         why = str(error)
-    raise InputError([Problem("bad-table", f"{path}: {why}")])
+    raise unusable("bad-table", f"{path}: {why}")
 
 
 def _refuse_large(size: int) -> None:

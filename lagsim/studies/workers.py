@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
@@ -225,15 +225,13 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         from distributed import Client
     except ImportError:
         text = "--dask needs dask.distributed, which is not installed"
-        raise InputError(
-            [Problem("usage", text, hint="pip install 'lagsim[dask]'")]
-        ) from None
+        raise unusable("usage", text, hint="pip install 'lagsim[dask]'") from None
     try:
         client = Client(address)
     except (OSError, ValueError) as error:
         text = f"there is no Dask scheduler at {address}: {error}"
         hint = "`dask scheduler` prints its address, such as tcp://10.0.0.5:8786"
-        raise InputError([Problem("usage", text, hint=hint)]) from None
+        raise unusable("usage", text, hint=hint) from None
 
     @contextlib.contextmanager
     def hired(most: int) -> Iterator[Crew]:
@@ -244,5 +242,5 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         cores = sum(client.ncores().values())
         if not cores:
             text = f"the Dask scheduler at {address} has no workers"
-            raise InputError([Problem("usage", text, hint="begin some: `dask worker`")])
+            raise unusable("usage", text, hint="begin some: `dask worker`")
         yield hired, cores

@@ -18,7 +18,7 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rest import lowest
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError, Problem, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation, Mode, modes
@@ -365,7 +365,7 @@ def methods_for(
         Where one that was asked for cannot be looked at, or the model has laws.
     """
     if case.equations.laws:
-        raise InputError([Problem("no-stability", UNSTEADY, hint=INSTEAD)])
+        raise unusable("no-stability", UNSTEADY, hint=INSTEAD)
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
     problems = []

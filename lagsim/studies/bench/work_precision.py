@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import orjson
 
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError, unusable
 from lagsim.files import content as content_of
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
@@ -703,9 +703,9 @@ def read_document(path: str) -> dict[str, Any]:
         found = orjson.loads(content_of(path))
     except OSError as error:
         why = f"{path} cannot be read: {error.strerror}"
-        raise InputError([Problem("unreadable", why)]) from None
+        raise unusable("unreadable", why) from None
     except ValueError as error:
-        raise InputError([Problem("not-json", f"{path}: {error}")]) from None
+        raise unusable("not-json", f"{path}: {error}") from None
     missing = [key for key in NEEDED if not isinstance(found, dict) or key not in found]
     if missing:
         why = (
@@ -713,5 +713,5 @@ def read_document(path: str) -> dict[str, Any]:
             f"`{missing[0]}` is missing"
         )
         hint = "measure again: lagsim bench MODEL"
-        raise InputError([Problem("not-a-bench", why, hint=hint)])
+        raise unusable("not-a-bench", why, hint=hint)
     return dict(found)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 from lagsim.native.elementary import log
 from lagsim.studies.sweep.runs import Axis, Grid, grid_of, number_of, refuse_many
 
@@ -54,7 +54,7 @@ def of_file(model: Model, path: Path) -> Grid:
         text = files.content(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", "") or "it is no text in UTF-8"
-        raise InputError([Problem("bad-points", f"{path}: {why}")]) from None
+        raise unusable("bad-points", f"{path}: {why}") from None
     table = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
     lines = [(table.line_num, [x.strip() for x in row]) for row in table]
     (first, names), *rows = [(k, row) for k, row in lines if any(row)] or [(1, [])]
@@ -128,12 +128,12 @@ def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
     found = _DRAWN.fullmatch(text)
     if found is None:
         wrong = f"{name}={text}: normal(mean, deviation) or uniform(low, high) expected"
-        raise InputError([Problem("usage", wrong, hint=EXAMPLE)])
+        raise unusable("usage", wrong, hint=EXAMPLE)
     a, b = Axis.of(model, name, [part.strip() for part in found.groups()[1:]]).values
     normal = found[1] == "normal"
     if not (b > 0.0 if normal else a < b):
         rule = "the deviation is more than 0" if normal else "low is less than high"
-        raise InputError([Problem("usage", f"{name}={text}: {rule}", hint=EXAMPLE)])
+        raise unusable("usage", f"{name}={text}: {rule}", hint=EXAMPLE)
     return a + b * _normal(uniform) if normal else a + (b - a) * uniform
 
 

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
-from lagsim.errors import InputError, LagsimError, Problem, did_you_mean
+from lagsim.errors import InputError, LagsimError, Problem, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.methods.parts.state import DONE as ENDED
@@ -202,7 +202,7 @@ def grid_of(
     if together and len({*grid.shape}) > 1:
         text = f"the names have {', '.join(map(str, grid.shape))} values"
         hint = "points have as many values of each name"
-        raise InputError([Problem("usage", text, hint=hint)])
+        raise unusable("usage", text, hint=hint)
     refuse_many(grid.runs)
     return grid
 
@@ -211,7 +211,7 @@ def refuse_many(runs: int) -> None:
     """Refuse a sweep of more than MOST_RUNS runs."""
     if runs > MOST_RUNS:
         text = f"these are {runs} runs, more than {MOST_RUNS}"
-        raise InputError([Problem("usage", text, hint="sweep them in parts")])
+        raise unusable("usage", text, hint="sweep them in parts")
 
 
 def parsed(model: Model, arguments: Iterable[str]) -> Grid:
@@ -248,7 +248,7 @@ def _values(model: Model, name: str, text: str) -> list[str]:
     last, _, many = rest.rpartition(":")
     if not (many.strip().isdecimal() and int(many) >= 2 and last and ":" not in last):
         found = f"{name}={text}: two ends and how many values, 2 or more, are expected"
-        raise InputError([Problem("usage", found, hint=EXAMPLE)])
+        raise unusable("usage", found, hint=EXAMPLE)
     refuse_many(int(many))
     a, b = Axis.of(model, name, (first, last)).values
     return [repr(x) for x in between(a, b, int(many))]
@@ -283,7 +283,7 @@ def _check_start(model: Model, name: str) -> None:
     hint = member_hint(name, among) or did_you_mean(name, among)
     hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
     text = f"`{name}` is no parameter of {model.name}, and has no start value"
-    raise InputError([Problem("unknown-name", text, hint=hint)])
+    raise unusable("unknown-name", text, hint=hint)
 
 
 # A run whose energy less work ends so far from where it began, as a part of what is in

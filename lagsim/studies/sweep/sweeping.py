@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.outputs import attempted
 from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
@@ -96,7 +96,7 @@ class Journal:
         if other:
             text = f"{self.path} cannot be resumed: it has another {other[0]}"
             hint = "leave --resume out to start again, or choose another folder with -o"
-            raise InputError([Problem("another-sweep", text, hint=hint)])
+            raise unusable("another-sweep", text, hint=hint)
         self._replace(content)
         rows = {}
         for number, values, *known, numbers, form in map(json.loads, lines):
