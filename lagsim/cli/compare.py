@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -57,34 +57,27 @@ def command(
     The exit code is 0 within tolerance, 1 where they differ, 2 if unusable.
     """
     tolerances = _tolerances(rtol, atol)
-    one, two = read_results(golden), read_results(new)
-    found = _Found(one, two, compare(one, two, *tolerances))
+    tables = read_results(golden), read_results(new)
+    verdict = compare(*tables, *tolerances)
     if plot is not None:
-        put_picture(plot, partial(_picture, found))
+        put_picture(plot, partial(_picture, *tables, verdict))
+    remarks = [*tables[0].remarks, *tables[1].remarks, *notes(verdict)]
+    names = [table.name for table in tables]
     if as_json:
-        show_json(document(found))
+        show_json(_document(names, verdict, remarks))
     elif not quiet:
-        say(report(found))
-    return 0 if found.comparison.passed else 1
+        say(_report(names, verdict, remarks))
+    return 0 if verdict.passed else 1
 
 
-class _Found(NamedTuple):
-    """A comparison and what was compared."""
-
-    golden: Table
-    new: Table
-    comparison: Verdict
-
-
-def _picture(found: _Found) -> bytes:
+def _picture(golden: Table, new: Table, verdict: Verdict) -> bytes:
     from lagsim.outputs.letters import Letters
     from lagsim.studies.comparison_chart import picture, summary
 
-    golden, new, comparison = found
     letters, units = Letters(golden.columns), {**golden.units, **new.units}
-    title, *first = summary(comparison, letters)
+    title, *first = summary(verdict, letters)
     names = f"{golden.name} and {new.name}"
-    return picture(title, names, comparison, letters, units, first)
+    return picture(title, names, verdict, letters, units, first)
 
 
 def _tolerances(
@@ -107,47 +100,45 @@ def _tolerances(
     return values[0], values[1]
 
 
-def report(found: _Found) -> str:
+def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> str:
     """Return what a person reads: the verdict, then the worst columns."""
-    comparison, rows = found.comparison, found.comparison.rows
-    assert rows is not None
-    passed = comparison.passed
-    verdict = coloured("same", "32") if passed else coloured("differ", "31")
-    size = f"{counted(len(rows.golden), 'row')}, "
-    size += counted(len(comparison.worst), "column")
-    what = f"{found.golden.name} and {found.new.name}, {size} compared"
-    numbered = "" if passed else f" [{number(DIFFERS)}]"
-    lines = [f"{verdict}: {what}{numbered}"]
-    lines += [f"  {note}" for note in notes(found)]
-    if comparison.failed:
-        lines += differing(comparison)
-    else:
-        lines += listing(comparison.worst[:3])
-    more = len(comparison.failed) - LISTED
-    if more > 0:
-        lines.append(f"  and {counted(more, 'more column')} that differ")
-    return "\n".join(lines)
+    assert verdict.rows is not None
+    size = f"{counted(len(verdict.rows.golden), 'row')}, "
+    size += counted(len(verdict.worst), "column")
+    head = headline(verdict, "differ", f"{' and '.join(names)}, {size} compared")
+    worst = differing(verdict) or _listing(verdict.worst[:3])
+    return "\n".join([head, *(f"  {remark}" for remark in remarks), *worst])
+
+
+def headline(verdict: Verdict, differs: str, what: str) -> str:
+    """Return the verdict on a line; `differs` is the word for one that failed."""
+    if verdict.passed:
+        return f"{coloured('same', '32')}: {what}"
+    return f"{coloured(differs, '31')}: {what} [{number(DIFFERS)}]"
 
 
 def differing(verdict: Verdict) -> list[str]:
     """Return lines of what differs: the first column to do so, then the worst."""
-    first = verdict.first
-    assert first is not None
+    first, failed = verdict.first, verdict.failed
+    if first is None:
+        return []
     head = f"  the first to pass its bound: {first.column}, t = {first.first!r}"
-    return [head, *listing(verdict.failed[:LISTED])]
+    lines = [head, *_listing(failed[:LISTED])]
+    if more := failed[LISTED:]:
+        lines.append(f"  and {counted(len(more), 'more column')} that differ")
+    return lines
 
 
-def notes(found: _Found) -> list[str]:
-    """Return notes on what only one table has, and on incomplete runs."""
-    comparison = found.comparison
-    lines = [*found.golden.remarks, *found.new.remarks]
-    for what, names in (("missing", comparison.missing), ("extra", comparison.extra)):
+def notes(verdict: Verdict) -> list[str]:
+    """Return notes on what only one of both has, and on what else they differ in."""
+    lines = []
+    for what, names in (("missing", verdict.missing), ("extra", verdict.extra)):
         more = f" and {len(names) - 8} more" if len(names) > 8 else ""
         lines += [f"{what}: {', '.join(names[:8])}{more}"] if names else []
-    return [*lines, *comparison.faults]
+    return [*lines, *verdict.faults]
 
 
-def listing(deviations: Sequence[Deviation]) -> list[str]:
+def _listing(deviations: Sequence[Deviation]) -> list[str]:
     """Return the worst cell of each column as an aligned table."""
     rows = [("column", "worst at t", "golden", "new", "difference", "bound", "cells")]
     rows += [
@@ -160,29 +151,32 @@ def listing(deviations: Sequence[Deviation]) -> list[str]:
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
-def document(found: _Found) -> dict[str, Any]:
+def _document(
+    names: Sequence[str], verdict: Verdict, remarks: Sequence[str]
+) -> dict[str, Any]:
     """Return the JSON document; keys are only ever added."""
-    comparison, rows = found.comparison, found.comparison.rows
+    rows, first = verdict.rows, verdict.first
     assert rows is not None
-    first = comparison.first
-    return {
-        "pass": comparison.passed,
-        "failure": None if comparison.passed else failure(DIFFERS),
-        "golden": found.golden.name,
-        "new": found.new.name,
+    return judgement(verdict) | {
+        "golden": names[0],
+        "new": names[1],
         "rows": len(rows.golden),
         "first": first and {"column": first.column, "t": first.first},
-        "missing_columns": list(comparison.missing),
-        "extra_columns": list(comparison.extra),
         "missing_times": len(rows.missing),
         "extra_times": len(rows.extra),
-        "notes": notes(found),
-        "worst": [as_mapping(d) for d in comparison.worst],
+        "notes": remarks,
     }
 
 
-def as_mapping(deviation: Deviation) -> dict[str, Any]:
-    """Return a column's worst cell for JSON."""
-    found = {**deviation._asdict(), "pass": deviation.passed}
-    del found["ratio"]
-    return found
+def judgement(verdict: Verdict) -> dict[str, Any]:
+    """Return what a JSON document holds of a verdict: the worst cell of each column."""
+    worst = [{**d._asdict(), "pass": d.passed} for d in verdict.worst]
+    for cell in worst:
+        del cell["ratio"]
+    return {
+        "pass": verdict.passed,
+        "failure": None if verdict.passed else failure(DIFFERS),
+        "missing_columns": verdict.missing,
+        "extra_columns": verdict.extra,
+        "worst": worst,
+    }

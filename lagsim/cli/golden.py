@@ -13,7 +13,7 @@ from lagsim.cli._faults import plain, reported
 from lagsim.cli._shared import JSON, coloured, counted, quiet, show_json
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import put_file, put_picture, writing
-from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, differing
+from lagsim.cli.compare import DIFFERS, differing, headline, judgement, notes
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.model.reader import read_file
@@ -94,9 +94,7 @@ class _Task(NamedTuple):
     @property
     def name(self) -> str:
         """The name of the model, or that of its file."""
-        if isinstance(self.model, LagsimError):
-            return Path(self.path).stem
-        return self.model.name
+        return getattr(self.model, "name", Path(self.path).stem)
 
 
 class _Answer(NamedTuple):
@@ -116,33 +114,33 @@ def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
     code = reported(error, found if as_json else None, path)
     document = next((x for x in found if "errors" not in x), None)
     if document is not None:  # of an inadmissible start
-        document |= {"file": document["model"]["file"]}
-        document |= {"model": document["model"]["name"]}
+        model = document["model"]
+        document |= {"model": model["name"], "file": model["file"]}
     faults = [fault for x in found for fault in x.get("errors", ())]
     return _Answer(code, document, (), ("error", error.code, plain(error)), faults)
 
 
 def _task(path: str, folder: Path | None) -> _Task:
-    folder = folder or Path(path).parent / FOLDER
+    model: Model | LagsimError
     try:
-        return _Task(path, read_file(path), folder)
+        model = read_file(path)
     except LagsimError as error:
-        return _Task(path, error, folder)
+        model = error
+    return _Task(path, model, folder or Path(path).parent / FOLDER)
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
     """Refuse models whose goldens would be the same files."""
     first: dict[tuple[Path, str], str] = {}
     problems = []
-    for path, model, folder in tasks:
-        if isinstance(model, LagsimError):
+    for task in tasks:
+        path, name, folder = task.path, task.name, task.folder
+        if isinstance(task.model, LagsimError):
             continue
-        other = first.setdefault((folder.resolve(), model.name), path)
+        other = first.setdefault((folder.resolve(), name), path)
         if Path(other).resolve() != Path(path).resolve():
-            text = (
-                f"{other} and {path} are both named `{model.name}`, and would share "
-                f"one golden in {folder}"
-            )
+            text = f"{other} and {path} are both named `{name}`, and would share "
+            text += f"one golden in {folder}"
             hint = "give one of them another `name`; nothing was run"
             problems.append(Problem("one-name", text, hint=hint))
     if problems:
@@ -160,16 +158,27 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
     if stored is None:
         return _store(case, task.folder)
     verdict = judge(case, run(case, stored), stored)
-    found, lines = document(model, verdict, stored), report(verdict)
+    found = judgement(verdict) | {
+        "model": model.name,
+        "file": model.file,
+        "horizon": stored.horizon,
+        "rows": len(stored.rows),
+        "faults": verdict.faults,
+        "notes": verdict.notes,
+    }
+    lines = [f"  {note}" for note in notes(verdict)]
+    lines += [f"  note: {note}" for note in verdict.notes]
+    lines += differing(verdict)
     if not verdict.passed and plots is not None:
         path = plots / f"{model.name}.png"
         if put_picture(path, partial(picture, case, verdict), folders=True):
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
-    shown = [headline(model, verdict, stored), *lines]
+    compared = f"{model.name}, {counted(len(stored.rows), 'row')} compared"
+    shown = [headline(verdict, "differs", compared + _horizon(stored)), *lines]
     if verdict.passed:
         return _Answer(0, found, shown)
-    text = f"{model.name} differs from its golden: {worst(verdict)}"
+    text = f"{model.name} differs from its golden: {_worst(verdict)}"
     line, column = (p.line, p.column) if (p := verdict.place) else (1, 1)
     annotation = "; ".join([text, *verdict.changed])
     annotate(ERROR, annotation, model.file, line, column, number(DIFFERS))
@@ -179,13 +188,15 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
 def _store(case: Case, folder: Path) -> _Answer:
     model = case.equations.model
     golden, base = measure(case)
+    found: dict[str, Any] = {"model": model.name, "file": model.file}
     if not base.trajectory.outcome.complete:
         text = f"no golden of {model.name}: {base.trajectory.reason}"
         failed = failure("incomplete")
         complain(f"lagsim: {text} [{failed['number']}]")
-        found = _name(model) | {"pass": False, "failure": failed}
-        why = "error", "incomplete", text
-        return _Answer(UnwritableError.exit_code, found, (), why)
+        found |= {"pass": False, "failure": failed}
+        return _Answer(
+            UnwritableError.exit_code, found, (), ("error", "incomplete", text)
+        )
     with writing(folder):
         size, cautions = store(case, golden, base, folder)
     for caution in cautions:
@@ -193,13 +204,9 @@ def _store(case: Case, folder: Path) -> _Answer:
     counts = f"{counted(len(golden.rows), 'row')}, "
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
     line = f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"
-    found = {"pass": True, "stored": True, "horizon": golden.horizon}
+    found |= {"pass": True, "stored": True, "horizon": golden.horizon}
     found |= {"warnings": [c.record for c in cautions]} if cautions else {}
-    return _Answer(0, _name(model) | found, [line])
-
-
-def _name(model: Model) -> dict[str, Any]:
-    return {"model": model.name, "file": model.file}
+    return _Answer(0, found, [line])
 
 
 def _horizon(golden: Golden) -> str:
@@ -208,15 +215,7 @@ def _horizon(golden: Golden) -> str:
     return f"; past t = {golden.horizon:.4g} only conserved quantities"
 
 
-def headline(model: Model, verdict: Verdict, golden: Golden) -> str:
-    """Return the verdict on a line."""
-    word = coloured("same", "32") if verdict.passed else coloured("differs", "31")
-    rows = counted(len(golden.rows), "row")
-    numbered = "" if verdict.passed else f" [{number(DIFFERS)}]"
-    return f"{word}: {model.name}, {rows} compared{_horizon(golden)}{numbered}"
-
-
-def worst(verdict: Verdict) -> str:
+def _worst(verdict: Verdict) -> str:
     """Return in a few words what differs."""
     failed, parts = verdict.failed, [*verdict.faults]
     if verdict.missing:
@@ -227,30 +226,3 @@ def worst(verdict: Verdict) -> str:
             f"{failed[0].column} at t = {failed[0].t:.9g}"
         )
     return "; ".join(parts)
-
-
-def report(verdict: Verdict) -> list[str]:
-    """Return what a person reads below the verdict: notes, and the worst columns."""
-    lines = [f"  {fault}" for fault in verdict.faults]
-    columns = {"missing": verdict.missing, "extra": verdict.extra}
-    lines += [f"  {what}: {', '.join(c)}" for what, c in columns.items() if c]
-    lines += [f"  note: {note}" for note in verdict.notes]
-    lines += differing(verdict) if verdict.failed else []
-    more = len(verdict.failed) - LISTED
-    return [*lines, f"  and {more} more"] if more > 0 else lines
-
-
-def document(model: Model, verdict: Verdict, golden: Golden) -> dict[str, Any]:
-    """Return what the JSON document holds of one model; keys are only ever added."""
-    return {
-        **_name(model),
-        "pass": verdict.passed,
-        "failure": None if verdict.passed else failure(DIFFERS),
-        "horizon": golden.horizon,
-        "rows": len(golden.rows),
-        "faults": list(verdict.faults),
-        "notes": list(verdict.notes),
-        "missing_columns": list(verdict.missing),
-        "extra_columns": list(verdict.extra),
-        "worst": [as_mapping(d) for d in verdict.worst],
-    }

@@ -16,7 +16,6 @@ from lagsim.outputs.figure import (
     NO_RESULT,
     PENS,
     RIGHT,
-    WIDTH,
     Column,
     Pen,
     Picture,
@@ -26,14 +25,12 @@ from lagsim.outputs.figure import (
     map_figure,
     mark,
     stack_height,
-    stacked,
 )
 from lagsim.outputs.letters import letters_of, raised
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -50,7 +47,8 @@ MOST = 6
 SPREAD = 20.0
 # So many names of points have panels beside each other.
 ABREAST = 3
-END, LOW, HIGH = range(3)
+# Of a column of a run.
+END, HIGH = 0, 2
 PARTS = {"end": "at the end", "min": "least", "max": "greatest"}
 FAILED: Pen = mark("x", 5.0, "#D55E00")
 AT_END: Pen = mark("o", 3.0, PENS[0]["color"])
@@ -69,10 +67,8 @@ def chart(found: Found) -> bytes:
     more: dict[str, Any] = {
         "subject": f"{found.grid.runs} runs", "notes": _notes(found, len(names))
     }  # fmt: skip
-    if len(found.grid.axes) == 1:
-        return content(_curves(found, names[:MOST], more, missing=missing))
-    if found.grid.together:
-        return content(_scattered(found, names[:MOST], more, missing=missing))
+    if len(found.grid.axes) == 1 or found.grid.together:
+        return content(_panels(found, names[:MOST], missing, **more))
     more["legend"] = [("not complete", BAND | {"color": NO_RESULT})] if missing else []
     parts = {"end": END} if found.work.ends else {"end": END, "max": HIGH}
     columns = {
@@ -121,29 +117,43 @@ def _column(found: Found, name: str, values: Array) -> Column:
 
 
 @in_house_style
-def _curves(
-    found: Found, names: Sequence[str], more: Mapping[str, Any], *, missing: bool
-) -> Picture:
-    """Draw the ends of columns, and the bands that they are in."""
-    order, x = _along(found, found.grid.axes[0])
-    ends = AT_END if len(order) <= FEW else MANY_AT_END
-    legend = [("at the end", ends)]
-    legend += [] if found.work.ends else [("from least to greatest", BAND)]
+def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> Picture:
+    """Draw the ends of columns over the first names, and the bands over one alone."""
+    shown, grid = found.grid.axes[:ABREAST], found.grid
+    banded = len(grid.axes) == 1 and not found.work.ends
+    dots = AT_END if grid.runs <= FEW else MANY_AT_END
+    legend = [("at the end", dots)]
+    legend += [("from least to greatest", BAND)] if banded else []
     legend += [("not complete", FAILED)] if missing else []
     height = stack_height(len(names), CURVES)
     drawing = Picture(height, found.model.name, legend=legend, **more)
-    panels = stacked(drawing, len(names), CURVES)
-    for axes, name in zip(panels, names, strict=True):
-        cells = values_of(found, name)[order]
-        axes.fill_between(
-            x.values, cells[:, LOW], cells[:, HIGH], color=BAND["color"], linewidth=0.0
-        )
-        axes.plot(x.values, cells[:, END], **ends, clip_on=False, zorder=2.2)
-        if missing:
-            _mark_missing(axes, x.values, cells[:, END])
-        _column(found, name, cells).stand_at(axes.yaxis, CURVES)
-    panels[-1].set_xscale("log" if is_log(x.values) else "linear")
-    x.stand_at(panels[-1].xaxis, WIDTH)
+    width = (drawing.width - LEFT - RIGHT - APART * (len(shown) - 1)) / len(shown)
+    panels = drawing.panels(
+        [width] * len(shown), [CURVES] * len(names), top=APART, across=APART, down=APART
+    )
+    for row, name in zip(panels, names, strict=True):
+        cells = values_of(found, name)
+        for axes, lowest, axis in zip(row, panels[-1], shown, strict=True):
+            order, x = _along(found, axis)
+            end, low, high = cells[order].T
+            if axes is not lowest:
+                axes.sharex(lowest)
+            if axes is not row[0]:
+                axes.sharey(row[0])
+            if banded:
+                band = {"color": BAND["color"], "linewidth": 0.0}
+                axes.fill_between(x.values, low, high, **band)
+            axes.plot(x.values, end, **dots, clip_on=False, zorder=2.2)
+            axes.tick_params(labelleft=axes is row[0], labelbottom=axes is lowest)
+            none = x.values[np.isnan(end)]
+            if len(none):
+                bottom = axes.get_ylim()[0]
+                axes.plot(none, [bottom] * len(none), **FAILED, clip_on=False, zorder=3)
+                axes.set_ylim(bottom)
+            if axes is lowest:
+                axes.set_xscale("log" if is_log(x.values) else "linear")
+                x.stand_at(axes.xaxis, width)
+        _column(found, name, cells).stand_at(row[0].yaxis, CURVES)
     drawing.align_ylabels()
     return drawing
 
@@ -159,47 +169,6 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
         [_column(found, name, values[numbers]) for name, values in columns.items()],
         **more,
     )
-
-
-def _mark_missing(axes: Axes, x: Array, ends: Array) -> None:
-    """Draw crosses at the bottom where there is no result."""
-    none = x[np.isnan(ends)]
-    if len(none):
-        low = np.full(len(none), axes.get_ylim()[0])
-        axes.plot(none, low, **FAILED, clip_on=False, zorder=3.0)
-        axes.set_ylim(low[0])
-
-
-@in_house_style
-def _scattered(
-    found: Found, names: Sequence[str], more: Mapping[str, Any], *, missing: bool
-) -> Picture:
-    """Draw the ends of columns against each of the first names, a dot for each run."""
-    shown, height = found.grid.axes[:ABREAST], stack_height(len(names), CURVES)
-    legend = [("at the end", AT_END), *([("not complete", FAILED)] * missing)]
-    drawing = Picture(height, found.model.name, legend=legend, **more)
-    width = (drawing.width - LEFT - RIGHT - APART * (len(shown) - 1)) / len(shown)
-    panels = drawing.panels(
-        [width] * len(shown), [CURVES] * len(names), top=APART, across=APART, down=APART
-    )
-    dot = AT_END if found.grid.runs <= FEW else MANY_AT_END
-    for k, name in enumerate(names):
-        ends = values_of(found, name)[:, END]
-        for axes, axis in zip(panels[k], shown, strict=True):
-            order, x = _along(found, axis)
-            axes.plot(x.values, ends[order], **dot)
-            axes.set_xscale("log" if is_log(x.values) else "linear")
-            if axis is not shown[0]:
-                axes.sharey(panels[k][0])
-            axes.tick_params(labelleft=axis is shown[0], labelbottom=False)
-            if missing:
-                _mark_missing(axes, x.values, ends[order])
-            if name == names[-1]:
-                axes.tick_params(labelbottom=True)
-                x.stand_at(axes.xaxis, width)
-        _column(found, name, ends).stand_at(panels[k][0].yaxis, CURVES)
-    drawing.align_ylabels()
-    return drawing
 
 
 def numbers_of(found: Found) -> NDArray[np.int64]:
