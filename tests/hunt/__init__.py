@@ -1,11 +1,8 @@
 """A hunt for silent wrong answers: random scenes, each against a referee of its own.
 
-`grammar` makes scenes, `mechanics` derives their equations by sympy from the texts,
-`integrator` and `truth` integrate these in long double, `lagsim_runs` runs lagsim in
-a process that may crash or hang, `verdict` compares the two. Nothing but
-`lagsim_runs` knows lagsim, and that only as a command.
-
-`features` makes scenes of families, frames, tables, states, modes and events, each in
-lagsim's words and written out; `hybrid` integrates these, and scenes of `contacts`,
-from event to event.
+`grammar` makes smooth scenes, `truth` integrates their equations (`mechanics`, by sympy
+from the texts) in long double, `verdict` compares. `contacts` and `features` make
+scenes that are written twice, for lagsim and for the referee; `hybrid` integrates these
+from event to event, `hybrid_verdict` compares. Nothing but `lagsim_runs` knows lagsim,
+and that only as a command.
 """

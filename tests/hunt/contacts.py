@@ -9,10 +9,15 @@ the same.
 from __future__ import annotations
 
 import itertools
+import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin
 
+import yaml
+
+from tests.hunt import hybrid
+from tests.hunt.hybrid_verdict import Told
 from tests.hunt.scene import Item, Law, Scene
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
@@ -227,23 +232,44 @@ class ContactScene:
     scene: Scene
     words: tuple[str, ...] = ()
 
-    @property
-    def rounding(self):
-        """How many times those of the scene the places and times are that it has."""
-        return sum(CHANGES[word].rounding for word in self.words)
-
     def told(self):
-        """Give it in its words; columns `q` and `rate_q` are those of the scene."""
-        rates = {f"rate_{q}": f"{q}_dot" for q in self.scene.q}
-        whole = Scene(
-            self.scene.seed, (*self.scene.items, Item("rates", definitions=rates)),
-            self.scene.start, self.scene.duration, self.scene.output_step,
-        )  # fmt: skip
-        found = document(whole.text(), keep=tuple(rates))
+        """Give it in both words; lagsim's columns are those of the scene."""
+        scene = self.scene
+        rates = {f"rate_{q}": f"{q}_dot" for q in scene.q}
+        items = (*scene.items, Item("rates", definitions=rates))
+        found = document(replace(scene, items=items).text(), keep=tuple(rates))
         # Sizes are in the scene's own units: these change last.
         for word in sorted(self.words, key=UNITS.__contains__):
-            found = CHANGES[word].put(found, Sizes(1.0, 1.0, self.scene.duration))
-        return found
+            found = CHANGES[word].put(found, Sizes(1.0, 1.0, scene.duration))
+        return Told(
+            found.text(), plain_of(scene),
+            {q: q for q in scene.q} | {v: rate for rate, v in rates.items()},
+            scene.start, scene.times, 1e-7 * scene.output_step, found.shift,
+            found.scale, sum(CHANGES[word].rounding for word in self.words), 1e-3,
+            # Impacts by turns that accumulate end as the last bits have it.
+            (("impact-order", math.inf),),
+        )  # fmt: skip
+
+
+def plain_of(scene):
+    """Give a scene in the words of the hybrid referee."""
+    items = tuple(replace(item, laws=()) for item in scene.items)
+    laws: list[hybrid.Law] = []
+    for law in scene.terms("laws"):
+        kind = {"equality": "hold", "wheel": "ratchet"}.get(law.kind, law.kind)
+        when = f"t < {law.until!r}" if law.until < math.inf else "1 > 0"
+        contact = hybrid.Law(kind, law.gap, when, e=repr(law.e), mu=law.limit or "0")
+        if law.slip:
+            laws.append(hybrid.Law(
+                "slip", law.slip, when, mu=repr(law.mu),
+                static=repr(law.static or law.mu), normal=len(laws) + 1,
+            ))  # fmt: skip
+        laws.append(contact)
+    times = [law.until for law in scene.terms("laws") if law.until < math.inf]
+    # BaseLoader keeps all scalars text.
+    text = replace(scene, items=items).text()
+    document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
+    return hybrid.Plain(document, tuple(laws), times=tuple(times))
 
 
 def contact_scene(seed):

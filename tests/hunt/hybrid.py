@@ -23,7 +23,8 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
 from tests.hunt.integrator import NoTruthError
-from tests.sympy_oracle import FUNCTIONS, Oracle, symbol
+from tests.hunt.mechanics import Sided
+from tests.sympy_oracle import symbol
 
 MOST_EVENTS = 1000
 LARGEST = 1e5
@@ -115,41 +116,22 @@ class Pieces:
         )
 
 
-class Reading(Oracle):
-    """An oracle that gives kinks sides, and tables pieces, as symbols."""
+class Reading(Sided):
+    """A reading in which tables have pieces, too, as symbols."""
 
     def __init__(self, scene):
-        self.sides: list[Any] = []
-        self.surfaces: list[Any] = []
         self.pieces: list[Any] = []
-        self.functions = FUNCTIONS | {
-            "sign": self._side,
-            "abs": lambda x: self._side(x) * x,
-            "max": lambda x, y: (x + y + self._side(x - y) * (x - y)) / 2,
-            "min": lambda x, y: (x + y - self._side(x - y) * (x - y)) / 2,
-            "mod": lambda x, y: x - y * sp.floor(x / y),
-            "if": self._if,
+        tables = {
+            name: partial(self._piece, Pieces(*table))
+            for name, table in scene.tables.items()
         }
-        for name, table in scene.tables.items():
-            self.functions[name] = partial(self._piece, Pieces(*table))
-        super().__init__(yaml.safe_dump(scene.document, sort_keys=False, width=10**6))
+        text = yaml.safe_dump(scene.document, sort_keys=False, width=10**6)
+        super().__init__(text, tables)
 
     def name(self, name):
         if name in ("slip_speed", "approach_speed"):
             return symbol(name)
         return super().name(name)
-
-    def _side(self, surface):
-        if surface.is_number:
-            return sp.sign(surface)
-        if surface not in self.surfaces:
-            self.surfaces.append(surface)
-            self.sides.append(sp.Symbol(f"side_{len(self.sides)}", real=True))
-        return self.sides[self.surfaces.index(surface)]
-
-    def _if(self, condition, a, b):
-        side = self._side(condition.gts - condition.lts)
-        return (1 + side) / 2 * a + (1 - side) / 2 * b
 
     def _piece(self, pieces, x):
         known = [names for p, at, names in self.pieces if p is pieces and at == x]
@@ -210,7 +192,7 @@ class Equations:
 
         self._all = made([e for part in parts.values() for e in part], self.signs)
         # Arguments of tables and surfaces of kinks, in the order in which they nest.
-        self._surface = [made([e]) for e in o.surfaces]
+        self._surface = [made([e]) for e in o.kinks]
         self._argument = [made([x]) for _, x, _ in o.pieces]
 
     def start(self):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.hunt.contact_verdict import truth as contact_truth
+from tests.hunt.contacts import ContactScene
 from tests.hunt.grammar import scene as scene_of
+from tests.hunt.hybrid import Equations, Hybrid, Plain
+from tests.hunt.hybrid_verdict import truth as hybrid_truth
 from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
 from tests.hunt.scene import Item, Law, Scene
@@ -32,6 +34,11 @@ def slider(x=1.0, v=0.0, *, potential="0", force=None, **more):
 
 def motion(item, **more):
     return truth(a_scene(item, **more)).motion
+
+
+def path(scene):
+    """Give the hybrid referee's motion of a scene, and how far it is known."""
+    return hybrid_truth(ContactScene(scene).told())[:2]
 
 
 def test_an_oscillator_follows_the_cosine():
@@ -228,9 +235,48 @@ def test_a_touch_of_a_bumper_within_a_step_is_seen():
         0.0, -start, potential="-x", force="20000*max(0, -0.02 - x)",
         laws=(Law("contact", "x + 9"),),
     )  # fmt: skip
-    rows, _, _ = contact_truth(a_scene(bumper, duration=3.0, step=3.0))
+    last = path(a_scene(bumper, duration=3.0, step=3.0))[0].rows[-1][1]
     left = 3.0 - (start - u) - 2 * math.atan(u * w) / w
-    assert rows[-1, 0] == pytest.approx(-0.02 + u * left + left**2 / 2, abs=1e-10)
+    assert last[0] == pytest.approx(-0.02 + u * left + left**2 / 2, abs=1e-10)
+
+
+def ball(e, **law):
+    """A ball of mass 2 that is dropped from 1 and slides at 3."""
+    item = Item(
+        "ball", coordinates={"x": (0.0, 3.0), "y": (1.0, 0.0)}, loose=("x", "y"),
+        kinetic=("x_dot^2 + y_dot^2",), potential=("2*9.81*y",),
+        laws=(Law("contact", "y", e, slip="x_dot", **law),),
+    )  # fmt: skip
+    return a_scene(item, duration=3.0, step=0.1)
+
+
+@pytest.mark.slow
+def test_the_hybrid_referee_knows_bounces_rest_and_friction():
+    found, known = path(ball(0.5, mu=0.1))
+    times = math.sqrt(2 / 9.81) * (1 + 2 * (1 - 0.5 ** np.arange(4)))
+    assert found.impacts[:4] == pytest.approx(times, abs=1e-10)
+    # Once it lies the floor has pushed as much as its weight, and a tenth along.
+    # Bounces that take 3e-9 of the run are left out.
+    last = found.rows[-1][1]
+    assert last[1:] == pytest.approx([0, 3 - 0.981 * 3, 0], abs=2e-8)
+    assert np.max(known) < 1e-7
+    stopped, _ = path(ball(0.0, mu=0.5))
+    assert stopped.rows[-1][1][2] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_the_hybrid_referee_knows_tables_and_events():
+    document = {
+        "coordinates": {"x": {}}, "initial": {"x": 0}, "modes": {"u": 1},
+        "energy": {"kinetic": "x_dot^2/2", "potential": "0"}, "forces": {"x": "u*f(t)"},
+    }  # fmt: skip
+    events = {"off": {"at": "x >= 1/6", "set": {"u": "0"}}}
+    tables = {"f": ([0, 1], [0, 1], "linear", "extend")}
+    scene = Plain(document, tables=tables, events=events)
+    found = Hybrid(Equations(scene)).path(0.0, [0.0, 2.0])
+    # x = t^3/6 up to t = 1, and straight on from there.
+    assert found.events[0][0] == pytest.approx(1.0, abs=1e-12)
+    assert found.rows[-1][1] == pytest.approx([1 / 6 + 0.5, 0.5], abs=1e-11)
 
 
 @pytest.mark.parametrize("past", [0.0009, 0.002, 0.004])

@@ -11,7 +11,6 @@ import pytest
 
 import lagsim
 from lagsim.language.names import rate_of
-from tests.hunt.test_hunt import seed  # noqa: F401
 from tests.hunt.test_triples import BOUND, FEATURES, ROUNDING, drawn, scene
 
 
@@ -93,7 +92,7 @@ def test_pauses_do_not_change_the_motion():
 
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
-def test_studies_of_a_nights_triples(seed):  # noqa: F811
+def test_studies_of_a_nights_triples(seed):
     count = int(os.environ.get("HUNT_TRIPLES", "60")) // 3
     for features, words in drawn(seed, count):
         studied(features, words)

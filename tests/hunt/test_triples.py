@@ -19,7 +19,6 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import Rotation
 
 import lagsim
-from tests.hunt.test_hunt import seed  # noqa: F401
 from tests.scenes.pairs.physical import FRAGMENTS, _brake
 
 MIX = np.eye(3) - 2.0 * np.outer([1, -0.7, 0.4], [1, -0.7, 0.4]) / 1.65
@@ -261,7 +260,7 @@ def moves(features, words):
     assert np.ptp(result["energy"] - work) < 10.0 * bound * scale
 
 
-def drawn(seed, count):  # noqa: F811
+def drawn(seed, count):
     """Give triples and their words; nothing ends twice, or goes one way only."""
     chosen = random.Random(seed)
     while count:
@@ -279,7 +278,7 @@ def test_a_feature_beside_two_others(f):
 
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
-def test_a_nights_triples_move_as_each_alone(seed):  # noqa: F811
+def test_a_nights_triples_move_as_each_alone(seed):
     count = int(os.environ.get("HUNT_TRIPLES", "60"))
     for features, words in drawn(seed, count):
         moves(features, words)

@@ -63,11 +63,14 @@ class Run:
     # The equations, with the sides as they are
 
     def acceleration(self, t, y):
+        return self._forced(t, y)[0]
+
+    def _forced(self, t, y):
+        """Give q'' (n,) and lam (m,)."""
         state = list(y)
-        if not self.stuck:
-            return self.m.acceleration([t], state, self.p, self.u)
-        self._balance(t, state)
-        return self.m.acceleration([t], state, self.p, self.u)
+        if self.stuck:
+            self._balance(t, state)
+        return self.m.motion(t, state, self.p, self.u)
 
     def _balance(self, t, state):
         """Choose the sides of stuck surfaces so that these stay where they are."""
@@ -75,7 +78,7 @@ class Run:
         def rates(values):
             for k, value in zip(self.stuck, values, strict=True):
                 self.u[k] = Long(value)
-            a = self.m.acceleration([t], state, self.p, self.u)
+            a, _ = self.m.motion(t, state, self.p, self.u)
             slopes = self.m.slopes([t], state, self.p, self.u, a)
             return np.array([slopes[k] for k in self.stuck])
 
@@ -93,7 +96,7 @@ class Run:
             self.u[k] = value
 
     def slope(self, t, y):
-        return np.concatenate([y[self.n :], np.array(self.acceleration(t, y), Long)])
+        return np.concatenate([y[self.n :], self.acceleration(t, y)])
 
     def cap(self, t, y, dy):
         """Give the longest step that sees every feature: a quarter of its width."""
@@ -131,10 +134,8 @@ class Run:
             return y
         y = y.copy()
         for _ in range(PROJECTIONS if far else 1):
-            moved, _ = self.m.positions([t], list(y), self.p)
-            y[: self.n] += np.array(moved, Long)
-        moved, _ = self.m.velocities([t], list(y), self.p)
-        y[self.n :] += np.array(moved, Long)
+            y[: self.n] += self.m.positions(t, list(y), self.p)
+        y[self.n :] += self.m.velocities(t, list(y), self.p)
         return y
 
     def sizes(self, t, y):
@@ -249,9 +250,7 @@ class Referee(Run):
         return sorted({*times[::stride], times[-1]})
 
     def _row(self, t, y):
-        a = np.array(self.acceleration(t, y), Long)
-        lam = np.array(self.m.multipliers([t], list(y), self.p, self.u), Long)
-        return t, y[: self.n], y[self.n :], a, lam
+        return t, y[: self.n], y[self.n :], *self._forced(t, y)
 
     def _reach(self, t, y, target):
         while t < target:
