@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
 LINES = 75_710
-LINES_OF_TESTS = 57_760
+LINES_OF_TESTS = 57_500
 
 
 def lines(folder):
