@@ -57,7 +57,8 @@ class Function(NamedTuple):
     text, latex
         The name for people, or what stands before and behind the arguments.
     interval
-        The rule for enclosures, made from the module `intervals`.
+        The rule for enclosures, made from the module `intervals`; by default the one
+        there with this name.
     cost
         In additions.
     simpler
@@ -83,9 +84,9 @@ class Function(NamedTuple):
     name: str
     arity: int
     value: Callable[..., Any]
-    native: str
-    python: str
-    interval: Callable[[Any], Callable[..., Any]]
+    native: str = ""
+    python: str = ""
+    interval: Callable[[Any], Callable[..., Any]] | None = None
     partials: Partials | None = None
     branches: Callable[[Builder, Arguments], int] | None = None
     condition: bool = False
@@ -121,24 +122,22 @@ class Function(NamedTuple):
         return not (self.exact or self.step or self.branches or self.condition)
 
 
-def libm(name: str, arity: int = 1) -> dict[str, Any]:
-    """Columns of what C's library computes."""
-    kinds = ", ".join(["double"] * arity)
-    operands = ", ".join(f"double {{{i}}}" for i in range(arity))
+def called(symbol: str, *kinds: str, attributes: str = "") -> dict[str, Any]:
+    """Columns of what calls a symbol with operands of these kinds."""
+    operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
+    declared = f"declare double @{symbol}({', '.join(kinds)}) {attributes}"
     return {
-        "native": f"call double @{name}({operands})",
-        "declares": (f"declare double @{name}({kinds}) nounwind memory(none)",),
+        "native": f"call double @{symbol}({operands})",
+        "declares": (declared.rstrip(),),
     }
 
 
-def intrinsic(name: str, arity: int = 1) -> dict[str, Any]:
-    """Columns of what LLVM knows itself."""
-    kinds = ", ".join(["double"] * arity)
-    operands = ", ".join(f"double {{{i}}}" for i in range(arity))
-    return {
-        "native": f"call double @llvm.{name}.f64({operands})",
-        "declares": (f"declare double @llvm.{name}.f64({kinds})",),
-    }
+def _by_llvm(name: str, arity: int = 1) -> dict[str, Any]:
+    return called(f"llvm.{name}.f64", *["double"] * arity)
+
+
+def _by_libm(name: str, arity: int) -> dict[str, Any]:
+    return called(name, *["double"] * arity, attributes="nounwind memory(none)")
 
 
 def _whole(x: float, rounded: Callable[[float], int]) -> float:
@@ -160,6 +159,14 @@ def _step(name: str, value: Callable[[float], float], **more: Any) -> Function:
         step=True,
         **more,
     )
+
+
+def _rounding(name: str, rounded: Callable[[float], int]) -> Function:
+    return _step(
+        name, lambda x: _whole(x, rounded), **_by_llvm(name),
+        python=f"np.{name}({{0}})", latex=(rf"\left\l{name} ", rf"\right\r{name} "),
+        interval=lambda r: r.step(getattr(r.np, name)),
+    )  # fmt: skip
 
 
 JUMPS = (
@@ -186,17 +193,8 @@ JUMPS = (
         python="np.heaviside({0}, 1.0)",
         interval=lambda r: r.step(lambda x: r.np.heaviside(x, 1.0)),
     ),
-    _step(
-        "floor", lambda x: _whole(x, math.floor), **intrinsic("floor"),
-        python="np.floor({0})",
-        latex=(r"\left\lfloor ", r"\right\rfloor "),
-        interval=lambda r: r.step(r.np.floor),
-    ),
-    _step(
-        "ceil", lambda x: _whole(x, math.ceil), **intrinsic("ceil"),
-        python="np.ceil({0})",
-        latex=(r"\left\lceil ", r"\right\rceil "), interval=lambda r: r.step(r.np.ceil),
-    ),
+    _rounding("floor", math.floor),
+    _rounding("ceil", math.ceil),
 )  # fmt: skip
 
 
@@ -212,40 +210,33 @@ REMAINDERS = (
         name="mod", arity=2,
         value=lambda x, y: x - y * _whole(_quotient(x, y), math.floor),
         simpler=simpler.remainder,  # the graph has what it is written with
-        native="{a} = fdiv double {0}, {1}\n"
-        "{b} = call double @llvm.floor.f64(double {a})\n"
-        "{c} = fmul double {1}, {b}\nfsub double {0}, {c}",
-        declares=intrinsic("floor")["declares"],
-        python="{0} - {1} * np.floor({0} / {1})",
-        interval=lambda r: lambda x, y: r.RULES["sub"](
-            x, r.RULES["mul"](y, r.RULES["floor"](r.RULES["div"](x, y)))
-        ),
     ),
 )  # fmt: skip
+
+
+def _extreme(name: str, value: Callable[..., float], sign: str) -> Function:
+    better, first = ("lt", "le") if sign == "<" else ("gt", "ge")
+    return Function(
+        name=name, arity=2, value=value, simpler=simpler.extreme,
+        branches=lambda g, a: g.call(first, *a),
+        native=f"{{a}} = fcmp o{better} double {{1}}, {{0}}\n"
+        "select i1 {a}, double {1}, double {0}",
+        python=f"{{1}} if {{1}} {sign} {{0}} else {{0}}", latex=rf"\{name}",
+        interval=lambda r: r.extreme(getattr(r.np, f"{name}imum")),
+        switch=True, decided_by=first,
+    )  # fmt: skip
 
 
 CORNERS = (
     Function(
         name="abs", arity=1, value=math.fabs,
-        partials=lambda g, a, _: (g.call("sign", a[0]),), **intrinsic("fabs"),
+        partials=lambda g, a, _: (g.call("sign", a[0]),), **_by_llvm("fabs"),
         python="np.abs({0})",
         text=("|", "|"), latex=(r"\left|", r"\right|"), interval=lambda r: r.magnitude,
         exact=True, switch=True, decided_by="sign",
     ),
-    Function(
-        name="min", arity=2, value=lambda x, y: y if y < x else x,
-        branches=lambda g, a: g.call("le", a[0], a[1]), simpler=simpler.extreme,
-        native="{a} = fcmp olt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
-        python="{1} if {1} < {0} else {0}", latex=r"\min",
-        interval=lambda r: r.extreme(r.np.minimum), switch=True, decided_by="le",
-    ),
-    Function(
-        name="max", arity=2, value=lambda x, y: y if y > x else x,
-        branches=lambda g, a: g.call("ge", a[0], a[1]), simpler=simpler.extreme,
-        native="{a} = fcmp ogt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
-        python="{1} if {1} > {0} else {0}", latex=r"\max",
-        interval=lambda r: r.extreme(r.np.maximum), switch=True, decided_by="ge",
-    ),
+    _extreme("min", lambda x, y: y if y < x else x, "<"),
+    _extreme("max", lambda x, y: y if y > x else x, ">"),
     Function(
         name="if", arity=3, value=lambda c, x, y: x if c else y,
         branches=lambda g, a: a[0], simpler=simpler.choice,
@@ -292,44 +283,47 @@ def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
     return g.call("ge", a[0], g.zero)
 
 
+def _operator(
+    name: str, sign: str, binds: int, value: Callable[..., Any], **more: Any
+) -> Function:
+    """Row of an operator; numbers of sympy have the same."""
+    usual = {"sympy": lambda _, x, y: value(x, y)}
+    return Function(
+        name=name, arity=2, binds=binds, sign=sign, value=value,
+        simpler=getattr(simpler, name), native=f"f{name} double {{0}}, {{1}}",
+        python=f"{{0}} {sign.strip()} {{1}}", **{**usual, **more},
+    )  # fmt: skip
+
+
 NUMBERS = (
-    Function(
-        name="add", arity=2, binds=5, sign=" + ", value=operator.add,
-        partials=lambda g, a, _: (g.one, g.one), simpler=simpler.add, commutes=True,
-        native="fadd double {0}, {1}",
-        sympy=lambda _, x, y: x + y, python="{0} + {1}", interval=lambda r: r.add,
+    _operator(
+        "add", " + ", 5, operator.add, partials=lambda g, a, _: (g.one, g.one),
+        commutes=True,
     ),
-    Function(
-        name="sub", arity=2, binds=5, sign=" - ", value=operator.sub,
-        partials=lambda g, a, _: (g.one, g.call("neg", g.one)), simpler=simpler.sub,
-        native="fsub double {0}, {1}",
-        sympy=lambda _, x, y: x - y, python="{0} - {1}", interval=lambda r: r.sub,
+    _operator(
+        "sub", " - ", 5, operator.sub,
+        partials=lambda g, a, _: (g.one, g.call("neg", g.one)),
     ),
-    Function(
-        name="mul", arity=2, binds=6, sign="*", value=operator.mul,
-        partials=lambda g, a, _: (a[1], a[0]), simpler=simpler.mul, commutes=True,
-        native="fmul double {0}, {1}",
-        sympy=lambda _, x, y: x * y, python="{0} * {1}", interval=lambda r: r.mul,
+    _operator(
+        "mul", "*", 6, operator.mul, partials=lambda g, a, _: (a[1], a[0]),
+        commutes=True,
     ),
-    Function(
-        name="div", arity=2, binds=6, sign="/", value=_quotient,
+    _operator(
+        "div", "/", 6, _quotient, sympy=lambda _, x, y: x / y, cost=4, steep=True,
         partials=lambda g, a, f: (
             g.call("div", g.one, a[1]),
             g.call("neg", g.call("div", f, a[1])),
         ),
-        simpler=simpler.div, native="fdiv double {0}, {1}",
-        sympy=lambda _, x, y: x / y, python="{0} / {1}", interval=lambda r: r.div,
-        cost=4, steep=True,
     ),
     Function(
         name="neg", arity=1, binds=7, sign="-", value=operator.neg,
         partials=lambda g, a, _: (g.call("neg", g.one),), simpler=simpler.neg,
         native="fneg double {0}", sympy=lambda _, x: -x, python="-{0}",
-        interval=lambda r: r.neg, exact=True,
+        exact=True,
     ),
     Function(
         name="pow", arity=2, binds=8, sign="^", value=_power, partials=_power_partials,
-        simpler=simpler.power, **intrinsic("pow", 2), sympy=lambda _, x, y: x**y,
+        simpler=simpler.power, **_by_llvm("pow", 2), sympy=lambda _, x, y: x**y,
         python="{0} ** {1}", interval=lambda r: r.power,
         cost=3, steep=True, domain=_power_domain,
     ),
@@ -349,7 +343,6 @@ def _comparison(
         native=f"fcmp o{name} double {{0}}, {{1}}",
         sympy=lambda s, x, y: getattr(s, sympy)(x, y),
         python=f"{{0}} {sign} {{1}}",
-        interval=lambda r: getattr(r, name),
     )
 
 
@@ -362,13 +355,13 @@ CONDITIONS = (
         name="and", arity=2, condition=True, binds=2, sign=" and ",
         value=lambda x, y: x and y, commutes=True, native="and i1 {0}, {1}",
         sympy=lambda s, x, y: s.And(x, y), python="{0} and {1}",
-        interval=lambda r: r.both,
+        interval=lambda r: r.ends(r.np.minimum),
     ),
     Function(
         name="or", arity=2, condition=True, binds=1, sign=" or ",
         value=lambda x, y: x or y, commutes=True, native="or i1 {0}, {1}",
         sympy=lambda s, x, y: s.Or(x, y), python="{0} or {1}",
-        interval=lambda r: r.either,
+        interval=lambda r: r.ends(r.np.maximum),
     ),
     Function(
         name="not", arity=1, condition=True, binds=3, sign="not ", value=operator.not_,
@@ -378,25 +371,45 @@ CONDITIONS = (
 )  # fmt: skip
 
 
-def _unary(
+def _smooth(
     name: str,
-    value: Callable[[float], float],
-    slope: Callable[[Builder, int, int], int],
+    value: Callable[..., float],
+    *slopes: Callable[..., int],
+    numpy: str = "",
+    llvm: bool = False,
+    within: tuple[float, float] = (-math.inf, math.inf),
+    open_end: bool = False,
     **more: Any,
 ) -> Function:
-    """Row of f(x); `slope` is (graph, x, f) -> df/dx."""
-    usual = {
-        "sympy": lambda s, x: getattr(s, name)(x),
-        "python": f"np.{name}({{0}})",
+    """Row of a function of the library; monotone, `within` bounds, if any.
+
+    slopes : (graph, *arguments, itself) -> node, for each argument.
+    """
+    arity, own = len(slopes), numpy or name
+    operands = ", ".join(f"{{{i}}}" for i in range(arity))
+    usual = _by_llvm(name, arity) if llvm else _by_libm(name, arity)
+    usual |= {
+        "sympy": lambda s, *x: getattr(s, name)(*x),
+        "python": f"np.{own}({operands})",
         "cost": TRANSCENDENTAL,
+        "interval": lambda r: r.on(getattr(r.np, own), *within, open_end=open_end),
+        "domain": _domain(*within),
     }
     return Function(
         name=name,
-        arity=1,
+        arity=arity,
         value=value,
-        partials=lambda g, a, f: (slope(g, a[0], f),),
+        partials=lambda g, a, f: tuple(slope(g, *a, f) for slope in slopes),
         **{**usual, **more},
     )
+
+
+def _domain(least: float, most: float) -> Condition | None:
+    if most < math.inf:  # and least = -most
+        return lambda g, a: g.call("le", g.call("abs", a[0]), g.constant(most))
+    if least > -math.inf:
+        return lambda g, a: g.call("ge", a[0], g.constant(least))
+    return None
 
 
 def _over(g: Builder, x: int) -> int:
@@ -419,18 +432,8 @@ def _over_root(g: Builder, x: int) -> int:
     return _over(g, g.call("sqrt", x))
 
 
-def _atan2_partials(g: Builder, a: tuple[int, ...], _: int) -> tuple[int, ...]:
-    y, x = a
-    r2 = g.call("add", _square(g, x), _square(g, y))
-    return g.call("div", x, r2), g.call("neg", g.call("div", y, r2))
-
-
-def _within_one(g: Builder, a: tuple[int, ...]) -> int:
-    return g.call("le", g.call("abs", a[0]), g.one)
-
-
-def _not_below_zero(g: Builder, a: tuple[int, ...]) -> int:
-    return g.call("ge", a[0], g.zero)
+def _over_squares(g: Builder, top: int, x: int, y: int) -> int:
+    return g.call("div", top, g.call("add", _square(g, x), _square(g, y)))
 
 
 def _sinh(x: float) -> float:
@@ -441,135 +444,105 @@ def _sinh(x: float) -> float:
 
 
 TRIGONOMETRIC = (
-    _unary(
-        "sin", math.sin, lambda g, x, f: g.call("cos", x), **intrinsic("sin"),
-        latex=r"\sin", interval=lambda r: r.wave(r.np.sin, math.pi / 2, -math.pi / 2),
+    _smooth(
+        "sin", math.sin, lambda g, x, f: g.call("cos", x), llvm=True, latex=r"\sin",
+        interval=lambda r: r.wave(r.np.sin, math.pi / 2, -math.pi / 2),
     ),
-    _unary(
-        "cos", math.cos, lambda g, x, f: g.call("neg", g.call("sin", x)),
-        **intrinsic("cos"), latex=r"\cos",
-        interval=lambda r: r.wave(r.np.cos, 0.0, math.pi),
+    _smooth(
+        "cos", math.cos, lambda g, x, f: g.call("neg", g.call("sin", x)), llvm=True,
+        latex=r"\cos", interval=lambda r: r.wave(r.np.cos, 0.0, math.pi),
     ),
-    _unary(
-        "tan", math.tan, lambda g, x, f: _one_plus(g, f), **libm("tan"), latex=r"\tan",
-        interval=lambda r: r.tan,
+    _smooth(
+        "tan", math.tan, lambda g, x, f: _one_plus(g, f), latex=r"\tan",
+        interval=None,
     ),
-    _unary(
+    _smooth(
         "asin", math.asin, lambda g, x, f: _over_root(g, _one_minus(g, x)),
-        **libm("asin"), latex=r"\arcsin", python="np.arcsin({0})",
-        interval=lambda r: r.on(r.np.arcsin, -1.0, 1.0), steep=True, domain=_within_one,
+        numpy="arcsin", latex=r"\arcsin", within=(-1.0, 1.0), steep=True,
     ),
-    _unary(
+    _smooth(
         "acos", math.acos,
-        lambda g, x, f: g.call("neg", _over_root(g, _one_minus(g, x))), **libm("acos"),
-        latex=r"\arccos", python="np.arccos({0})", interval=lambda r: r.acos,
-        steep=True, domain=_within_one,
+        lambda g, x, f: g.call("neg", _over_root(g, _one_minus(g, x))),
+        numpy="arccos", latex=r"\arccos", within=(-1.0, 1.0), steep=True,
     ),
-    _unary(
-        "atan", math.atan, lambda g, x, f: _over(g, _one_plus(g, x)), **libm("atan"),
-        latex=r"\arctan", python="np.arctan({0})",
-        interval=lambda r: r.increasing(r.np.arctan),
+    _smooth(
+        "atan", math.atan, lambda g, x, f: _over(g, _one_plus(g, x)),
+        numpy="arctan", latex=r"\arctan",
     ),
-    Function(
-        name="atan2", arity=2, value=math.atan2, partials=_atan2_partials,
-        **libm("atan2", 2), sympy=lambda s, y, x: s.atan2(y, x),
-        python="np.arctan2({0}, {1})", interval=lambda r: r.atan2, cost=TRANSCENDENTAL,
+    _smooth(
+        "atan2", math.atan2,
+        lambda g, y, x, f: _over_squares(g, x, x, y),
+        lambda g, y, x, f: g.call("neg", _over_squares(g, y, x, y)),
+        numpy="arctan2", interval=None,
     ),
 )  # fmt: skip
 
 HYPERBOLIC = (
-    _unary(
-        "sinh", _sinh, lambda g, x, f: g.call("cosh", x), **libm("sinh"),
-        latex=r"\sinh", interval=lambda r: r.increasing(r.np.sinh),
+    _smooth("sinh", _sinh, lambda g, x, f: g.call("cosh", x), latex=r"\sinh"),
+    _smooth(
+        "cosh", math.cosh, lambda g, x, f: g.call("sinh", x), latex=r"\cosh",
+        interval=None,
     ),
-    _unary(
-        "cosh", math.cosh, lambda g, x, f: g.call("sinh", x), **libm("cosh"),
-        latex=r"\cosh", interval=lambda r: r.cosh,
-    ),
-    _unary(
-        "tanh", math.tanh, lambda g, x, f: _one_minus(g, f), **libm("tanh"),
-        latex=r"\tanh", interval=lambda r: r.increasing(r.np.tanh),
-    ),
-    _unary(
+    _smooth("tanh", math.tanh, lambda g, x, f: _one_minus(g, f), latex=r"\tanh"),
+    _smooth(
         "asinh", math.asinh, lambda g, x, f: _over_root(g, _one_plus(g, x)),
-        **libm("asinh"), python="np.arcsinh({0})",
-        interval=lambda r: r.increasing(r.np.arcsinh),
+        numpy="arcsinh",
     ),
-    _unary(
+    _smooth(
         "acosh", math.acosh,
         lambda g, x, f: _over_root(g, g.call("sub", _square(g, x), g.one)),
-        **libm("acosh"), python="np.arccosh({0})",
-        interval=lambda r: r.on(r.np.arccosh, 1.0),
-        domain=lambda g, a: g.call("ge", a[0], g.one),
+        numpy="arccosh", within=(1.0, math.inf),
     ),
-    _unary(
+    _smooth(
         "atanh", lambda x: math.copysign(math.inf, x) if abs(x) == 1 else math.atanh(x),
-        lambda g, x, f: _over(g, _one_minus(g, x)), **libm("atanh"),
-        python="np.arctanh({0})",
-        interval=lambda r: r.on(r.np.arctanh, -1.0, 1.0, open_end=True),
-        domain=_within_one,
+        lambda g, x, f: _over(g, _one_minus(g, x)),
+        numpy="arctanh", within=(-1.0, 1.0), open_end=True,
     ),
 )  # fmt: skip
 
 POWERS = (
-    _unary(
-        "exp", math.exp, lambda g, x, f: f, **intrinsic("exp"), latex=r"\exp",
-        interval=lambda r: r.exp,
+    _smooth(
+        "exp", math.exp, lambda g, x, f: f, llvm=True, latex=r"\exp",
+        interval=None,
     ),
-    _unary(
+    _smooth(
         "log", lambda x: -math.inf if x == 0 else math.log(x),
-        lambda g, x, f: _over(g, x), **intrinsic("log"), text="ln", latex=r"\ln",
-        interval=lambda r: r.on(r.np.log, 0.0, open_end=True), steep=True,
-        domain=_not_below_zero,
+        lambda g, x, f: _over(g, x), llvm=True, text="ln", latex=r"\ln",
+        within=(0.0, math.inf), open_end=True, steep=True,
     ),
-    _unary(
+    _smooth(
         "log10", lambda x: -math.inf if x == 0 else math.log10(x),
         lambda g, x, f: _over(g, g.call("mul", g.constant(math.log(10.0)), x)),
-        **intrinsic("log10"), sympy=None,
-        text="log₁₀", latex=r"\log_{10}",
-        interval=lambda r: r.on(r.np.log10, 0.0, open_end=True), steep=True,
-        domain=_not_below_zero,
+        llvm=True, sympy=None, text="log₁₀", latex=r"\log_{10}",
+        within=(0.0, math.inf), open_end=True, steep=True,
     ),
-    _unary(
+    _smooth(
         "sqrt", math.sqrt, lambda g, x, f: g.call("div", g.constant(0.5), f),
-        **intrinsic("sqrt"), interval=lambda r: r.on(r.np.sqrt, 0.0),
-        cost=4, domain=_not_below_zero,
+        llvm=True, within=(0.0, math.inf), cost=4,
     ),
-    _unary(
+    _smooth(
         "cbrt", math.cbrt,
         lambda g, x, f: _over(g, g.call("mul", g.constant(3.0), _square(g, f))),
-        **libm("cbrt"), sympy=None,
-        latex=(r"\sqrt[3]{", "}"), interval=lambda r: r.increasing(r.np.cbrt),
-        steep=True, decided_by="sign",
+        sympy=None, latex=(r"\sqrt[3]{", "}"), steep=True, decided_by="sign",
     ),
-    Function(
-        name="hypot", arity=2, value=math.hypot,
-        partials=lambda g, a, f: (g.call("div", a[0], f), g.call("div", a[1], f)),
-        commutes=True, **libm("hypot", 2), sympy=lambda s, x, y: s.sqrt(x**2 + y**2),
-        python="np.hypot({0}, {1})", interval=lambda r: r.hypot,
-        cost=TRANSCENDENTAL, steep=True,
+    _smooth(
+        "hypot", math.hypot, lambda g, x, y, f: g.call("div", x, f),
+        lambda g, x, y, f: g.call("div", y, f), commutes=True, steep=True,
+        sympy=lambda s, x, y: s.sqrt(x**2 + y**2), interval=None,
     ),
 )  # fmt: skip
 
 
-READS = "nounwind memory(argmem: read)"
-
-
 def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
     """Row of what reads `data` arrays of a table, and is given so many numbers."""
-    kernel = getattr(tables, f"table_{name}")
-    arity = data + numbers
+    kernel, arity = getattr(tables, f"table_{name}"), data + numbers
     kinds = ["ptr"] * data + ["double"] * numbers
-    operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
-    symbol = f"double @{kernel.__name__}"
     return Function(
         name=f"table.{name}",
         arity=arity,
         value=tables.on_data(kernel, data),
-        native=f"call {symbol}({operands})",
-        declares=(f"declare {symbol}({', '.join(kinds)}) {READS}",),
+        **called(kernel.__name__, *kinds, attributes="nounwind memory(argmem: read)"),
         python=f"{kernel.__name__}({', '.join(f'{{{i}}}' for i in range(arity))})",
-        interval=lambda r: getattr(r, kernel.__name__),
         cost=TRANSCENDENTAL,
         data=data,
         **more,

@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +35,7 @@ TINY = math.ulp(0.0)
 LARGEST = np.finfo(np.float64).max
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
+class Interval(NamedTuple):
     """Enclosures, one per element; truth values are 0 and 1.
 
     Attributes
@@ -80,19 +78,15 @@ class Interval:
         """Whether a bound is infinite."""
         return np.isinf(self.lo) | np.isinf(self.hi)
 
-    def __getitem__(self, where: slice) -> Interval:
+    def part(self, where: slice) -> Interval:
         """Return some of the elements."""
-        return Interval(
-            self.lo[where], self.hi[where], self.partial[where], self.jumps[where]
-        )
+        return Interval._make(x[where] for x in self)
 
 
 def interval(lo: Any, hi: Any, partial: Any = False, jumps: Any = False) -> Interval:
     """Interval of equal shapes."""
-    lo, hi, partial, jumps = np.broadcast_arrays(
-        np.atleast_1d(np.asarray(lo, np.float64)), hi, partial, jumps
-    )
-    return Interval(lo, hi, partial, jumps)
+    lo = np.atleast_1d(np.asarray(lo, np.float64))
+    return Interval._make(np.broadcast_arrays(lo, hi, partial, jumps))
 
 
 def point(x: float) -> Interval:
@@ -102,26 +96,27 @@ def point(x: float) -> Interval:
 
 def select(which: Flags, x: Interval, y: Interval) -> Interval:
     """Return x where `which` holds, else y."""
-    return Interval(
-        np.where(which, x.lo, y.lo),
-        np.where(which, x.hi, y.hi),
-        np.where(which, x.partial, y.partial),
-        np.where(which, x.jumps, y.jumps),
-    )
+    return Interval._make(np.where(which, a, b) for a, b in zip(x, y, strict=True))
 
 
-def outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen by what libraries differ in; an infinite overflow is undone."""
+def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Floats]:
+    """Widen by what libraries differ in, but for exact `zeros`.
+
+    An infinite overflow is undone.
+    """
     low = np.minimum(lo, LARGEST)
     high = np.maximum(hi, -LARGEST)
     below, above = (np.abs(x) * TERM_ROUNDOFF + TINY for x in (low, high))
+    if zeros:
+        below, above = np.where(lo == 0.0, 0.0, below), np.where(hi == 0.0, 0.0, above)
     return low - below, high + above
 
 
-def outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen as `outward`, for functions whose zeros are exact."""
-    low, high = outward(lo, hi)
-    return np.where(lo == 0.0, 0.0, low), np.where(hi == 0.0, 0.0, high)
+def _but(
+    where: Flags, size: Floats | float, lo: Floats, hi: Floats
+) -> tuple[Floats, Floats]:
+    """Bounds, which are those of this size instead `where` that holds."""
+    return np.where(where, -size, lo), np.where(where, size, hi)
 
 
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
@@ -145,11 +140,8 @@ def add(x: Interval, y: Interval) -> Interval:
     clash |= (x.lo == -math.inf) & (y.hi == math.inf)
     lo = exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
     hi = exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
-    return interval(
-        np.where(np.isnan(lo), -math.inf, lo),
-        np.where(np.isnan(hi), math.inf, hi),
-        clash,
-    )
+    lo, hi = np.where(np.isnan(lo), -math.inf, lo), np.where(np.isnan(hi), math.inf, hi)
+    return interval(lo, hi, clash)
 
 
 def neg(x: Interval) -> Interval:
@@ -208,13 +200,9 @@ def _square(x: Interval) -> Interval:
 def div(x: Interval, y: Interval) -> Interval:
     """Enclose x/y."""
     pole = y.has_zero  # also at an end: x / 0 is infinite with either sign
-    lo, hi = _one_sided(*_corners(np.divide, x, y), x, y)
-    return interval(
-        np.where(pole, -math.inf, lo),
-        np.where(pole, math.inf, hi),
-        pole & x.has_zero | x.unbounded & y.unbounded,
-        pole,
-    )
+    bounds = _one_sided(*_corners(np.divide, x, y), x, y)
+    partial = pole & x.has_zero | x.unbounded & y.unbounded
+    return interval(*_but(pole, math.inf, *bounds), partial, pole)
 
 
 def power(x: Interval, y: Interval) -> Interval:
@@ -251,12 +239,8 @@ def _real_power(x: Interval, y: Interval) -> Interval:
     _, largest = outward(*_corners(np.power, size, y))
     stray = negative & moving
     nowhere = (x.hi < 0.0) & ~moving
-    return interval(
-        np.where(nowhere, math.nan, np.where(stray, -largest, lo)),
-        np.where(nowhere, math.nan, np.where(stray, largest, hi)),
-        negative,
-        pole | stray,
-    )
+    bounds = _but(nowhere, math.nan, *_but(stray, largest, lo, hi))
+    return interval(*bounds, negative, pole | stray)
 
 
 # ------------------------------------------------------------------ conditions
@@ -276,20 +260,30 @@ def _comparison(
     return rule
 
 
-lt = _comparison(lambda x, y: x.hi < y.lo, lambda x, y: x.lo >= y.hi)
-le = _comparison(lambda x, y: x.hi <= y.lo, lambda x, y: x.lo > y.hi)
-gt = _comparison(lambda x, y: x.lo > y.hi, lambda x, y: x.hi <= y.lo)
-ge = _comparison(lambda x, y: x.lo >= y.hi, lambda x, y: x.hi < y.lo)
+def _less(x: Interval, y: Interval) -> Flags:
+    return np.asarray(x.hi < y.lo)
 
 
-def both(x: Interval, y: Interval) -> Interval:
-    """Enclose `x and y`."""
-    return interval(np.minimum(x.lo, y.lo), np.minimum(x.hi, y.hi))
+def _not_less(x: Interval, y: Interval) -> Flags:
+    return np.asarray(x.lo >= y.hi)
 
 
-def either(x: Interval, y: Interval) -> Interval:
-    """Enclose `x or y`."""
-    return interval(np.maximum(x.lo, y.lo), np.maximum(x.hi, y.hi))
+lt, ge = _comparison(_less, _not_less), _comparison(_not_less, _less)
+
+
+def gt(x: Interval, y: Interval) -> Interval:
+    """Enclose x > y."""
+    return lt(y, x)
+
+
+def le(x: Interval, y: Interval) -> Interval:
+    """Enclose x <= y."""
+    return ge(y, x)
+
+
+def ends(f: Any) -> Callable[..., Interval]:
+    """Rule of what increases in each argument, without rounding."""
+    return lambda *x: interval(f(*(y.lo for y in x)), f(*(y.hi for y in x)))
 
 
 def contrary(x: Interval) -> Interval:
@@ -311,27 +305,22 @@ def choice(c: Interval, x: Interval, y: Interval) -> Interval:
 # ------------------------------------------------------------------- functions
 
 
-def increasing(f: Any) -> Callable[[Interval], Interval]:
-    """Rule of an increasing function, defined everywhere, exact zeros."""
-    return lambda x: interval(*outward_but_zero(f(x.lo), f(x.hi)))
-
-
 def on(
-    f: Any, least: float, most: float = math.inf, *, open_end: bool = False
+    f: Any, least: float = -math.inf, most: float = math.inf, *, open_end: bool = False
 ) -> Callable[[Interval], Interval]:
-    """Rule of an increasing function defined from `least` to `most`."""
+    """Rule of a monotone function defined from `least` to `most`, exact zeros."""
 
     def rule(x: Interval) -> Interval:
-        lo, hi = outward_but_zero(
-            f(np.clip(x.lo, least, most)), f(np.clip(x.hi, least, most))
-        )
+        a, b = (f(np.clip(end, least, most)) for end in (x.lo, x.hi))
         nowhere = (x.hi < least) | (x.lo > most)
-        partial = (x.lo < least) | (x.hi > most)
-        pole = (x.lo <= least) | (x.hi >= most) if open_end else partial
-        return interval(
-            np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
-            partial | (pole if open_end and most < math.inf else False), pole,
-        )  # fmt: skip
+        partial = pole = (x.lo < least) | (x.hi > most)
+        if open_end:
+            pole = (x.lo <= least) | (x.hi >= most)
+            partial = pole if most < math.inf else partial
+        bounds = _but(
+            nowhere, math.nan, *outward(np.fmin(a, b), np.fmax(a, b), zeros=True)
+        )
+        return interval(*bounds, partial, pole)
 
     return rule
 
@@ -340,12 +329,6 @@ def exp(x: Interval) -> Interval:
     """Enclose exp(x)."""
     lo, hi = outward(np.exp(x.lo), np.exp(x.hi))
     return interval(np.maximum(lo, 0.0), hi)
-
-
-def acos(x: Interval) -> Interval:
-    """Enclose acos(x), which decreases."""
-    opposite = on(lambda c: -np.arccos(c), -1.0, 1.0)(x)
-    return interval(-opposite.hi, -opposite.lo, opposite.partial)
 
 
 def _meets(x: Interval, first: float, period: float) -> Flags:
@@ -361,7 +344,7 @@ def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
 
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
-        lo, hi = outward_but_zero(np.fmin(a, b), np.fmax(a, b))
+        lo, hi = outward(np.fmin(a, b), np.fmax(a, b), zeros=True)
         return interval(
             np.where(_meets(x, trough, math.tau), -1.0, np.maximum(lo, -1.0)),
             np.where(_meets(x, crest, math.tau), 1.0, np.minimum(hi, 1.0)),
@@ -374,10 +357,8 @@ def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
 def tan(x: Interval) -> Interval:
     """Enclose tan(x)."""
     pole = _meets(x, math.pi / 2, math.pi)
-    lo, hi = outward_but_zero(np.tan(x.lo), np.tan(x.hi))
-    return interval(
-        np.where(pole, -math.inf, lo), np.where(pole, math.inf, hi), x.unbounded, pole
-    )
+    bounds = outward(np.tan(x.lo), np.tan(x.hi), zeros=True)
+    return interval(*_but(pole, math.inf, *bounds), x.unbounded, pole)
 
 
 def magnitude(x: Interval) -> Interval:
@@ -396,8 +377,8 @@ def cosh(x: Interval) -> Interval:
 def hypot(x: Interval, y: Interval) -> Interval:
     """Enclose hypot(x, y)."""
     a, b = magnitude(x), magnitude(y)
-    lo, hi = outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
-    return interval(lo, hi)
+    ends = np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi)
+    return interval(*outward(*ends, zeros=True))
 
 
 def atan2(y: Interval, x: Interval) -> Interval:
@@ -406,7 +387,7 @@ def atan2(y: Interval, x: Interval) -> Interval:
     cut = (y.lo < 0.0) & (y.hi >= 0.0) & (x.lo <= 0.0) | origin
     lo, hi = outward(*_corners(np.arctan2, y, x))
     lo, hi = np.maximum(lo, -math.pi), np.minimum(hi, math.pi)
-    return interval(np.where(cut, -math.pi, lo), np.where(cut, math.pi, hi), False, cut)
+    return interval(*_but(cut, math.pi, lo, hi), False, cut)
 
 
 def step(f: Any) -> Callable[[Interval], Interval]:
@@ -450,16 +431,6 @@ def table_rate(axis: Data, x: Interval) -> Interval:
     return _strict(lambda _: interval(np.maximum(lo, 0.0), hi, False, last > first))(x)
 
 
-def table_piece(axis: Data, pieces: Data, *numbers: Interval) -> Interval:
-    """Enclose a piece of one argument: its order, the argument, the piece."""
-    return _table((axis,), pieces, numbers)
-
-
-def table_piece2(axis: Data, other: Data, pieces: Data, *numbers: Interval) -> Interval:
-    """Enclose a piece of two arguments."""
-    return _table((axis, other), pieces, numbers)
-
-
 def _each(op: str, axis: Data, x: Interval) -> Floats:
     """Return values (2, k) at the lower ends and at the upper ones."""
     ends = np.concatenate([x.lo, x.hi]).tolist()
@@ -482,10 +453,13 @@ def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
     return found
 
 
-def _table(
-    axes: tuple[Data, ...], pieces: Data, numbers: tuple[Interval, ...]
-) -> Interval:
-    """Hull of the polynomials of up to two cells of each argument; of more, all."""
+def table_piece(*args: Any) -> Interval:
+    """Enclose a piece: of its axes, pieces, orders, arguments and numbers.
+
+    The hull of the polynomials of up to two cells of each argument; of more, all.
+    """
+    *axes, pieces = (x for x in args if isinstance(x, Data))
+    numbers = args[len(axes) + 1 :]
     n, p = len(axes), int(pieces.numbers[0])
     orders = [int(order.lo[0]) for order in numbers[:n]]
     c = pieces.numbers[1:].reshape(*(int(a.numbers[0]) + 2 for a in axes), *[p] * n)
@@ -503,10 +477,12 @@ def _table(
         hi = np.fmax.reduce([value.hi for value in found])
         doubt = far | np.any([np.isnan(value.lo) for value in found], axis=0)
         several = np.any([last > first for first, last in spans], axis=0)
-        lo, hi = np.where(far, -math.inf, lo), np.where(far, math.inf, hi)
-        return interval(lo, hi, doubt, several)
+        return interval(*_but(far, math.inf, lo, hi), doubt, several)
 
     return _strict(rule)(*numbers[n:])
+
+
+table_piece2 = table_piece
 
 
 def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
@@ -538,33 +514,24 @@ def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
     """Pass nan, doubt and jumps of any argument on to the value."""
 
     def whole(*args: Interval) -> Interval:
-        value = rule(*args)
-        lo, hi, partial, jumps = value.lo, value.hi, value.partial, value.jumps
+        lo, hi, partial, jumps = rule(*args)
         for a in args:
-            lo = np.where(a.undefined, math.nan, lo)
-            hi = np.where(a.undefined, math.nan, hi)
-            partial = partial | a.partial
-            jumps = jumps | a.jumps
+            lo, hi = _but(a.undefined, math.nan, lo, hi)
+            partial, jumps = partial | a.partial, jumps | a.jumps
         return interval(lo, hi, partial, jumps)
 
     return whole
 
 
 def _rule(row: Function) -> Callable[..., Interval]:
-    rule: Callable[..., Interval] = row.interval(sys.modules[__name__])
+    module, name = sys.modules[__name__], row.name.replace(".", "_")
+    rule: Callable[..., Interval]
+    rule = row.interval(module) if row.interval else getattr(module, name)
     return rule if row.condition or row.branches or row.data else _strict(rule)
 
 
-RULES = {name: _rule(row) for name, row in OPERATIONS.items()}
-square = _strict(_square)
-
-
-def _rule_of(
-    op: str, args: tuple[int, ...]
-) -> tuple[Callable[..., Interval], tuple[int, ...]]:
-    if op == "mul" and args[0] == args[1]:
-        return square, args[:1]  # x*x is never negative
-    return RULES[op], args
+RULES = {name: _rule(row) for name, row in OPERATIONS.items() if row.native}
+SQUARE = _strict(_square)
 
 
 class Enclosures:
@@ -590,11 +557,13 @@ class Enclosures:
             n: x if isinstance(x, Data) else point(float(x))
             for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
         }
-        self.program = [
-            (n, *_rule_of(g.ops[n], g.args[n]))
-            for n in cone
-            if n in moving and n not in self.running
-        ]
+        self.program: list[tuple[int, Callable[..., Interval], tuple[int, ...]]] = []
+        for n in sorted(moving.difference(self.running)):
+            op, args = g.ops[n], g.args[n]
+            if op == "mul" and args[0] == args[1]:  # x*x is never negative
+                self.program.append((n, SQUARE, args[:1]))
+            else:
+                self.program.append((n, RULES[op], args))
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
         """Enclosure of each node over the intervals from `lo` to `hi`."""

@@ -268,8 +268,10 @@ def _seen(
         Of the surface over the cells; then at lo, at hi, at the middle, and beside it.
     """
     n = len(lo)
-    cell, at_lo, at_hi, at_middle, beside = (s[k * n : (k + 1) * n] for k in range(5))
-    slope = slope[:n]
+    cell, at_lo, at_hi, at_middle, beside = (
+        s.part(slice(k * n, (k + 1) * n)) for k in range(5)
+    )
+    slope = slope.part(slice(n))
     tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
     steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
     reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + TERM_ROUNDOFF)

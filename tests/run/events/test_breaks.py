@@ -244,7 +244,7 @@ def random_interval(rng, n):
     return np.minimum(low, high), np.maximum(low, high)
 
 
-@pytest.mark.parametrize("name", sorted(x for x in OPERATIONS if "." not in x))
+@pytest.mark.parametrize("name", sorted(x for x in RULES if "." not in x))
 def test_intervals_enclose_every_value(name):
     row = OPERATIONS[name]
     rng = np.random.default_rng(sum(map(ord, name)))
