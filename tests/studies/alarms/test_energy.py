@@ -47,39 +47,58 @@ def test_a_sound_run_is_not_in_doubt():
         assert codes(found) == []
 
 
-@pytest.mark.parametrize("size", [0.3, -0.3, 3e-3])
-def test_energy_that_comes_back(size):
-    """The first and the last value are the same; the largest deviation counts."""
-    found = spoilt(run(SWING), "energy", bump(size))
-    told = doubt(found)
-    assert told.refutes
-    assert told.time == pytest.approx(4.75, abs=0.02)
-    assert codes(found) == ["energy-gained" if size > 0 else "energy-lost"]
+def steady(error, since=0.0):
+    return lambda t: error * (t >= since)
 
 
-@pytest.mark.parametrize("size", [1e-5, -1e-4])
-def test_a_drift_that_no_estimate_explains_is_a_warning(size):
-    """The energy in play is 1 - cos 1 = 0.46."""
-    found = spoilt(run(SWING), "energy", bump(size))
-    assert codes(found) == ["error-unknown"]
-    assert not codes(spoilt(run(SWING, rtol=1e-6), "energy", bump(size)))
-    assert not codes(spoilt(found, "energy", bump(-size)))
+def grown(t):
+    return 1e-12 * (1 + t)
 
 
-def test_what_the_estimated_error_explains_is_no_doubt():
-    # At a speed of up to 1 an error of 1e-4 is worth no more than 2e-4.
-    found = spoilt(run(SWING), "energy", bump(1e-4))
-    assert doubt(found, bar_of(found, lambda t: 1e-12 * (1 + t))).refutes
-    assert doubt(found, bar_of(found, lambda t: 1e-4 * (t > 4))) is None
+# The energy in play is 1 - cos 1 = 0.46; the first and the last value are the same. Of
+# a speed up to 1 an error of 1e-4 is worth no more than 2e-4. So much more than that
+# is a drift: a thousand tolerances, and a millionth at least.
+WHOLE = 1.0 - math.cos(1.0)
+GAINED, LOST, DRIFTS = ["energy-gained"], ["energy-lost"], ["energy-drifts"]
+UNKNOWN, EXPLAINED = ["error-unknown"], steady(1e-3, 4)
+# A bump of energy, options of the run, the error that is estimated; the codes, and
+# whether that refutes the run: `...` where it is another test's.
+SPOILT = [
+    (0.3, {}, None, GAINED, True), (3e-3, {}, None, GAINED, True),
+    (-0.3, {}, None, LOST, True),
+    (0.3, {}, steady(1.0, 4), ..., True),
+    (1e-5, {}, None, UNKNOWN, ...), (-1e-4, {}, None, UNKNOWN, ...),
+    (1e-5, {"rtol": 1e-6}, None, [], ...), (-1e-4, {"rtol": 1e-6}, None, [], ...),
+    (1e-4, {}, grown, ..., True), (1e-4, {}, steady(1e-4, 4), ..., False),
     # An error that comes later explains nothing.
-    later = doubt(found, bar_of(found, lambda t: 1e-4 * (t > 7)))
-    assert later is not None
-    assert later.refutes
+    (1e-4, {}, steady(1e-4, 7), ..., True),
+    (1e-5, {}, EXPLAINED, DRIFTS, ...), (-1e-4, {}, EXPLAINED, DRIFTS, ...),
+    (1e-3, {}, EXPLAINED, GAINED, ...), (-1e-2, {}, EXPLAINED, LOST, ...),
+    *((2 * most * WHOLE, {"rtol": rtol}, EXPLAINED, DRIFTS, ...)
+      for rtol, most in ((1e-7, 1e-4), (1e-8, 1e-5), (1e-10, 1e-6))),
+    *((0.5 * most * WHOLE, {"rtol": rtol}, EXPLAINED, [], ...)
+      for rtol, most in ((1e-7, 1e-4), (1e-8, 1e-5), (1e-10, 1e-6))),
+    # Methods with fixed steps are not asked; an absolute tolerance was asked for.
+    (0.3, {"method": "rk4", "step": "0.01"}, None, ..., False),
+    (1e-5, {"method": "rk4", "step": "0.01"}, steady(1e-6), [], ...),
+    (1e-5, {"atol": "1e-5"}, steady(1e-5), [], ...),
+]  # fmt: skip
 
 
-def test_energy_that_is_far_off_is_in_doubt_whatever_explains_it():
-    found = spoilt(run(SWING), "energy", bump(0.3))
-    assert doubt(found, bar_of(found, lambda t: 1.0 * (t > 4))).refutes
+@pytest.mark.parametrize(("size", "options", "error", "expected", "refuted"), SPOILT)
+def test_spoilt_energy(size, options, error, expected, refuted):
+    found = spoilt(run(SWING, **options), "energy", bump(size))
+    bar = "not estimated" if error is None else bar_of(found, error)
+    if expected is not ...:
+        assert codes(found, bar) == expected
+    if refuted is ...:
+        return
+    told = doubt(found, bar)
+    assert bool(told and told.refutes) is refuted
+    if refuted:
+        assert told.time == pytest.approx(4.75, abs=0.02)
+    else:
+        assert told is None
 
 
 ONE_SIDED = scene(
@@ -165,9 +184,7 @@ def test_another_end_is_in_doubt_and_told():
     assert codes(found, bar) == ["end-in-doubt"]
 
 
-def test_methods_with_fixed_steps_are_not_judged():
-    found = run(SWING, method="rk4", step="0.01")
-    assert doubt(spoilt(found, "energy", bump(0.3))) is None
+def test_what_drifts_loosely_off_its_constraint_is_not_judged():
     loose = run(ROD, formulation="drift", method="dop853", rtol="1e-3")
     assert doubt(loose) is None
 
@@ -277,14 +294,8 @@ def test_what_is_no_sum_is_one_account(more):
 
 def test_impacts_beside_energy_that_would_round_their_work():
     """A difference of 1.5e15 J would be known to 0.1 J, of 7 J."""
-    found = run("""
-name: drowned
-coordinates: {y: {}, z: {}}
-energy: {kinetic: y_dot^2/2 + 1e9*z_dot^2/2, potential: 9.81*y + 1.5e15*z^2}
-constraints: {floor: {relation: y >= 0, restitution: 0.5}}
-initial: {y: 0.7, z: 1}
-simulation: {duration: 0.6, output_step: 0.01}
-""")
+    heavy = BALL.replace("M: 1e5", "M: 1e9").replace("M*z^2/2", "1.5e15*z^2")
+    found = run(heavy.replace("y: 1,", "y: 0.7,"), duration=0.6)
     (impact,) = found.trajectory.events
     assert impact.energy == pytest.approx(-0.75 * 9.81 * 0.7, rel=1e-9)
     assert shown(found)["y",].drift < 1e-9
@@ -522,44 +533,9 @@ def test_what_is_far_away_and_keeps_its_energy_has_none(far):
 @pytest.mark.parametrize("far", [1e9, 1e12])
 def test_the_rounding_of_a_row_is_no_drift(far):
     # y is off by its last places, and so is its energy; the motion is a parabola.
-    text = f"""
-coordinates: {{y: {{}}}}
-energy: {{kinetic: y_dot^2/2, potential: "9.81*(y - {far})"}}
-initial: {{y: {far}, y_dot: 3}}
-simulation: {{duration: 0.5, output_step: 0.01}}
-"""
+    start, lasting = f"y: {far}, y_dot: 3", "duration: 0.5, output_step: 0.01"
+    text = scene(start, f"9.81*(y - {far})", simulation=lasting)
     assert told_of(lagsim.load(text))[1] == []
-
-
-@pytest.mark.parametrize("size", [1e-5, -1e-4])
-def test_a_drift_that_the_estimate_explains_is_told_once(size):
-    found = spoilt(run(SWING), "energy", bump(size))
-    bar = bar_of(found, lambda t: 1e-3 * (t > 4))
-    assert codes(found, bar) == ["energy-drifts"]
-    assert codes(found) == ["error-unknown"]
-    # More is that of energy that is gained or lost.
-    lost = spoilt(run(SWING), "energy", bump(100 * size))
-    assert codes(lost, bar) == [f"energy-{'gained' if size > 0 else 'lost'}"]
-
-
-@pytest.mark.parametrize("rtol", [1e-7, 1e-8, 1e-10])
-def test_a_drift_counts_from_a_thousand_tolerances_on(rtol):
-    whole = 1.0 - math.cos(1.0)
-    least = max(1e-6, 1e3 * rtol)
-    found = run(SWING, rtol=rtol)
-    bar = bar_of(found, lambda t: 1e-3 * (t > 4))
-    assert codes(spoilt(found, "energy", bump(2 * least * whole)), bar)
-    assert not codes(spoilt(found, "energy", bump(0.5 * least * whole)), bar)
-
-
-def test_methods_with_a_fixed_step_are_not_asked():
-    found = spoilt(run(SWING, method="rk4", step="0.01"), "energy", bump(1e-5))
-    assert codes(found, bar_of(found, lambda t: 1e-6 + 0.0 * t)) == []
-
-
-def test_an_absolute_tolerance_is_what_was_asked_for():
-    found = spoilt(run(SWING, atol="1e-5"), "energy", bump(1e-5))
-    assert codes(found, bar_of(found, lambda t: 1e-5 + 0.0 * t)) == []
 
 
 # A body beside another
