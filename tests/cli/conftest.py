@@ -31,17 +31,18 @@ class Called:
 def lagsim(monkeypatch, capsys, tmp_path):
     """Give a function that calls `lagsim` in an empty folder.
 
-    `code` : the exit code that the call must have.
+    `code`, `out`, `err` : the exit code and the texts that the call must give.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.delenv("GITHUB_ACTIONS", raising=False)  # where these tests run
 
-    def call(*arguments, code=None):
+    def call(*arguments, **expected):
         monkeypatch.setattr(sys, "argv", ["lagsim", *map(str, arguments)])
         capsys.readouterr()
         found = Called(main(), *capsys.readouterr())
-        assert code in (None, found.code), found.out + found.err
+        given = {name: getattr(found, name) for name in expected}
+        assert given == expected, found.out + found.err
         return found
 
     return call

@@ -18,11 +18,9 @@ KEYS = [
 
 def refused(lagsim, *arguments):
     """Give the messages and the errors of a call that is refused, by both commands."""
-    called = lagsim(*arguments)
-    assert (called.code, called.out) == (2, "")
+    called = lagsim(*arguments, code=2, out="")
     assert "Traceback" not in called.err
-    as_json = lagsim(*arguments, "--json")
-    assert (as_json.code, as_json.err) == (2, "")
+    as_json = lagsim(*arguments, "--json", code=2, err="")
     errors = as_json.json.pop("errors")
     assert errors
     assert all(list(error) == KEYS for error in errors)

@@ -23,8 +23,7 @@ def rows(folder):
 
 
 def test_the_files_the_table_and_the_document(lagsim, write):
-    called = lagsim("bench", write(PENDULUM), *SOME)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("bench", write(PENDULUM), *SOME, code=0, err="")
     folder = Path("results/model/bench")
     files = ["work_precision.csv", "work_precision.json", "work_precision.png"]
     assert names(folder) == files
@@ -74,8 +73,7 @@ def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "-q")
     before = {path.name: path.read_bytes() for path in Path("out").iterdir()}
     Path("out/work_precision.png").unlink()
-    called = lagsim("bench", "out/work_precision.json")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("bench", "out/work_precision.json", code=0, err="")
     assert called.out.startswith("drawn: out")
     assert {path.name: path.read_bytes() for path in Path("out").iterdir()} == before
     # Some of it, elsewhere; what was measured stays whole.
@@ -110,8 +108,7 @@ def test_a_chart_for_print(lagsim, write, form, begins):
 def test_several_models(lagsim, write):
     files = [write(PENDULUM, f"{name}.yaml") for name in "ab"]
     quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4")
-    called = lagsim("bench", *files, *quick, "-o", "out", "-q")
-    assert (called.code, called.out, called.err) == (0, "", "")
+    lagsim("bench", *files, *quick, "-o", "out", "-q", code=0, out="", err="")
     assert names("out") == ["a", "b"]
     assert len(rows("out/a")) == 1
     # One that cannot be measured does not keep the other from it.

@@ -19,8 +19,7 @@ simulation: {duration: 1}
 
 
 def test_an_admissible_start(lagsim, write):
-    called = lagsim("check", write(ON_THE_CURVE))
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("check", write(ON_THE_CURVE), code=0, err="")
     first, second = called.out.splitlines()[:2]
     assert first == "admissible: model"
     assert second.strip() == (
@@ -41,8 +40,7 @@ def test_the_captions_start(lagsim, write):
 
 
 def test_the_document(lagsim, write):
-    called = lagsim("check", write(CAPTION), "--json")
-    assert (called.code, called.err) == (1, "")
+    called = lagsim("check", write(CAPTION), "--json", code=1, err="")
     document = called.json
     assert document["admissible"] is False
     assert document["degrees_of_freedom"] == 1
@@ -278,9 +276,7 @@ def test_no_heavy_library_is_imported():
 
 def test_quiet_says_only_what_is_wrong(lagsim, write):
     good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
-    called = lagsim("check", "-q", good)
-    assert (called.code, called.out, called.err) == (0, "", "")
-    called = lagsim("check", "-q", good, bad)
-    assert (called.code, called.err) == (1, "")
+    lagsim("check", "-q", good, code=0, out="", err="")
+    called = lagsim("check", "-q", good, bad, code=1, err="")
     assert called.out == lagsim("check", bad).out
     assert lagsim("check", "-q", good, "--json").json["admissible"]

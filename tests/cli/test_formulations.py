@@ -48,8 +48,7 @@ def test_momenta_are_no_parameters_of_the_model(lagsim, write):
 
 def test_a_gain_is_told(lagsim, write):
     used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots"]
-    called = lagsim("run", write(ON_THE_CURVE), *used)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("run", write(ON_THE_CURVE), *used, code=0, err="")
     assert "gain 3 per unit of time" in called.out
 
 

@@ -29,8 +29,7 @@ def test_a_golden_and_its_files(lagsim, stored):
     assert len(about["model_sha256"]) == 64
     header = Path("golden/pendulum.csv").read_text().split("\n")[0].split(",")
     assert list(about["bounds"]) == header
-    called = lagsim("golden", stored)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("golden", stored, code=0, err="")
     assert called.out.startswith("same: pendulum, 21 rows")
     told = lagsim("golden", stored, "--json").json
     assert told["pass"] is True

@@ -25,8 +25,7 @@ def test_there_are_these():
 
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_a_template_runs(lagsim, tmp_path, template):
-    called = lagsim("new", "mine", "--template", template)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("new", "mine", "--template", template, code=0, err="")
     assert "mine.yaml" in called.out
     text = (tmp_path / "mine.yaml").read_text(encoding="utf-8")
     assert text == (FOLDER / f"{template}.yaml").read_text(encoding="utf-8")
@@ -51,8 +50,7 @@ def test_the_default_is_the_pendulum(lagsim, tmp_path):
 
 def test_nothing_is_overwritten(lagsim, tmp_path):
     (tmp_path / "mine.yaml").write_text("years of work")
-    called = lagsim("new", "mine")
-    assert (called.code, called.out) == (2, "")
+    called = lagsim("new", "mine", code=2, out="")
     assert "mine.yaml is there already" in called.err
     assert (tmp_path / "mine.yaml").read_text() == "years of work"
 

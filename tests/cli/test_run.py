@@ -145,8 +145,9 @@ def test_the_files_of_plots_and_their_default_folder(lagsim, write):
 
 
 def test_the_closing_lines(lagsim, write):
-    called = lagsim("run", write(ON_THE_CURVE), "--no-plots", "-o", "out")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim(
+        "run", write(ON_THE_CURVE), "--no-plots", "-o", "out", code=0, err=""
+    )
     lines = called.out.splitlines()
     assert lines[0] == "done: model, t = 0 to 1, 21 rows"
     assert len(lines) <= 12
@@ -166,13 +167,11 @@ def test_quiet_and_json(lagsim, write):
     # A start that is exact to six digits only is worth a word, but not here.
     text = CAPTION.replace("theta: 1, u: l", "theta: 0.770917, u: 0.405687")
     model = write(text)
-    quiet = lagsim("run", model, "--no-plots", "-q")
-    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
+    lagsim("run", model, "--no-plots", "-q", code=0, out="", err="")
     loud = lagsim("run", model, "--no-plots")
     assert "warning: " in loud.err
     assert "nearest exact state" in loud.err
-    called = lagsim("run", model, "--no-plots", "--json", "-q")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("run", model, "--no-plots", "--json", "-q", code=0, err="")
     assert called.json == manifest("results/model")
     codes = [w["code"] for w in called.json["warnings"]]
     assert "start-changed" in codes
@@ -220,8 +219,7 @@ def test_until_ends_the_run(lagsim, write):
 
 
 def test_an_inadmissible_start_writes_nothing(lagsim, write):
-    called = lagsim("run", write(CAPTION))
-    assert (called.code, called.out) == (1, "")
+    called = lagsim("run", write(CAPTION), code=1, out="")
     assert "constraint `path` has the residual 1 (bound " in called.err
     assert called.err == lagsim("check", "model.yaml").out
     assert names(".") == ["model.yaml"]

@@ -41,8 +41,7 @@ def test_a_failed_integration_keeps_what_was_computed(lagsim, write, monkeypatch
     assert rows[-1, 0] == document["end"]
     assert notes == [f"incomplete: {document['reason']}"]
     assert names("out") == ["energy.png", "run.json", "trajectory.csv"]
-    quiet = lagsim("run", "model.yaml", "--no-plots", "-q")
-    assert (quiet.code, quiet.out) == (3, "")
+    quiet = lagsim("run", "model.yaml", "--no-plots", "-q", code=3, out="")
     assert quiet.err == called.err
 
 
@@ -74,8 +73,7 @@ def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, 
     monkeypatch.setattr(
         "lagsim.plan.making.make_plan", lambda *_: signal.raise_signal(kind)
     )
-    called = lagsim("run", write(PENDULUM), "-o", "out")
-    assert (called.code, called.out) == (128 + kind, "")
+    lagsim("run", write(PENDULUM), "-o", "out", code=128 + kind, out="")
     assert names(".") == ["model.yaml"]
 
 
@@ -94,8 +92,7 @@ def writing(*words, before=()):
 def test_a_signal_from_outside(lagsim, write, kind):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
     run = writing(write(ENDLESS, "endless.yaml"))
-    other = lagsim("run", "model.yaml", "-o", "out", "--no-plots")
-    assert (other.code, other.out) == (2, "")
+    other = lagsim("run", "model.yaml", "-o", "out", "--no-plots", code=2, out="")
     assert "another run" in other.err
     run.send_signal(kind)
     _, err = finished(run)
@@ -195,8 +192,7 @@ def test_results_that_cannot_be_put_in_their_places(lagsim, write, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Results, "commit", full)
-    called = lagsim("run", "model.yaml", "-o", "out", "--no-plots")
-    assert (called.code, called.out) == (3, "")
+    called = lagsim("run", "model.yaml", "-o", "out", "--no-plots", code=3, out="")
     told = "lagsim: out cannot be written: No space left on device [E705]\n"
     assert called.err.startswith(told)
     assert Path("out/run.json").read_bytes() == before
@@ -245,8 +241,7 @@ def test_an_output_folder_that_is_unusable(lagsim, write, folder, told):
     Path("file").write_text("mine")
     Path("taken/trajectory.csv").mkdir(parents=True)
     Path("kept/run.json").mkdir(parents=True)
-    called = lagsim("run", write(PENDULUM), "-o", folder, "--no-plots")
-    assert (called.code, called.out) == (2, "")
+    called = lagsim("run", write(PENDULUM), "-o", folder, "--no-plots", code=2, out="")
     assert f"the output folder {folder} {told}" in called.err
     assert Path("file").read_text() == "mine"
     assert names("taken") == ["trajectory.csv"]

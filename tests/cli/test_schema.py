@@ -48,8 +48,7 @@ def loaded(text):
 
 
 def test_the_shipped_file_is_what_the_command_prints(lagsim):
-    called = lagsim("schema")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("schema", code=0, err="")
     assert called.out == SHIPPED.read_text(encoding="utf-8")
 
 

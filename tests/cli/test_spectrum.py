@@ -23,8 +23,9 @@ def result(lagsim, write):
 
 
 def test_peaks_are_told_and_files_written(lagsim, result):
-    called = lagsim("spectrum", result, "x", "-o", "x.svg", "-o", "x.csv")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim(
+        "spectrum", result, "x", "-o", "x.svg", "-o", "x.csv", code=0, err=""
+    )
     head, _, titles, peak = called.out.splitlines()
     assert head.startswith("x: 1201 rows 0.05 s apart, mean ")
     assert head.endswith(" m, window blackmanharris")

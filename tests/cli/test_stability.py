@@ -29,8 +29,7 @@ def rows(folder):
 
 @pytest.mark.slow
 def test_the_files_the_table_and_the_document(lagsim, write):
-    called = lagsim("stability", write(OSCILLATOR), *SOME)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("stability", write(OSCILLATOR), *SOME, code=0, err="")
     folder = Path("results/model/stability")
     assert names(folder) == FILES
     lines = (folder / "stability.csv").read_bytes().split(b"\r\n")
@@ -75,8 +74,7 @@ def test_the_files_the_table_and_the_document(lagsim, write):
 @pytest.mark.slow
 def test_a_parameter_varies(lagsim, write):
     some = ("--methods", "verlet,dop853", "--vary", "k=1:16")
-    called = lagsim("stability", write(OSCILLATOR), *some, "-o", "out")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("stability", write(OSCILLATOR), *some, "-o", "out", code=0, err="")
     assert "holds below (s), k = 16" in called.out
     found = rows("out")
     assert list(found[0])[:4] == ["method", "step", "k", "verdict"]

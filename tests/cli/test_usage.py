@@ -28,12 +28,10 @@ def shell(line, folder, **environment):
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 def test_help(lagsim, flag):
-    called = lagsim(flag)
-    assert (called.code, called.err) == (0, "")
+    called = lagsim(flag, code=0, err="")
     for command in ("run", "check", "bench", "methods"):
         assert f"\n  {command} " in called.out
-        page = lagsim(command, flag)
-        assert (page.code, page.err) == (0, "")
+        page = lagsim(command, flag, code=0, err="")
         assert "--json" in page.out
     options = (
         "--output DIR", "--set NAME=EXPR", "--method M", "--rtol X", "--atol X",
@@ -58,8 +56,7 @@ def test_no_summary_is_cut(lagsim, monkeypatch, columns):
 
 
 def test_no_command_shows_the_help(lagsim):
-    called = lagsim()
-    assert (called.code, called.out) == (2, "")
+    called = lagsim(code=2, out="")
     assert called.err == lagsim("--help").out
 
 
@@ -86,8 +83,7 @@ def test_an_option_without_its_value(lagsim):
 
 
 def test_version(lagsim):
-    called = lagsim("--version")
-    assert (called.code, called.err) == (0, "")
+    called = lagsim("--version", code=0, err="")
     assert called.out.split()[0] == "lagsim"
 
 
@@ -281,8 +277,7 @@ SHELLS = {
 @pytest.mark.parametrize("name", SHELLS)
 def test_a_shell_gets_a_script_for_completion(lagsim, monkeypatch, name):
     monkeypatch.setenv("_LAGSIM_COMPLETE", f"source_{name}")
-    called = lagsim()
-    assert (called.code, called.err) == (0, "")
+    called = lagsim(code=0, err="")
     assert SHELLS[name] in called.out
 
 
@@ -301,8 +296,7 @@ def test_a_line_is_completed(lagsim, monkeypatch, line, words):
     monkeypatch.setenv("_LAGSIM_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", line)
     monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
-    called = lagsim()
-    assert (called.code, called.err) == (0, "")
+    called = lagsim(code=0, err="")
     found = called.out.split()
     assert words <= set(found)
     begun = line.split(" ")[-1]
@@ -318,8 +312,7 @@ def test_what_nobody_has_foreseen_is_kept_in_a_file(
     monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("lagsim.cli.check.check", broken)
     model = write(PENDULUM)
-    called = lagsim("check", model)
-    assert (called.code, called.out) == (70, "")
+    called = lagsim("check", model, code=70, out="")
     assert called.err.startswith("lagsim: RuntimeError: unforeseen [E901]\n")
     [report] = (tmp_path / "cache/reports").iterdir()
     assert str(report) in called.err

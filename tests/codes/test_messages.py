@@ -169,6 +169,5 @@ def test_explain(lagsim):  # noqa: F811
     assert [line.split()[0] for line in listed.splitlines() if line[2:3] in "EW"] == [
         r.number for r in ALL
     ]
-    wrong = lagsim("explain", "duplicat-key")
-    assert (wrong.code, wrong.out) == (2, "")
+    wrong = lagsim("explain", "duplicat-key", code=2, out="")
     assert "did you mean `duplicate-key`?" in wrong.err
