@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 248
 LINES = 75_650
-LINES_OF_TESTS = 57_500
+LINES_OF_TESTS = 57_440
 
 
 def lines(folder):
