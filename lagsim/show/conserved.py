@@ -69,7 +69,22 @@ def conserved_quantities(
             ([line["Q"] for line in lines], ()),
         ]
         found += _symmetries(x, generators, functions, momenta)
-    return named(x, found)
+    return _named(x, found)
+
+
+def evident(x: Translation) -> list[Part]:
+    """Give the energy, and the momenta of coordinates that are not in L, as written."""
+    e = x.equations
+    if e.laws or e.model.events:
+        return []
+    found = []
+    if not e.works:
+        kind = "energy" if e.energy_is_sum else "energy function"
+        found.append(_part(kind, (), x.sympy([e.energy], written=True)[0]))
+    for j, q in enumerate(e.q):
+        if q in e.unforced and all(row.A[j] == x.g.zero for row in e.rows):
+            found.append(_part("momentum", (q,), x.sympy([e.momenta[j]])[0]))
+    return _named(x, found)
 
 
 def _energy(
@@ -83,10 +98,10 @@ def _energy(
         return []
     if e.energy_is_sum:
         total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential], written=True))
-        return [part("energy", (), x.tidy(total, written=True))]
+        return [_part("energy", (), x.tidy(total, written=True))]
     moved = (v * line["momentum"] for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
-    return [part("energy function", (), value)]
+    return [_part("energy function", (), value)]
 
 
 def _momentum(
@@ -112,16 +127,16 @@ def _momentum(
         return None
     name = x.q[j].name
     if slope == 0:
-        return part("momentum", (name,), line["momentum"])
+        return _part("momentum", (name,), line["momentum"])
     shift = sp.Add(*(c * q for c, q in zip(coefficients, x.q, strict=True)))
-    return part("shifted momentum", (name,), x.tidy(line["momentum"] - shift))
+    return _part("shifted momentum", (name,), x.tidy(line["momentum"] - shift))
 
 
 def _slips(k: Part, v: Any) -> bool:
     return any(v in s.free_symbols for s in k["slip"])
 
 
-def part(kind: str, of: Sequence[str], value: Any) -> Part:
+def _part(kind: str, of: Sequence[str], value: Any) -> Part:
     """Give what is conserved as a part of the document."""
     return {"kind": kind, "of": of, "expression": value, "definition": None}
 
@@ -163,7 +178,7 @@ def _symmetries(
         turned = any(g[1:] for g in chosen)
         kind = "angular momentum" if turned else "total momentum"
         of = tuple(x.q[j].name for j in sorted({j for g in chosen for j in g}))
-        found.append(part(kind, of, x.tidy(value)))
+        found.append(_part(kind, of, x.tidy(value)))
     return found
 
 
@@ -252,7 +267,7 @@ def _rounded(x: int | Fraction) -> Any:
     return sp.QQ(x.numerator, x.denominator)
 
 
-def named(x: Translation, found: list[Part]) -> list[Part]:
+def _named(x: Translation, found: list[Part]) -> list[Part]:
     """Say which definitions of the file they are, by the values at random states.
 
     Parameters are random too. All are near 1, so that roots and logarithms exist.

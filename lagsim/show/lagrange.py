@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from itertools import product
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import sympy as sp
@@ -31,7 +32,7 @@ from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
-from lagsim.show.conserved import conserved_quantities, named, part
+from lagsim.show.conserved import conserved_quantities, evident
 from lagsim.show.content import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.names import Name
 from lagsim.show.separation import Separation, is_long, refuse_long, words_of
@@ -60,33 +61,17 @@ LARGEST_BLOCK = 3
 
 
 class _Solver:
-    """M q'' = f + A^T lambda, A q'' = b in closed form, where that can be read.
+    """M q'' = f + A^T lambda, A q'' = b of a document in closed form, if that is short.
 
-    Parameters
-    ----------
-    constraints
-        Those of the document.
-    notes
-        What is left out is added.
-    in_words
-        The entries are names of steps, which nobody reads.
+    What is left out is added to the notes.
     """
 
-    def __init__(
-        self,
-        x: Translation,
-        M: Matrix,
-        f: list[Any],
-        constraints: Sequence[Part],
-        notes: list[str],
-        *,
-        in_words: bool = False,
-    ) -> None:
-        self.x, self.M, self.f, self.notes = x, M, f, notes
-        self.in_words = in_words
-        self.constraints = constraints
-        self.held = [k for k in constraints if always(k)]
-        self.come_and_go = len(self.held) < len(constraints)
+    def __init__(self, x: Translation, document: Part, notes: list[str]) -> None:
+        self.x, self.M, self.f = x, document["M"], document["f"]
+        self.constraints, self.notes = document["constraints"], notes
+        self.in_words = "separated" in document
+        self.held = [k for k in self.constraints if always(k)]
+        self.come_and_go = len(self.held) < len(self.constraints)
 
     @cached_property
     def inverse(self) -> Inverse | None:
@@ -107,6 +92,7 @@ class _Solver:
 
     def solution(self, *, insist: bool) -> Part | None:
         """Give accelerations and multipliers, or None where they are too long."""
+        # Those of numbered steps nobody reads.
         found = None if self.in_words else self._closed()
         if found and _readable((*found["q_ddot"], *found["lambda"])):
             return found
@@ -172,24 +158,24 @@ class _Solver:
         InputError
             Where M is singular, so that there is no unconstrained acceleration.
         """
-        x, M = self.x, self.M
+        x = self.x
         if self.come_and_go:
             self.notes.append("Gauss's principle is given for the equality constraints")
-        lacking = without_inertia(x.equations)
-        if lacking is not None:
-            raise InputError([singular(lacking)])
+        if (lacking := without_inertia(x.equations)) is not None:
+            text = (
+                "Gauss's principle needs the acceleration without constraints, M^-1 f, "
+                "and the mass matrix of this model is singular: a direction has no "
+                "inertia"
+            )
+            hint = f"such as along `{lacking}`; give every coordinate some mass"
+            raise InputError([Problem("singular-mass", text, hint=hint)])
         free = [
             x.add(symbol(f"a.{q}"), Name(q.name, 0, "unconstrained"), (4, len(x.q) + j))
             for j, q in enumerate(x.q)
         ]
-        apart = [a - b for a, b in zip(x.a, free, strict=True)]
-        G = sp.Add(
-            *(
-                M[i][j] * apart[i] * apart[j] / (2 if i == j else 1)
-                for i in range(len(M))
-                for j in range(i + 1)
-            )
-        )
+        apart = [*enumerate(a - b for a, b in zip(x.a, free, strict=True))]
+        pairs = product(apart, repeat=2)
+        G = sp.Add(*(self.M[i][j] * p * q / 2 for (i, p), (j, q) in pairs))
         a = _solved(x, self.inverse, self.f) if self.inverse else None
         a = a if a and _readable(a) else None
         K, Qc = self._gain(free) if self.held and self.gram else (None, None)
@@ -276,16 +262,6 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
     return steps
 
 
-def singular(coordinate: str) -> Problem:
-    """Give the fault of a model without unconstrained acceleration."""
-    return Problem(
-        "singular-mass",
-        "Gauss's principle needs the acceleration without constraints, M^-1 f, and the "
-        "mass matrix of this model is singular: a direction has no inertia",
-        hint=f"such as along `{coordinate}`; give every coordinate some mass",
-    )
-
-
 # States at which a mass matrix is examined.
 STATES = 3
 
@@ -353,342 +329,249 @@ def content(
     words = words_of(equations.model)
     expand = expand or with_gauss or not is_long(equations, words)
     refuse_long(equations.model, {} if expand else words)
+    x = Translation(equations, substitute=substitute, named=None if expand else words)
+    if expand:
+        steps, found, conserved = _in_full(x)
+    else:
+        separation = Separation(equations, words)
+        steps, found, conserved = _in_words(x, separation, matrices=matrices or solve)
+    model, notes = equations.model, _on_contacts(found["constraints"])
     if not expand:
-        x = Translation(equations, substitute=substitute, named=words)
-        found = _InWords(x, Separation(equations, words))
-        return found.in_words(solve=solve, matrices=matrices or solve)
-    x = Translation(equations, substitute=substitute)
-    return _Derivation(x).content(solve=solve, with_gauss=with_gauss)
-
-
-class _Derivation:
-    """The equations, term by term, in sympy.
-
-    What is differentiated on the graph is tidy, so that the slopes are short.
-    """
-
-    def __init__(self, x: Translation) -> None:
-        self.x = x
-        e, g, model = x.equations, x.g, x.equations.model
-        self.flow = flow = e.flow
-        rates = flow.rates
-        forward = flow.forward | dict(
-            zip(rates, map(g.variable, e.accelerations), strict=True)
-        )
-        energies = [model.kinetic, model.potential, model.dissipation]
-        self.kinetic, self.potential, self.dissipation = x.sympy(energies, written=True)
-        if model.kinetic is None or model.potential is None:
-            self.lagrangian = x.sympy([model.lagrangian], written=True)[0]
-            parts = {"L": x.node(self.lagrangian, model.lagrangian)}
-        else:
-            self.lagrangian = self.kinetic - self.potential
-            T = x.node(self.kinetic, model.kinetic)
-            parts = {"T": T, "V": x.node(self.potential, model.potential)}
-        variables = [*rates, *flow.positions, g.variable("t")]
-        # By letter: the slopes in the velocities, the coordinates and t, and the rates
-        # of the first of these.
-        self.slopes = {
-            letter: self._tidied(gradient(g, node, variables))
-            for letter, node in parts.items()
-        }
-        n = len(e.q)
-        self.rates = {
-            letter: tangent(g, slopes[:n], forward)
-            for letter, slopes in self.slopes.items()
-        }
-        first, *others = self.slopes.values()
-        self.slope = [
-            g.call("sub", *pair) if others else pair[0]
-            for pair in zip(first, *others, strict=True)
-        ]
-        self.momenta = self._tidied(self.slope[:n])
-        self.drifts = tangent(g, self.momenta, flow.forward)
-        self.Q = generalized_forces(g, model, flow)
-        self.constraints = [self._constraint(c) for c in model.constraints]
-        Q = x.sympy(self.Q)
-        self.lines = [self._line(j, Q[j]) for j in range(n)]
-
-    def _tidied(self, nodes: Sequence[int]) -> list[int]:
-        """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
-        tidy = self.x.sympy(nodes)
-        return [self.x.node(e, n) for e, n in zip(tidy, nodes, strict=True)]
-
-    def content(self, *, solve: bool, with_gauss: bool) -> Content:
-        x, n, model = self.x, len(self.lines), self.x.equations.model
-        entries = mass_matrix(x.g, self.momenta, self.flow.rates)
-        lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
-        M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
-        sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
-        f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
-        drift = tangent(x.g, [model.lagrangian], self.flow.states)
-        (dL_dt,) = x.sympy([x.g.call("add", self.slope[-1], *drift)])
-        constraints = self.constraints
-        conserved = conserved_quantities(
-            x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, constraints
-        )
-        notes = _on_contacts(constraints)
-        solver = _Solver(x, M, f, constraints, notes)
-        document = {
-            "definitions": {s.name: e for s, e in x.kept.items()},
-            "kinetic": self.kinetic,
-            "potential": self.potential,
-            "lagrangian": x.tidy(self.lagrangian, written=True),
-            "dissipation": self.dissipation,
-            "forces": [
-                {**self._force(force), "Q": x.sympy(self._work(force))}
-                for force in model.forces
-            ],
-            "equations": self.lines,
-            "M": M,
-            "f": f,
-            "constraints": constraints,
-            "accelerations": solver.solution(insist=solve),
-            "conserved": conserved,
-            "gauss": solver.gauss() if with_gauss else None,
-            "notes": notes,
-        }
-        return self._completed(document)
-
-    def _completed(self, document: Part) -> Content:
-        """Add first-order states, events, and what there is to note."""
-        x, model, notes = self.x, self.x.equations.model, document["notes"]
-        if model.states:
-            rates = x.sympy([s.rate for s in model.states], written=True)
-            document["states"] = dict(
-                zip((s.name for s in model.states), rates, strict=True)
-            )
-        if model.events:
-            document["events"] = {x.name: self._event(x) for x in model.events}
-        if x.equations.is_set and document["conserved"]:
-            notes.append("what is conserved is so between events: they set the energy")
-        if x.tidy.cut:
-            notes.append(
-                "some expressions are longer than they might be: simplification was "
-                f"cut after {MOST_PRODUCTS:,} products of terms in one, or "
-                f"{limits.TIDYING_PRODUCTS:,} in all"
-            )
-        return Content(x, document)
-
-    def _event(self, event: Transition) -> Part:
-        modes, nodes = zip(*event.sets, strict=True)
-        return {
-            "at": event.at and event.at.text,
-            "every": event.every or None,
-            "once": str(event.once).lower(),
-            "set": dict(zip(modes, self.x.sympy(nodes, written=True), strict=True)),
-        }
-
-    def _force(self, force: Force) -> Part:
-        p, direction = self.x.sympy([force.node, force.direction], written=True)
-        return {
-            "on": force.on,
-            "force": p,
-            "direction": direction,
-            "level": force.level.name.lower(),
-        }
-
-    def _work(self, force: Force) -> list[int]:
-        """Give the generalized force that it is on each coordinate: nodes (n,)."""
-        velocity = force.level is not Level.POSITION
-        levers = self.flow.gradient(self.x.g, force.direction, by_rates=velocity)
-        return [self.x.g.call("mul", force.node, lever) for lever in levers]
-
-    def _line(self, j: int, Q: Any) -> Part:
-        """Work out the equation of coordinate j, with its generalized force."""
-        x, n = self.x, len(self.x.q)
-        terms: dict[str, Any] = {}
-        left = []
-        for letter, slopes in self.slopes.items():
-            sign = -1 if letter == "V" else 1
-            rate, slope = x.sympy((self.rates[letter][j], slopes[n + j]))
-            if letter != "V" or rate != 0:
-                terms[f"ddt_d{letter}_dqdot"] = rate
-            terms[f"d{letter}_dq"] = slope
-            left += [sign * rate, -sign * slope]
-        terms["Q"] = Q
-        driving, rest = self._driving(Q)
-        holding = (
-            k["A"][j] * s for k, s in zip(self.constraints, x.multipliers, strict=True)
-        )
-        return {
-            "coordinate": x.q[j].name,
-            "momentum": x.sympy([self.momenta[j]])[0],
-            **terms,
-            "left": x.tidy(sp.Add(*left, -rest)),
-            "right": x.tidy(driving + sp.Add(*holding)),
-        }
-
-    def _driving(self, Q: Any) -> tuple[Any, Any]:
-        """Part Q into what stands right, given in time, and what stands left."""
-        state = {*self.x.q, *self.x.v, *self.x.states}
-        parts = sp.Add.make_args(Q)
-        pushing = {*self.x.multipliers}
-        driving: list[Any] = []
-        rest: list[Any] = []
-        for p in parts:
-            right = not self.x.free(p) & state or p.free_symbols & pushing
-            (driving if right else rest).append(p)
-        return sp.Add(*driving), sp.Add(*rest)
-
-    def _pair(self, constraint: Constraint) -> Part:
-        """Give the multipliers of two relations that share a limit."""
-        names = [f"lambda_{constraint.called}.{k}" for k in constraint.ends]
-        both = [m for m in self.x.multipliers if m.name in names]
-        return {"pair": both} if constraint.pair else {}
-
-    def _constraint(self, constraint: Constraint) -> Part:
-        x, g = self.x, self.x.g
-        node = constraint.relation.node
-        (function,) = x.sympy([node], written=True)
-        tidy = x.node(function, node)
-        row = constraint_row(g, constraint.name, tidy, self.flow)
-        A = [x.tidy(entry, factored=True) for entry in x.sympy(row.A)]
-        (rate,) = x.sympy([row.rate])
-        tidy = x.node(rate, row.rate)
-        (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
-        moved = self._moved(A, x.tidy(-drift))
-        return self._held(constraint, row, (function, rate), moved)
-
-    def _moved(self, A: list[Any], b: Any) -> Part:
-        """Give A q'' - b of a constraint, and what it is made of."""
-        x = self.x
-        return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
-
-    def _held(
-        self,
-        constraint: Constraint,
-        row: Row,
-        values: tuple[Any, Any],
-        moved: Part,
-    ) -> Part:
-        """Give a constraint by its function and rate, and how it holds q''."""
-        x, law = self.x, constraint.law
-        function, rate = values
-        kind = "holonomic" if row.holonomic else "nonholonomic"
-        given = law_of(constraint)
-        nodes = [given["friction"], given["static_friction"], constraint.limit]
-        nodes += [constraint.when, law.bounce if law else None]
-        nodes += law.slips if law else ()
-        friction, static, limit, when, e, *slip = x.sympy(nodes, written=True)
-        if when is not None and when.is_Piecewise:  # if(condition, 1, 0)
-            when = when.args[0][1]
-        return {
-            "name": constraint.name,
-            "kind": kind if law is None else "one-sided",
-            "function": function,
-            "rate": rate if row.holonomic else function,
-            **moved,
-            "restitution": given["restitution"] if e is None else e,
-            "friction": friction,
-            "static_friction": static,
-            "slip": slip,
-            "limit": limit,
-            **self._pair(constraint),
-            "when": when,
-            **{key: given[key] for key in RESTITUTION_LAW if key in given},
-        }
-
-
-class _InWords(_Derivation):
-    """The same in the definitions of the file, see `separation`.
-
-    Entries of matrices are numbered steps, for programs.
-    """
-
-    def __init__(self, x: Translation, separation: Separation) -> None:
-        self.x, self.separation = x, separation
-        self.flow = x.equations.flow
-        groups = {"momentum": 3, "reaction": 5, "force": 5}
-        for k, (called, name) in enumerate(separation.names.items(), len(x.rank)):
-            group = groups.get(name.kind, 2) + name.order
-            x.add(symbol(called), name, (min(group, 5), k))
-
-    def in_words(self, *, solve: bool, matrices: bool) -> Content:
-        """Give the document."""
-        x, e, s = self.x, self.x.equations, self.separation
-        model = e.model
-        energies = [model.kinetic, model.potential, model.dissipation]
-        T, V, F = x.sympy(energies, written=True)
-        (L,) = x.sympy([model.lagrangian], written=True) if T is None else (T - V,)
-        forces = [self._force(force) for force in model.forces]
-        separated = {
-            key: dict(zip(found, x.sympy(found.values()), strict=True))
-            for key, found in (
-                ("momenta", s.momenta), ("rates", s.rates), ("forces", s.forces),
-                ("reactions", s.reactions),
-            )
-        }  # fmt: skip
-        sides = iter(x.sympy(n for line in s.equations for n in line))
-        lines = [
-            self._written(q, *line) for q, *line in zip(x.q, *[sides] * 3, strict=True)
-        ]
-        rows = [
-            constraint_row(x.g, c.name, c.relation.node, self.flow)
-            for c in model.constraints
-        ]
-        known, steps = dict(x.known), dict[str, Any]()
-        M, f = list[list[Any]](), list[Any]()
-        if matrices:
-            levers = [self._work(force) for force in model.forces]
-            wanted = [n for row in (*e.M, e.f, *levers) for n in row]
-            wanted += [n for row in rows for n in (*row.A, row.b)]
-            steps = _steps(x, known, wanted)
-            for force, Q in zip(forces, levers, strict=True):
-                force["Q"] = [known[n] for n in Q]
-            M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
-        constraints = []
-        for c, row in zip(model.constraints, rows, strict=True):
-            values = x.sympy([row.residual, row.rate], written=True)
-            moved: Part = {}
-            if matrices:
-                moved = self._moved([known[n] for n in row.A], known[row.b])
-            constraints.append(self._held(c, row, tuple(values), moved))
-        notes = _on_contacts(constraints)
         notes.append(
             "the equations are written in the definitions of the file; `--expand` "
             "writes them out, and the mass matrix"
         )
-        solver = _Solver(x, M, f, constraints, notes, in_words=True)
-        return self._completed({
-            "definitions": {k.name: v for k, v in x.kept.items()} | steps,
-            "kinetic": T,
-            "potential": V,
-            "lagrangian": L,
-            "dissipation": F,
-            "forces": forces,
-            "equations": lines,
-            "separated": separated,
-            "M": M,
-            "f": f,
-            "constraints": constraints,
-            "accelerations": solver.solution(insist=solve),
-            "conserved": self._conserved(),
-            "gauss": None,
-            "notes": notes,
-        })  # fmt: skip
+    solver = _Solver(x, found, notes)
+    document = {
+        "definitions": {s.name: e for s, e in x.kept.items()} | steps,
+        **found,
+        "accelerations": solver.solution(insist=solve),
+        "conserved": conserved,
+        "gauss": solver.gauss() if with_gauss else None,
+        "notes": notes,
+    }
+    if model.states:
+        rates = x.sympy([s.rate for s in model.states], written=True)
+        document["states"] = dict(
+            zip((s.name for s in model.states), rates, strict=True)
+        )
+    if model.events:
+        document["events"] = {event.name: _event(x, event) for event in model.events}
+    if equations.is_set and conserved:
+        notes.append("what is conserved is so between events: they set the energy")
+    if x.tidy.cut:
+        notes.append(
+            "some expressions are longer than they might be: simplification was "
+            f"cut after {MOST_PRODUCTS:,} products of terms in one, or "
+            f"{limits.TIDYING_PRODUCTS:,} in all"
+        )
+    return Content(x, document)
 
-    def _written(self, q: Any, momentum: Any, left: Any, Q: Any) -> Part:
-        right, rest = self._driving(Q)
-        return {
-            "coordinate": q.name,
-            "momentum": momentum,
-            "left": self.x.tidy(left - rest),
-            "right": self.x.tidy(right),
-        }
 
-    def _conserved(self) -> list[Part]:
-        """Give the energy, and the momenta of coordinates that are not in L."""
-        x, e = self.x, self.x.equations
-        if e.laws or e.model.events:
-            return []
-        found = []
-        if not e.works:
-            kind = "energy" if e.energy_is_sum else "energy function"
-            found.append(part(kind, (), x.sympy([e.energy], written=True)[0]))
-        for j, q in enumerate(e.q):
-            if q in e.unforced and all(row.A[j] == x.g.zero for row in e.rows):
-                found.append(part("momentum", (q,), x.sympy([e.momenta[j]])[0]))
-        return named(x, found)
+# Steps, what a document has up to the constraints, and what is conserved.
+_Found: TypeAlias = "tuple[Part, Part, list[Part]]"
+
+
+def _in_full(x: Translation) -> _Found:
+    """Derive the equations term by term.
+
+    What is differentiated on the graph is tidy, so that the slopes are short.
+    """
+    e, g, flow, model = x.equations, x.g, x.equations.flow, x.equations.model
+    n = len(e.q)
+    found = _energies(x)
+    T, V, L = (found[key] for key in ("kinetic", "potential", "lagrangian"))
+    if model.kinetic is None or model.potential is None:
+        parts = {"L": x.node(L, model.lagrangian)}
+    else:
+        parts = {"T": x.node(T, model.kinetic), "V": x.node(V, model.potential)}
+    variables = [*flow.rates, *flow.positions, g.variable("t")]
+    # By letter: slopes in the velocities, the coordinates and t; rates of the first.
+    slopes = {k: _tidied(x, gradient(g, node, variables)) for k, node in parts.items()}
+    accelerations = map(g.variable, e.accelerations)
+    forward = flow.forward | dict(zip(flow.rates, accelerations, strict=True))
+    rates = {k: tangent(g, own[:n], forward) for k, own in slopes.items()}
+    of_L, *of_V = slopes.values()
+    for own in of_V:
+        of_L = [g.call("sub", *pair) for pair in zip(of_L, own, strict=True)]
+    momenta = _tidied(x, of_L[:n])
+    drifts = tangent(g, momenta, flow.forward)
+    work = generalized_forces(g, model, flow)
+    constraints = []
+    for c in model.constraints:
+        (function,) = x.sympy([c.relation.node], written=True)
+        node = x.node(function, c.relation.node)
+        row = constraint_row(g, c.name, node, flow)
+        A = [x.tidy(entry, factored=True) for entry in x.sympy(row.A)]
+        (rate,) = x.sympy([row.rate])
+        (drift,) = x.sympy(tangent(g, [x.node(rate, row.rate)], flow.forward))
+        moved = _moved(x, A, x.tidy(-drift))
+        constraints.append(_constraint(x, c, row, (function, rate), moved))
+    lines = []
+    for j, Q in enumerate(x.sympy(work)):
+        terms: Part = {}
+        left = sp.S.Zero
+        for letter, own in slopes.items():
+            rate, slope = x.sympy((rates[letter][j], own[n + j]))
+            if letter != "V" or rate != 0:
+                terms[f"ddt_d{letter}_dqdot"] = rate
+            terms[f"d{letter}_dq"] = slope
+            left += slope - rate if letter == "V" else rate - slope
+        holding = _dot([k["A"][j] for k in constraints], x.multipliers)
+        (momentum,) = x.sympy([momenta[j]])
+        about = {"coordinate": e.q[j], "momentum": momentum, **terms, "Q": Q}
+        lines.append(about | _sides(x, left, Q + holding))
+    entries = mass_matrix(g, momenta, flow.rates)
+    lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
+    M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+    sums = zip(of_L[n:], drifts, work, strict=False)
+    f = x.sympy(g.call("add", g.call("sub", a, b), Q) for a, b, Q in sums)
+    drift = tangent(g, [model.lagrangian], flow.states)
+    (dL_dt,) = x.sympy([g.call("add", of_L[-1], *drift)])
+    conserved = conserved_quantities(x, L, dL_dt, of_L[n:-1], lines, constraints)
+    found["lagrangian"] = x.tidy(L, written=True)
+    forces = [
+        {**_force(x, force), "Q": x.sympy(_work(x, force))} for force in model.forces
+    ]
+    found |= {"forces": forces, "equations": lines}
+    return {}, found | {"M": M, "f": f, "constraints": constraints}, conserved
+
+
+def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
+    """Derive the equations in the definitions of the file, see `separation`.
+
+    Entries of matrices are numbered steps, for programs.
+    """
+    e, model = x.equations, x.equations.model
+    groups = {"momentum": 3, "reaction": 5, "force": 5}
+    for k, (called, name) in enumerate(s.names.items(), len(x.rank)):
+        group = groups.get(name.kind, 2) + name.order
+        x.add(symbol(called), name, (min(group, 5), k))
+    found = _energies(x)
+    found["forces"] = forces = [_force(x, force) for force in model.forces]
+    separated = {
+        key: dict(zip(nodes, x.sympy(nodes.values()), strict=True))
+        for key, nodes in (
+            ("momenta", s.momenta), ("rates", s.rates), ("forces", s.forces),
+            ("reactions", s.reactions),
+        )
+    }  # fmt: skip
+    found["equations"] = lines = []
+    sides = [x.sympy(line) for line in s.equations]
+    for q, (momentum, left, Q) in zip(e.q, sides, strict=True):
+        about = {"coordinate": q, "momentum": momentum}
+        lines.append(about | _sides(x, left, Q))
+    rows = [
+        constraint_row(x.g, c.name, c.relation.node, e.flow) for c in model.constraints
+    ]
+    known, steps = dict(x.known), dict[str, Any]()
+    M, f = list[list[Any]](), list[Any]()
+    if matrices:
+        levers = [_work(x, force) for force in model.forces]
+        wanted = [n for row in (*e.M, e.f, *levers) for n in row]
+        wanted += [n for row in rows for n in (*row.A, row.b)]
+        steps = _steps(x, known, wanted)
+        for force, Q in zip(forces, levers, strict=True):
+            force["Q"] = [known[n] for n in Q]
+        M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
+    constraints = []
+    for c, row in zip(model.constraints, rows, strict=True):
+        values = x.sympy([row.residual, row.rate], written=True)
+        moved: Part = {}
+        if matrices:
+            moved = _moved(x, [known[n] for n in row.A], known[row.b])
+        constraints.append(_constraint(x, c, row, values, moved))
+    found |= {"separated": separated, "M": M, "f": f, "constraints": constraints}
+    return steps, found, evident(x)
+
+
+def _energies(x: Translation) -> Part:
+    """Give T, V, L and F as they are written."""
+    model = x.equations.model
+    energies = [model.kinetic, model.potential, model.dissipation]
+    T, V, F = x.sympy(energies, written=True)
+    L = T - V if T is not None else x.sympy([model.lagrangian], written=True)[0]
+    return {"kinetic": T, "potential": V, "lagrangian": L, "dissipation": F}
+
+
+def _tidied(x: Translation, nodes: Sequence[int]) -> list[int]:
+    """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
+    return [x.node(e, n) for e, n in zip(x.sympy(nodes), nodes, strict=True)]
+
+
+def _force(x: Translation, force: Force) -> Part:
+    p, direction = x.sympy([force.node, force.direction], written=True)
+    level = force.level.name.lower()
+    return {"on": force.on, "force": p, "direction": direction, "level": level}
+
+
+def _work(x: Translation, force: Force) -> list[int]:
+    """Give the generalized force that it is on each coordinate: nodes (n,)."""
+    velocity = force.level is not Level.POSITION
+    levers = x.equations.flow.gradient(x.g, force.direction, by_rates=velocity)
+    return [x.g.call("mul", force.node, lever) for lever in levers]
+
+
+def _sides(x: Translation, left: Any, Q: Any) -> Part:
+    """Give left = Q with what depends on the state on the left.
+
+    Multipliers, and what is given in time, stand right.
+    """
+    state = {*x.q, *x.v, *x.states}
+    right = sp.Add(
+        *(
+            p
+            for p in sp.Add.make_args(Q)
+            if not x.free(p) & state or p.free_symbols & {*x.multipliers}
+        )
+    )
+    return {"left": x.tidy(left - (Q - right)), "right": x.tidy(right)}
+
+
+def _moved(x: Translation, A: list[Any], b: Any) -> Part:
+    """Give A q'' - b of a constraint, and what it is made of."""
+    return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
+
+
+def _constraint(
+    x: Translation, c: Constraint, row: Row, values: Sequence[Any], moved: Part
+) -> Part:
+    """Give a constraint by its function and rate, and how it holds q''."""
+    law, given = c.law, law_of(c)
+    nodes = [given["friction"], given["static_friction"], c.limit, c.when]
+    nodes += [law.bounce, *law.slips] if law else [None]
+    friction, static, limit, when, e, *slip = x.sympy(nodes, written=True)
+    if when is not None and when.is_Piecewise:  # if(condition, 1, 0)
+        when = when.args[0][1]
+    kind = "holonomic" if row.holonomic else "nonholonomic"
+    function, rate = values
+    found = {
+        "name": c.name,
+        "kind": kind if law is None else "one-sided",
+        "function": function,
+        "rate": rate if row.holonomic else function,
+        **moved,
+        "restitution": given["restitution"] if e is None else e,
+        "friction": friction,
+        "static_friction": static,
+        "slip": slip,
+        "limit": limit,
+    }
+    if c.pair:  # two relations that share a limit
+        names = [f"lambda_{c.called}.{k}" for k in c.ends]
+        found["pair"] = [m for m in x.multipliers if m.name in names]
+    found["when"] = when
+    return found | {key: given[key] for key in RESTITUTION_LAW if key in given}
+
+
+def _event(x: Translation, event: Transition) -> Part:
+    modes, nodes = zip(*event.sets, strict=True)
+    return {
+        "at": event.at and event.at.text,
+        "every": event.every or None,
+        "once": str(event.once).lower(),
+        "set": dict(zip(modes, x.sympy(nodes, written=True), strict=True)),
+    }
 
 
 def _on_contacts(constraints: Sequence[Part]) -> list[str]:
