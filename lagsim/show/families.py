@@ -50,6 +50,8 @@ class Families:
     ----------
     x
         The symbols of a model; those of members with a letter are added.
+    found
+        Whether there are families; else each row and each term stands alone.
 
     Attributes
     ----------
@@ -57,8 +59,8 @@ class Families:
         What stands for the number of a member: in rows, and in sums.
     """
 
-    def __init__(self, x: Translation) -> None:
-        self.x = x
+    def __init__(self, x: Translation, *, found: bool = True) -> None:
+        self.x, self.found = x, found
         free = [c for c in LETTERS_OF_MEMBERS if c not in x.own_names]
         self.letter, self.other = (*free, *LETTERS_OF_MEMBERS)[:2]
         bases = {name.base for name in x.names.values()}
@@ -67,7 +69,7 @@ class Families:
     def member_of(self, name: Name) -> int | None:
         """Give the number of a member; None of what is in no family."""
         found = _NUMBER.search(name.base)
-        if found is None:
+        if found is None or not self.found:
             return None
         alike = self._stems[_NUMBER.sub("", name.base, count=1)]
         return int(found[2]) if found[1] or alike > FEW else None
@@ -118,7 +120,7 @@ class Families:
 
     def sums(self, e: Any) -> Any:
         """Give an expression in which terms of a family are a sum over its members."""
-        if e.is_Atom:
+        if e.is_Atom or not self.found:
             return e
         args = tuple(map(self.sums, e.args))
         if not e.is_Add:

@@ -22,7 +22,6 @@ from lagsim.show.content import (
     on_velocities,
 )
 from lagsim.show.families import Families
-from lagsim.show.families import Rows as Members
 from lagsim.show.names import ModelNames, Name, UnicodeNames, called
 from lagsim.show.printers import ModelPrinter, TextPrinter
 from lagsim.show.symbols import symbol
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.show.content import Content
+    from lagsim.show.families import Rows as Members
     from lagsim.show.printers import Printer
 
     # What stands on the left, the expression that it equals, and what follows.
@@ -70,23 +70,22 @@ class Outline:
     ) -> None:
         (self.x, self.c), self.names, self.signs = content, write.names, signs
         self.write = write
-        self.families = Families(self.x) if "separated" in self.c else None
+        self.is_long = "separated" in self.c
+        self.families = Families(self.x, found=self.is_long)
         self.coordinates = [self.show(q.name) for q in self.x.q]
         self.lines: list[str] = []
 
     def document(self) -> list[str]:
         """Write all sections; give the lines."""
         c = self.c
+        held = [*zip(c["constraints"], self.x.multipliers, strict=True)]
         self._energies()
-        if self.families:
-            self._in_words(self.families)
+        if self.is_long:
+            self._in_words()
+            self._at_times([row for row in held if not always(row[0])])
         else:
             self._in_full()
-        rows = [*zip(c["constraints"], self.x.multipliers, strict=True)]
-        if self.families:
-            self._at_times(self.families, [row for row in rows if not always(row[0])])
-        else:
-            for k, multiplier in rows:
+            for k, multiplier in held:
                 self._constraint(k, multiplier)
         self._solution()
         if c["conserved"]:
@@ -117,25 +116,19 @@ class Outline:
         if c["kinetic"] is not None and c["potential"] is not None:
             rows += [(signs["T"], c["kinetic"]), (signs["V"], c["potential"])]
             head = f"{head} = {signs['T']} {signs['minus']} {signs['V']}"
-        if not (rows and self.families):
+        if not (rows and self.is_long):
             rows.append((head, c["lagrangian"]))
         if c["dissipation"] is not None:
             rows.append((signs["F"], c["dissipation"]))
-        if self.families:
-            rows = [(label, self.families.sums(e)) for label, e, *_ in rows]
-            kept = [(self.x.names[s], e) for s, e in self.x.kept.items()]
-            words = self._of_families([x for x in kept if not x[0].order])
-        else:
-            words = [(self.show(name), e) for name, e in c["definitions"].items()]
-        self._rows(rows)
-        if words:
+        self._rows([(label, self.families.sums(e)) for label, e, *_ in rows])
+        kept = [(self.x.names[s], e) for s, e in self.x.kept.items()]
+        if words := self._of_families([x for x in kept if not x[0].order]):
             self._where(words)
 
     def _of_families(
         self, rows: Sequence[tuple[Name, Any]], tail: str = ""
     ) -> list[Row]:
         """Give rows by their names, those of the members of a family as one."""
-        assert self.families is not None
         return [
             (self.names.show(row.name), *row.parts, tail + self._tail(row))
             for row in self.families.rows((name, (e,)) for name, e in rows)
@@ -144,7 +137,7 @@ class Outline:
     def _range(self, row: Members) -> str:
         """Say of which members a row is: `i = 2..7`; nothing of a row alone."""
         numbers = row.members
-        if self.families is None or not numbers:
+        if not numbers:
             return ""
         shown = ", ".join(map(str, numbers))
         if numbers[-1] - numbers[0] == len(numbers) - 1 > 1:
@@ -170,7 +163,7 @@ class Outline:
         self._rates_and_events()
         self._matrix_form()
 
-    def _in_words(self, families: Families) -> None:
+    def _in_words(self) -> None:
         """Write the equations in the definitions of the file, see `separation`."""
         c, x = self.c, self.x
         if c["forces"]:
@@ -193,7 +186,7 @@ class Outline:
             (Name(line["coordinate"]), (line["left"], line["right"]))
             for line in c["equations"]
         ]
-        for row in families.rows(lines):
+        for row in self.families.rows(lines):
             self._say(f"for {self._named(row)}:")
             self._balance(*row.parts)
         self._rates_and_events()
@@ -217,15 +210,14 @@ class Outline:
             (Name(force["on"]), (force["force"], force["direction"]))
             for force in self.c["forces"]
         ]
-        rows = [Members(name, parts, ()) for name, parts in given]
-        for row in self.families.rows(given) if self.families else rows:
+        for row in self.families.rows(given):
             force, direction = row.parts
             written = self._inline(self.write(force))
             self._say(f"force on {self._named(row)}: {written}")
             if not direction.is_Symbol:
                 on = self.names.show(row.name)
                 self._rows([(on, direction, self._tail(row))])
-        if not self.families:
+        if not self.is_long:
             values = [k["Q"] for k in self.c["equations"]]
             self._labelled("Q", self.coordinates, values)
 
@@ -287,7 +279,7 @@ class Outline:
             return
         self._title("Accelerations")
         steps = solved["steps"]
-        if self.families:  # those of M and f
+        if self.is_long:  # those of M and f
             steps = self.c["definitions"] | steps
         shown = {s.name for s in self.x.kept}
         rows = [(self.show(name), e) for name, e in steps.items() if name not in shown]
@@ -315,7 +307,7 @@ class Outline:
         forces = zip(names, principle["Qc"] or (), strict=False)
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
-    def _at_times(self, families: Families, held: Sequence[tuple[Part, Any]]) -> None:
+    def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
         """Write constraints that hold at times, those of a family as one."""
         groups: dict[Any, list[tuple[Part, Any]]] = {}
         for k, multiplier in held:
@@ -332,7 +324,7 @@ class Outline:
                 (Name(k["name"]), (s, *(k[key] for key in keys), *k["slip"]))
                 for k, s in group
             ]
-            for row in families.rows(rows):
+            for row in self.families.rows(rows):
                 multiplier, *values = row.parts
                 k = first | dict(zip(keys, values, strict=False))
                 k |= {"name": called(row.name.base), "slip": values[len(keys) :]}
@@ -345,7 +337,7 @@ class Outline:
         relation = self.signs["at least" if k["kind"] == "one-sided" else "="]
         moving = on_velocities(k)
         values = [k["function"], *([] if moving else [k["rate"]])]
-        values += [] if self.families else [k["acceleration"]]
+        values += [] if self.is_long else [k["acceleration"]]
         labels = self._derivatives(k)
         (gap, first), *rest = zip(labels, values, strict=False)
         self._rows([(gap, first, f" {relation} 0"), *rest])
@@ -391,8 +383,7 @@ class Outline:
         if item["definition"]:
             why += f"; the file calls it {self._plain(item['definition'])}"
         left = total if item["kind"] == "energy" else self.sign(item["kind"], q)
-        value = item["expression"]
-        self._rows([(left, self.families.sums(value) if self.families else value)])
+        self._rows([(left, self.families.sums(item["expression"]))])
         self._say(f"  {why}")
 
     # How it looks
@@ -419,22 +410,8 @@ class Outline:
     def _equals(self, left: str, right: Any, tail: str = "") -> None:
         """Write left = right, broken before a sign where it is too long."""
         head = f"  {left} = " if left else "  "
-        self._broken_row(head, self.write.terms(right), tail)
-
-    def _broken_row(
-        self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
-    ) -> None:
-        write = self.write
-        line = head
-        for k, (sign, text) in enumerate(terms):
-            first = write.negative if sign == "-" else ""
-            part = (write.minus if sign == "-" else write.plus) if k else first
-            if k and _width(line) + _width(part + text) > WIDTH:
-                self.lines += _folded(line)
-                line = " " * min(max(_width(head) - 2, 4), 24) + part + text
-            else:
-                line += part + text
-        self.lines += _folded(line + tail)
+        indent = min(max(_width(head) - 1, 5), 25)
+        self.lines += _folded(head + self.write(right) + tail, indent)
 
     def _rows(self, rows: Sequence[Row]) -> None:
         for row in rows:
@@ -454,13 +431,11 @@ class Outline:
             self._balance(line["left"], line["right"])
 
     def _balance(self, left: Any, right: Any) -> None:
-        terms = self.write.terms(left)
-        tail = self.write(right)
-        if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
-            self._broken_row("  ", terms)
-            self._broken_row("      = ", self.write.terms(right))
+        sides = f"  {self.write(left)}", f" = {self.write(right)}"
+        if _width("".join(sides)) > WIDTH:
+            self.lines += [*_folded(sides[0], 5), *_folded(f"     {sides[1]}", 7)]
         else:
-            self._broken_row("  ", terms, f" = {tail}")
+            self.lines.append("".join(sides))
 
     def _square(self, letter: str, rows: Rows) -> None:
         widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
@@ -534,41 +509,29 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
 
 
 # Before a sign or a relation, else between factors.
-_SIGN = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )")
-_SPACE = re.compile(r"(?<=\S) (?=\S)")
+_PLACES = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )"), re.compile(r"(?<=\S) (?=\S)")
 
 
-def _folded(line: str) -> list[str]:
+def _folded(line: str, indent: int) -> list[str]:
     """Break a line that is too long, within as few parentheses as can be."""
-    lines: list[str] = []
-    margin = len(line) - len(line.lstrip())
-    start, indent = margin, margin
-    while True:
-        # What is looked at is no longer than a line with its combining marks.
-        head = " " * indent + line[start : start + 4 * WIDTH]
-        fits = _cut(head)
-        at = _break(head, fits, margin) if fits < len(head) else 0
-        if not at:
-            return [*lines, " " * indent + line[start:]]
-        lines.append(head[:at])
-        margin = min(margin + 4, 28) if len(lines) == 1 else margin
-        start, indent = start + at + 1 - indent, margin
+    lines, depth = [], 0
+    while at := _break(line[: 4 * WIDTH], indent + 6):
+        lines.append(line[:at])
+        depth += line.count("(", 0, at) - line.count(")", 0, at)
+        line = " " * (indent + 4 * (depth > 0)) + line[at + 1 :]
+    return [*lines, line]
 
 
-def _break(line: str, fits: int, margin: int) -> int:
-    """Give where a line is broken of which so much fits; 0 where it cannot be."""
+def _break(line: str, least: int) -> int:
+    """Give where a line is broken; 0 where it fits, or cannot be."""
+    columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
+    fits = sum(taken <= WIDTH for taken in columns)
+    if fits == len(line):
+        return 0
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))
-    for least in (WIDTH // 2, margin + 8):
-        for sign in (_SIGN, _SPACE):
-            places = [m.start() for m in sign.finditer(line)]
-            fit = [x for x in places if least <= x <= fits]
-            if fit:
-                return min(fit, key=lambda x: (depths[x], -x))
+    for place in _PLACES:
+        found = [m.start() for m in place.finditer(line, least, fits + 3)]
+        if found:
+            return min(found, key=lambda x: (depths[x], -x))
     return 0
-
-
-def _cut(line: str) -> int:
-    """Give how many characters of it fit; marks above letters take no column."""
-    columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
-    return sum(taken <= WIDTH for taken in columns)
