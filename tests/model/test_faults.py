@@ -65,7 +65,7 @@ expression-not-finite | 1e999 | TABLE {points: [[0, 0], [⟪1e999⟫, 1]]}}
 unknown-name | `nan` | TABLE {points: [[0, 0], [1, ⟪nan⟫]]}}
 not-constant | `k` is a | parameters: {k: 1}¶TABLE {points: [[0, 0], [1, ⟪k⟫]]}}
 missing-key | neither `points` nor | tables: {⟪f⟫: {outside: hold}}¶forces: {x: f(t)}
-both-given | both `points` and a `file` | CURVE ⟪file⟫: a.csv}}
+both-given | both `points` and `file` | CURVE ⟪file⟫: a.csv}}
 both-given | there is none | CURVE ⟪x⟫: a}}
 missing-key | has no `y` | TABLE {⟪file⟫: models/road.csv, x: distance}}
 unused-table | write `f(...)` | tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
@@ -166,8 +166,8 @@ missing-key | no `relation` | constraints: {⟪c⟫: {description: a}}
 no-coordinate | no coordinate | RELATION ⟪x - x = 0⟫}
 expression-syntax | one `=` | RELATION x = y ⟪=⟫ 0}
 missing-key | one-sided and has no `restitution` | constraints: {⟪floor⟫: x >= -1}
-out-of-range | 1.5, outside of 0 to 1 | LAW x >= 0, restitution: ⟪1.5⟫}}
-out-of-range | -0.5, outside of 0 to 1 | LAW x >= 0, restitution: ⟪-0.5⟫}}
+out-of-range | 1.5; it must not exceed 1 | LAW x >= 0, restitution: ⟪1.5⟫}}
+out-of-range | -0.5; it must not be negative | LAW x >= 0, restitution: ⟪-0.5⟫}}
 velocity-not-allowed | one-sided | LAW x + ⟪x_dot⟫ >= 0, restitution: 0}}
 velocity-not-allowed | the definition `v` depends on velocities | definitions: {v:
     2*x_dot}¶LAW x + ⟪v⟫ <= 0, restitution: 0}}
@@ -184,8 +184,8 @@ out-of-range | the dynamic friction | CONTACT slip: y_dot, friction: {static: 1,
 missing-key | no `dynamic` | CONTACT slip: y_dot, ⟪friction⟫: {static: 1}}}
 not-homogeneous | not homogeneous in the velocities | RELATION ⟪x_dot >= 1⟫}
 not-homogeneous | a freewheel is | LAW ⟪x_dot^2 >= y_dot^2⟫}}
-out-of-range | the limit of the constraint `c` is -2, which is negative | parameters:
-    {F: -2}¶LAW x_dot, limit: ⟪F⟫}}
+out-of-range | the limit of the constraint `c` is -2; it must not be negative |
+    parameters: {F: -2}¶LAW x_dot, limit: ⟪F⟫}}
 output-only | the limit of the constraint `c` | LAW x_dot, limit: ⟪x_ddot⟫}}
 expression-syntax | a comparison is expected here, found a number | LAW x = y, when:
     ⟪t⟫}}
@@ -220,7 +220,7 @@ bad-name | a point | scene: {points: {⟪p-1⟫: [x, y]}}
 not-a-text | a list | scene: {points: {o: [0, 0]}, links: [[o, ⟪[o]⟫]]}
 wrong-count | found 3 | scene: {points: {o: [0, 0]}, links: [⟪[o, o, o]⟫]}
 unknown-name | did you mean `spring` | POINT links: [{points: [o, o], as: ⟪sprung⟫}]}
-missing-key | the link has no `points` | POINT links: [⟪{as: rod}⟫]}
+missing-key | a link has no `points` | POINT links: [⟪{as: rod}⟫]}
 unknown-key | did you mean `points` | POINT links: [{⟪point⟫: [o, o]}]}
 # shapes
 missing-key | `disk`, `ring`, `box` | SHAPE ⟪a⟫: {}}}

@@ -26,7 +26,6 @@ from lagsim.model.model import (
     Gimbal,
     Level,
     Model,
-    Transition,
 )
 from lagsim.model.nodes import (
     Broken,
@@ -260,7 +259,7 @@ class File:
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
         relation, _ = equations.read_relation(until, "`until`", x, modes=True)
-        events = self._events(x)
+        events = equations.read_events(self.top.value("events"), x)
         scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
@@ -412,20 +411,12 @@ class File:
         laws = tuple(equations.again(c, entry, x) for c, entry in constraints)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
         check_sizes(model.scene, x)
-        events = self._events(x)
+        events = equations.read_events(self.top.value("events"), x)
         faults.raise_if_any()
         return replace(
             model, parameters=numbers, constraints=laws, initial=starts, events=events,
             stated=new,
         )  # fmt: skip
-
-    def _events(self, x: Expressions) -> tuple[Transition, ...]:
-        node = self.top.value("events")
-        if node is None:
-            return ()
-        from lagsim.model.reader.events import read_events
-
-        return read_events(node, x)
 
     def structural(self) -> set[str]:
         """Give the parameters on which ranges and subscripts depend."""

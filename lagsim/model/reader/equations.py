@@ -1,7 +1,8 @@
-"""Energies, forces and constraints with their laws; `until`."""
+"""Energies, states, forces, constraints with their laws, `until`, and events."""
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,12 +17,28 @@ from lagsim.model.model import (
     OneSided,
     Relation,
     State,
+    Transition,
 )
-from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, items_of
+from lagsim.model.nodes import (
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    items_of,
+)
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, kind_of, listed
-from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION, STATE
+from lagsim.model.reader.sections import (
+    CONSTRAINT,
+    CONTACT,
+    ENERGY,
+    EVENT,
+    FRICTION,
+    STATE,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -48,32 +65,28 @@ def energy_fields(top: Fields) -> Fields:
     if "energy" not in top:
         hint = "give `kinetic` and `potential`, or `lagrangian`"
         faults.add("missing-key", "the file has no `energy`", top.place, hint)
-    elif not found.sound:
-        pass
     elif "lagrangian" in found and given:
         both = " and ".join(f"`{k}`" for k in given)
         text = f"both {both} and `lagrangian` are given"
         hint = "`lagrangian` replaces `kinetic` and `potential`"
         faults.add("both-given", text, found.place_of("lagrangian"), hint)
-    elif "lagrangian" not in found and not given:
+    elif given:
+        for missing in ("kinetic", "potential"):
+            found.needs(missing, f"where there is none, say so: `{missing}: 0`")
+    elif found.sound and "lagrangian" not in found:
         text = "`energy` has neither `kinetic` and `potential` nor `lagrangian`"
         faults.add("missing-key", text, found.place)
-    elif "lagrangian" not in found and len(given) == 1:
-        missing = "potential" if given == ["kinetic"] else "kinetic"
-        hint = f"where there is none, say so: `{missing}: 0`"
-        faults.add("missing-key", f"`energy` has no `{missing}`", found.place, hint)
     return found
 
 
 def read_energies(found: Fields, x: Expressions) -> Energies:
     """Build the energies."""
     nodes: dict[str, int | None] = {}
+    called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
-        called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
-        what = called.get(key, f"the {key} energy")
-        nodes[key] = x.compile(found.value(key), what, Level.VELOCITY)
-        if key in found:
-            x.refuse_rates(found.found[key][1], what)
+        node, what = found.value(key), called.get(key, f"the {key} energy")
+        nodes[key] = x.compile(node, what, Level.VELOCITY)
+        x.refuse_rates(node, what)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
@@ -90,14 +103,11 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
     for key, node in given:
         name, what = key.text, f"the state `{key.text}`"
         below = fields(node, what, STATE, x.faults, key.place)
-        if "rate" not in below and below.sound:
-            hint = f"write {name}: {{rate: ...}}: what `{rate_of(name)}` is"
-            x.faults.add("missing-key", f"{what} has no `rate`", key.place, hint)
+        below.needs("rate", f"write {name}: {{rate: ...}}: what `{rate_of(name)}` is")
         built = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
+        unit, about = below.text("unit"), below.text("description")
         if built is not None:
-            found[name] = State(
-                name, built, below.text("unit"), below.text("description")
-            )
+            found[name] = State(name, built, unit, about)
     g, rates = x.graph, {name: s.rate for name, s in found.items()}
     for _ in found:
         new = {g.variable(rate_of(s)): node for s, node in rates.items()}
@@ -113,7 +123,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
 
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     """Build the forces."""
-    found, pair = [], node.entries if isinstance(node, Mapping) else ()
+    found, pair = [], entries_of(node)
     if len(pair) == 2 and not any(hints.text_of(value) for _, value in pair):
         node = Sequence(tuple(key for key, _ in pair), pair[0][0].place)  # {x, F}
     for key, value in entries(node, "`forces`", x.faults):
@@ -151,7 +161,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     elif level is Level.OUTPUT:
         code, text = "output-only", f"{text}: it uses {level.text}"
         hint = "work on positions or velocities"
-    elif node is not None and level is Level.VELOCITY and not _is_affine(node, x):
+    elif node is not None and level > 1 and not _degrees(node, x) <= {0, 1}:
         code, text = "not-affine", f"{text}: it is not linear in the velocities"
         hint = _SUM
     if code:
@@ -165,8 +175,8 @@ def _degrees(node: int, x: Expressions) -> frozenset[int]:
     return frozenset((-1,)) if found is None else found
 
 
-def _is_affine(node: int, x: Expressions) -> bool:
-    return _degrees(node, x) <= {0, 1}
+def _has_velocity(node: int, x: Expressions) -> bool:
+    return not x.names.velocities().isdisjoint(x.graph.depends([node]))
 
 
 # --- Relations: constraints, and `until`
@@ -191,10 +201,8 @@ def read_relation(
     if parsed.right is not None:
         sides = (gap, x.build(parsed.right))
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
-    kinds = x.names.variables
-    used = (kinds.get(rated(n)[0]) for n in x.graph.depends([gap]))
     moving = {Kind.COORDINATE, Kind.STATE, *([Kind.MODE] if modes else ())}
-    if moving.isdisjoint(used):
+    if not _named(gap, moving, x):
         text = f"{what} depends on no coordinate and no velocity"
         hint = "an event at given times has `every`" if modes else ""
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
@@ -202,6 +210,12 @@ def read_relation(
         return None, equality
     text = " ".join(scalar.text.split())
     return Relation(gap, equality, text, scalar.place), equality
+
+
+def _named(node: int, kinds: Collection[Kind], x: Expressions) -> set[str]:
+    """Give the names of some kinds, and of their rates, on which a node depends."""
+    known, used = x.names.variables, x.graph.depends([node])
+    return {name for name in used if known.get(rated(name)[0]) in kinds}
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
@@ -226,8 +240,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
 
 def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
     """Give a constraint, one of two relations that share a limit as c.1 and c.2."""
-    given = node.entries if isinstance(node, Mapping) else ()
-    found = {name.text: value for name, value in given}
+    found = {name.text: value for name, value in entries_of(node)}
     both, what = found.get("relation"), f"the constraint `{key.text}`"
     if not isinstance(both, Sequence):
         return [(key, node)]
@@ -259,44 +272,42 @@ class _Reader:
     """Reads one constraint: its relation, and its law."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
-        self.key, self.node, self.x = key, node, x
-        self.what = f"the constraint `{key.text}`"
-        self.below = Fields({}, key.place, False, x.faults)
+        self.key, self.x, self.what = key, x, f"the constraint `{key.text}`"
+        alone = {"relation": (key, node)}
+        self.below = Fields(self.what, alone, key.place, True, x.faults)
         if isinstance(node, Mapping):
             self.below = fields(node, self.what, CONSTRAINT, x.faults, key.place)
 
     def read(self) -> Constraint | None:
         """Build it; None where a fault was reported."""
         what, below, x = self.what, self.below, self.x
-        mapping = isinstance(self.node, Mapping)
-        expression = below.value("relation") if mapping else self.node
-        pair = self._component()
-        if mapping and isinstance(expression, Sequence):
+        below.needs("relation")
+        expression, pair = below.value("relation"), self._component()
+        if isinstance(expression, Sequence) and "limit" in below:
             pair = 1 if self.key.text.endswith(".1") else -1
             expression = expression.items[0 if pair > 0 else 1]
-        if expression is None:
-            x.faults.add("missing-key", f"{what} has no `relation`", self.key.place)
-            expression = Broken(self.key.place)
         relation, equality = read_relation(expression, what, x)
         self._refuse_states(relation)
         x.refuse_rates(expression, what)
-        if "slip" in below:
-            x.refuse_rates(below.found["slip"][1], what)
-        about = below.text("description")
+        x.refuse_rates(below.value("slip"), what)
         law = limit = None
         when = self._when()
         if equality:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
             self._refuse("not-one-sided", CONTACT, "is an equality", hint)
-            relation = relation and _once(relation, x)
+            if relation:  # a multiple root is taken once
+                moving = _named(relation.node, (Kind.COORDINATE, Kind.VELOCITY), x)
+                root = simple_root(x.graph, relation.node, moving)
+                multiple = root != relation.node
+                relation = relation._replace(node=root, multiple=multiple)
             limit = self._limit(relation)
-        elif pair:
+        elif not pair:
+            law = self._one_sided(relation)
+        elif equality is False and expression:  # what has a fault itself may be one
             hint = "two relations are equalities: write them with `=`"
-            if equality is False:  # what has a fault itself may be one
-                text = f"{what} is one-sided"
-                x.faults.add("not-an-equality", text, expression.place, hint)
-        elif mapping or equality is False:
-            law = self._one_sided(expression, relation)
+            text = f"{what} is one-sided"
+            x.faults.add("not-an-equality", text, expression.place, hint)
+        about = below.text("description")
         if relation is None or not (equality or law):
             return None
         return Constraint(self.key.text, relation, law, about, limit, when, pair)
@@ -341,8 +352,7 @@ class _Reader:
         if node is None or condition is None:
             return None
         fixed = {"t", *x.names.of(Kind.PARAMETER), *x.names.of(Kind.MODE)}
-        moving = sorted(g.depends([condition]) - fixed)
-        if moving:
+        if moving := sorted(g.depends([condition]) - fixed):
             text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
             hint = "it is a condition of t, parameters and modes, such as t < 1"
             x.faults.add("not-of-time", text, node.place, hint)
@@ -350,18 +360,13 @@ class _Reader:
 
     def _limit(self, relation: Relation | None) -> int | None:
         """Build the largest size of the multiplier of an equality of velocities."""
-        node, x = self.below.value("limit"), self.x
-        if node is None:
-            return None
-        if relation is not None and not _has_velocity(relation.node, x):
+        if relation is not None and not _has_velocity(relation.node, self.x):
             hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         of = f"the limit of {self.what}"
-        return self._coefficient(node, of, Level.VELOCITY)[0]
+        return self._number(self.below.value("limit"), of, Level.VELOCITY)[0]
 
-    def _one_sided(
-        self, expression: Node, relation: Relation | None
-    ) -> OneSided | None:
+    def _one_sided(self, relation: Relation | None) -> OneSided | None:
         """Build the law of what is one-sided, or whose relation is not known."""
         x = self.x
         if relation is None:
@@ -380,7 +385,7 @@ class _Reader:
             x.faults.add("not-homogeneous", text, relation.place, hint)
             return None
         what = f"{self.what}, being one-sided,"
-        found = x.text(expression, what, parse_relation)
+        found = x.text(self.below.value("relation"), what, parse_relation)
         assert found is not None
         x.check(found[1].names, found[0], what, Level.POSITION)
         return self._contact(known=True)
@@ -388,28 +393,16 @@ class _Reader:
     def _contact(self, *, known: bool) -> OneSided | None:
         """Build the law of a contact; `known` tells that it is one."""
         what, below, faults = self.what, self.below, self.x.faults
-        node, restitution = below.value("restitution"), None
-        bounce: int | None = None
-        if node is not None:
-            of = f"the restitution of {what}"
-            bounce, restitution = self._number(node, of, Level.POSITION, APPROACH_SPEED)
-            if restitution is not None and not 0 <= restitution <= 1:
-                text = f"{of} is {restitution:g}, outside of 0 to 1"
-                faults.add("out-of-range", text, node.place)
-            bounce = bounce if restitution is None else None
-        elif known:
+        node, of = below.value("restitution"), f"the restitution of {what}"
+        if node is None and known:
             text = f"{what} is one-sided and has no `restitution`"
             hint = "write {relation: ..., restitution: 0}: 0 stays down, 1 bounces back"
             faults.add("missing-key", text, below.place, hint)
+        bounce, e = self._number(node, of, Level.POSITION, APPROACH_SPEED, most=1.0)
         slips = self._slips()
         dynamic, static = self._friction(slips)
-        law = below.text("restitution_law")
-        if law not in ("", "newton", "poisson"):
-            text = f"there is no restitution law `{law}`"
-            hint = faults.did_you_mean(law, ("newton", "poisson"))
-            place = below.found["restitution_law"][1].place
-            hint = hint or "it is `newton` or `poisson`"
-            faults.add("unknown-restitution-law", text, place, hint)
+        laws = "newton", "poisson"
+        law = below.choice("restitution_law", laws, "unknown-restitution-law")
         opposed = "`slip` is the sliding velocity that friction opposes"
         for key, other, hint in (
             ("friction", "slip", opposed), ("slip", "friction", "give `friction: mu`"),
@@ -417,35 +410,30 @@ class _Reader:
             if key in below and other not in below:
                 text = f"{what} has `{key}` but no `{other}`"
                 faults.add("missing-key", text, below.place_of(key), hint)
-        if restitution is None and bounce is None:
+        if bounce is None:
             return None
-        e = 0.0 if restitution is None else restitution
-        return OneSided(e, dynamic, slips, static, bounce, law == "poisson")
+        varies = bounce if e is None else None
+        return OneSided(e or 0.0, dynamic, slips, static, varies, law == "poisson")
 
     def _friction(self, slips: tuple[int, ...]) -> tuple[int | None, int | None]:
         """Build the coefficient of what slides, and of what sticks where it differs."""
-        node, what, faults = self.below.value("friction"), self.what, self.x.faults
+        node, of = self.below.value("friction"), f"the friction of {self.what}"
         if not isinstance(node, Mapping):
-            of = f"the friction of {what}"
-            mu, _ = self._coefficient(node, of, Level.VELOCITY, SLIP_SPEED)
+            mu, _ = self._number(node, of, Level.VELOCITY, SLIP_SPEED)
             return self._at_speeds(mu, slips)
-        place = self.below.place_of("friction")
-        given = fields(node, f"the friction of {what}", FRICTION, faults, place)
-        found = []
-        for key in FRICTION:
-            part, speed = given.value(key), SLIP_SPEED if key == "dynamic" else ""
-            of = f"the {key} friction of {what}"
-            found.append(self._coefficient(part, of, Level.VELOCITY, speed))
-            if part is None:
-                text = f"the friction of {what} has no `{key}`"
-                hint = "{static: ..., dynamic: ...}, or one number for both"
-                faults.add("missing-key", text, place, hint)
+        faults, place = self.x.faults, self.below.place_of("friction")
+        given, found = fields(node, of, FRICTION, faults, place), []
+        for key, speed in (("static", ""), ("dynamic", SLIP_SPEED)):
+            given.needs(key, "{static: ..., dynamic: ...}, or one number for both")
+            about = f"the {key} friction of {self.what}"
+            part = given.value(key)
+            found.append(self._number(part, about, Level.VELOCITY, speed))
         (sticking, most), (sliding, least) = found
         if most is not None and least is not None and most < least:
-            text = f"the static friction of {what} is {most:g}, less than the dynamic "
+            text = f"the static friction of {self.what} is {most:g}, less than the "
             hint = "what sticks holds at least what sliding does"
-            place = given.found["static"][1].place
-            faults.add("out-of-range", f"{text}one, {least:g}", place, hint)
+            text += f"dynamic one, {least:g}"
+            faults.add("out-of-range", text, given.at("static"), hint)
         return self._at_speeds(sliding, slips)[0], sticking
 
     def _at_speeds(
@@ -463,35 +451,32 @@ class _Reader:
         return moving, resting
 
     def _number(
-        self, node: Node | None, what: str, most: Level, speed: str = ""
+        self,
+        node: Node | None,
+        what: str,
+        depends: Level,
+        speed: str = "",
+        most: float = math.inf,
     ) -> tuple[int | None, float | None]:
-        """Give the node of an expression, in which `speed` may stand; any value."""
+        """Give the node of a coefficient, in which `speed` may stand; any value."""
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}
-        found = x.compile(node, what, most)
+        found = x.compile(node, what, depends)
         x.bound = {}
         if node is None or found is None:
             return None, None
         x.refuse_rates(node, what)
-        fixed = x.graph.depends([found]) <= x.known.keys()  # `5 + 0*t` is
-        return found, x.value(found, what, node.place) if fixed else None
-
-    def _coefficient(
-        self, node: Node | None, what: str, most: Level, speed: str = ""
-    ) -> tuple[int | None, float | None]:
-        """Give the node of a coefficient, and any value; a negative one is a fault."""
-        found, value = self._number(node, what, most, speed)
-        if node is not None and value is not None and value < 0:
-            text = f"{what} is {value:g}, which is negative"
-            self.x.faults.add("out-of-range", text, node.place)
+        if not x.graph.depends([found]) <= x.known.keys():  # `5 + 0*t` has a value
+            return found, None
+        value = x.value(found, what, node.place)
+        if value is not None:
+            x.within(value, what, node.place, 0.0, most)
         return found, value
 
     def _slips(self) -> tuple[int, ...]:
         node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x
-        if node is None:
-            return ()
         parts = items_of(node)
-        if len(parts) not in (1, 2):
+        if node and len(parts) not in (1, 2):
             text = f"{what} must be one expression or two, found {len(parts)}"
             x.faults.add("wrong-count", text, node.place)
             return ()
@@ -501,28 +486,16 @@ class _Reader:
             if slip is None:
                 continue
             found.append(slip)
+            text = hint = ""
             if not _has_velocity(slip, x):
                 text, hint = f"{what} contains no velocity", "it is a sliding velocity"
                 if isinstance(part, Scalar) and part.text in x.names.moving():
                     hint = f"write {rate_of(part.text)}"
+            elif not _degrees(slip, x) <= {0, 1}:
+                text, hint = f"{what} is not affine in the velocities", _SUM
+            if text:
                 x.faults.add("not-affine", text, part.place, hint)
-            elif not _is_affine(slip, x):
-                text = f"{what} is not affine in the velocities"
-                x.faults.add("not-affine", text, part.place, _SUM)
         return tuple(found)
-
-
-def _has_velocity(node: int, x: Expressions) -> bool:
-    return not x.names.velocities().isdisjoint(x.graph.depends([node]))
-
-
-def _once(relation: Relation, x: Expressions) -> Relation:
-    """Take a multiple root once."""
-    moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
-    used = x.graph.depends([relation.node])
-    names = {n for n in used if kinds.get(rated(n)[0]) in moving}
-    root = simple_root(x.graph, relation.node, names)
-    return relation._replace(node=root, multiple=root != relation.node)
 
 
 # sqrt(e) and cbrt(e) vanish with e, where their slopes are infinite.
@@ -571,3 +544,68 @@ def _factors(
         else:
             powers[n] = powers.get(n, 0.0) + power
     return still, powers, kinked
+
+
+# --- Events: when each acts, and what it sets
+
+_BY_IMPACTS = "velocities jump by impacts alone: a constraint with `when: held > 0` "
+_BY_IMPACTS += "comes into force where an event sets a mode"
+_HINTS = {
+    Kind.COORDINATE: "no event moves a body; " + _BY_IMPACTS,
+    Kind.VELOCITY: _BY_IMPACTS,
+    Kind.STATE: "its rate may depend on a mode, or make it a mode",
+    Kind.PARAMETER: "write it in `modes` instead of `parameters`",
+}
+
+
+def read_events(node: Node | None, x: Expressions) -> tuple[Transition, ...]:
+    """Give the events, in the order of the file; faults are reported."""
+    found = (
+        _event(key, value, x)
+        for key, value in entries(node, "`events`", x.faults)
+        if check_name(key, "an event", x.faults)
+    )
+    return tuple(event for event in found if event is not None)
+
+
+def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
+    what = f"the event `{key.text}`"
+    below = fields(node, what, EVENT, x.faults, key.place)
+    hint = "`at` is a condition that is located, `every` a period"
+    one = below.either("at", "every", hint)
+    at, _ = read_relation(below.value("at"), f"the `at` of {what}", x, modes=True)
+    of = f"the period of {what}"
+    every = x.number(below.value("every"), of, positive=True)
+    once, sets = below.truth("once"), below.value("set")
+    pairs = entries(sets, f"the `set` of {what}", x.faults)
+    if (sets is None or (isinstance(sets, Mapping) and not pairs)) and below.sound:
+        text, hint = f"{what} sets nothing", "write set: {mode: expression}"
+        x.faults.add("missing-key", text, key.place, hint)
+    found: list[tuple[str, int]] = []
+    for name, value in pairs:
+        is_mode = _is_mode(name, what, x)
+        to = x.compile(value, f"`{name.text}` in {what}", Level.VELOCITY)
+        if is_mode and to is not None:
+            found.append((name.text, to))
+    sound = one and pairs and len(found) == len(pairs)
+    if not sound or (at is None and every is None):
+        return None
+    return Transition(key.text, tuple(found), at, every or 0.0, once, key.place)
+
+
+def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
+    """Tell whether a key is a mode; else that is reported."""
+    name, names = key.text, x.names
+    meaning, modes = names.meaning(name), names.of(Kind.MODE)
+    if meaning is not None and meaning.kind is Kind.MODE:
+        return True
+    if meaning is None and (names.is_faulty(name) or not names.readable):
+        return False
+    code, text = "unknown-name", f"{what} sets `{name}`, and there is no such mode"
+    hint = x.faults.did_you_mean(name, modes)
+    hint = hint or (f"modes are {listed(modes)}" if modes else f"modes: {{{name}: 0}}")
+    if meaning is not None:
+        code, text = "not-a-mode", f"{what} sets `{name}`, {meaning.kind.text}"
+        hint = _HINTS.get(meaning.kind, hint)
+    x.faults.add(code, text, key.place, hint)
+    return False

@@ -572,18 +572,49 @@ class Expressions:
         """Give the node of an expression whose names were checked."""
         return parsed.build(self.graph, self._node, self.names.tables)
 
-    def number(self, node: Node | None, what: str) -> float | None:
-        """Give the value of an expression of parameters, which must be finite."""
+    def number(
+        self, node: Node | None, what: str, *bounds: float, positive: bool = False
+    ) -> float | None:
+        """Give the value of an expression of parameters, which must be finite.
+
+        `bounds`, `positive`: see `within`.
+        """
         found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:
             return None
-        return self.value(found, what, node.place)
+        value, at = self.value(found, what, node.place), node.place
+        if value is None or not self.within(
+            value, what, at, *bounds, positive=positive
+        ):
+            return None
+        return value
 
     def value(self, found: int, what: str, place: Place) -> float | None:
         """Give the value of a node of parameters alone, if it is finite."""
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
         return value if self.is_finite(value, what, place) else None
+
+    def within(
+        self,
+        value: float,
+        what: str,
+        place: Place | None,
+        least: float = -math.inf,
+        most: float = math.inf,
+        *,
+        positive: bool = False,
+    ) -> bool:
+        """Report a number that is not from `least` to `most`, or not `positive`."""
+        rule = "be positive" if positive and value <= 0.0 else ""
+        if value > most:
+            rule = f"not exceed {most:g}"
+        elif value < least:
+            rule = f"not be below {least:g}" if least else "not be negative"
+        if rule:
+            text = f"{what} is {value:g}; it must {rule}"
+            self.faults.add("out-of-range", text, place)
+        return not rule
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
         """Report a value that is not finite."""
@@ -713,12 +744,12 @@ class Expressions:
             self.with_rates[rate_of(name)] = {s for s in rates if s in used}
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
-    def refuse_rates(self, node: Node, what: str) -> None:
+    def refuse_rates(self, node: Node | None, what: str) -> None:
         """Report rates of states that depend on the motion, where slopes are taken.
 
         Such a rate counts as given in time, with no slope of its own.
         """
-        if not self.with_rates:
+        if node is None or not self.with_rates:
             return
         moving = self.names.velocities().union(self.names.of(Kind.COORDINATE))
         used = {s for word in words(node) for s in self.with_rates.get(word, ())}

@@ -14,6 +14,7 @@ from lagsim.model.reader.sections import SECTIONS, has_key
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Sequence as SequenceType
 
     from lagsim.errors import Place
 
@@ -187,8 +188,12 @@ def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A mapping: known and unknown keys; `sound` is False where it is none."""
+    """A mapping, `what` to messages: its known and unknown keys.
 
+    `sound` is False where it is none.
+    """
+
+    what: str
     found: dict[str, Entry]
     place: Place
     sound: bool
@@ -207,11 +212,48 @@ class Fields:
         """Give the place of `key`, or that of the mapping."""
         return self.found[key][0].place if key in self.found else self.place
 
+    def at(self, key: str) -> Place:
+        """Give the place of the value of `key`, or that of the mapping."""
+        return self.found[key][1].place if key in self.found else self.place
+
+    def needs(self, key: str, hint: str = "") -> None:
+        """Report a key that is missing."""
+        if self.sound and key not in self.found:
+            text = f"{self.what} has no `{key}`"
+            self.faults.add("missing-key", text, self.place, hint)
+
+    def either(
+        self, one: str, other: str, hint: str, place: Place | None = None
+    ) -> bool:
+        """Tell whether one of two keys is given; both, or neither, are reported."""
+        both = one in self and other in self
+        if both or not (one in self or other in self):
+            code = "both-given" if both else "missing-key"
+            pair = "both `{}` and `{}`" if both else "neither `{}` nor `{}`"
+            if self.sound:
+                text = f"{self.what} has {pair.format(one, other)}"
+                self.faults.add(code, text, place or self.place_of(other), hint)
+            return False
+        return True
+
+    def choice(
+        self, key: str, known: SequenceType[str], code: str = "unknown-name"
+    ) -> str:
+        """Give the text of `key`, which is one of a few; the first of them if none."""
+        name = self.text(key) or known[0]
+        if name in known:
+            return name
+        text = f"`{key}` of {self.what} cannot be `{shortened(name)}`"
+        near = self.faults.did_you_mean(name, known)
+        hint = f"{near} known are {listed(filter(None, known))}".strip()
+        self.faults.add(code, text, self.at(key), hint)
+        return known[0]
+
     def below(self, key: str, known: Collection[str]) -> Fields:
         """Give the mapping at `key`, see `fields`; an empty one where there is none."""
         node = self.value(key)
         if node is None:
-            return Fields({}, self.place, True, self.faults)
+            return Fields(f"`{key}`", {}, self.place, True, self.faults)
         return fields(node, f"`{key}`", known, self.faults, self.place_of(key))
 
     def text(self, key: str) -> str:
@@ -283,7 +325,7 @@ def fields(
         text = f"unknown key `{shortened(name)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
         unknown += [] if near else [(key, value)]
-    return Fields(found, place, is_mapping(node), faults, tuple(unknown))
+    return Fields(what, found, place, is_mapping(node), faults, tuple(unknown))
 
 
 def _called(key: str, value: Node, known: Collection[str]) -> str:

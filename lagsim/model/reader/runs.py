@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.methods import options
@@ -36,7 +37,6 @@ from lagsim.model.reader.fields import (
     kind_of,
     listed,
     named,
-    shortened,
 )
 from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED, SECTION
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
@@ -58,16 +58,16 @@ BEGIN = ("initial", "rest")
 
 
 def read_settings(
-    section: Fields, options: MappingType[str, str], x: Expressions
+    section: Fields, instead: MappingType[str, str], x: Expressions
 ) -> Settings:
     """Give the section `simulation`, with what replaces its keys."""
     given = dict(section.found)
-    if "duration" in options:
+    if "duration" in instead:
         given.pop("end", None)
-    for key, text in options.items():
+    for key, text in instead.items():
         value = argument(f"--{key.replace('_', '-')} ", text)
         given[key] = value, value
-    return _Simulation(Fields(given, section.place, section.sound, x.faults), x).read()
+    return _Simulation(replace(section, found=given), x).read()
 
 
 class _Simulation:
@@ -79,8 +79,6 @@ class _Simulation:
         start = self._number("start") if "start" in given else 0.0
         end = self._end(start)
         output_step = self._number("output_step", positive=True)
-        method = self._name("method", "see `lagsim methods`")
-        formulation = self._name("formulation", "see docs/model-file.md")
         rtol, atol = self._number("rtol", 0.0, 1.0), self._number("atol", 0.0)
         if rtol == 0 and "atol" not in given:
             hint = "`atol` is rtol times a scale where it is not given"
@@ -89,12 +87,15 @@ class _Simulation:
             self._fault("out-of-range", "`rtol` and `atol` are both 0", "atol")
         step, gain = (self._number(key, positive=True) for key in ("step", "gain"))
         own = ((k, self._number(k, o.least, o.most)) for k, (_, o) in options().items())
+        places = {key: given.at(key) for key in given.found}
         asked = Settings(
-            method=method, formulation=formulation, rtol=rtol, atol=atol, step=step,
-            gain=gain, options=tuple((k, v) for k, v in own if v is not None),
-            method_place=self._place("method"),
-            formulation_place=self._place("formulation"),
-            rest=self._begin() == "rest",
+            rtol=rtol, atol=atol, step=step, gain=gain,
+            method=self._name("method", "see `lagsim methods`"),
+            formulation=self._name("formulation", "see docs/model-file.md"),
+            method_place=places.get("method"),
+            formulation_place=places.get("formulation"),
+            options=tuple((k, v) for k, v in own if v is not None),
+            rest=given.choice("begin", BEGIN, "unknown-begin") == "rest",
         )  # fmt: skip
         if start is None or end is None:
             return asked._replace(start=start or 0.0, end=start or 0.0)
@@ -103,12 +104,8 @@ class _Simulation:
         self._check_rows(end - start, output_step)
         return asked._replace(start=start, end=end, output_step=output_step)
 
-    def _place(self, key: str) -> Place | None:
-        node = self.given.value(key)
-        return node.place if node else None
-
     def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
-        self.x.faults.add(code, text, self._place(key) or self.given.place, hint)
+        self.x.faults.add(code, text, self.given.at(key), hint)
 
     def _number(
         self,
@@ -119,20 +116,12 @@ class _Simulation:
         positive: bool = False,
     ) -> float | None:
         """Give a number that must be from `least` to `most`, or `positive`."""
-        node = self.given.value(key)
+        node, x, what = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
-            text = f"`{key}` must be one time, found {kind_of(node)}"
+            text = f"{what} must be one time, found {kind_of(node)}"
             self._fault("not-an-expression", text, key, hint)
             return None
-        value, rule = self.x.number(node, f"`{key}`"), "be positive"
-        if value is None or (least <= value <= most and not (positive and value <= 0)):
-            return value
-        if value > most:
-            rule = f"not exceed {most:g}"
-        elif value < least:
-            rule = f"not be below {least:g}" if least else "not be negative"
-        self._fault("out-of-range", f"`{key}` is {value:g}; it must {rule}", key)
-        return None
+        return x.number(node, what, least, most, positive=positive)
 
     def _end(self, start: float | None) -> float | None:
         key = "duration" if "duration" in self.given else "end"
@@ -151,13 +140,6 @@ class _Simulation:
         if text:
             self._fault("out-of-range", text, key)
         return None if text else end
-
-    def _begin(self) -> str:
-        name = self.given.text("begin")
-        if name not in ("", *BEGIN):
-            text, hint = f"`begin` is `{name}`", f"write {' or '.join(BEGIN)}"
-            self._fault("unknown-begin", text, "begin", hint)
-        return name
 
     def _name(self, key: str, hint: str) -> str:
         name = self.given.text(key)
@@ -187,17 +169,15 @@ def read_output(found: Fields, x: Expressions) -> Output:
     """Give the columns and the plots asked for."""
     columns = tuple(x.names.of(Kind.DEFINITION))
     node = found.value("columns")
+    named = items(node, "`columns`", x.faults)
     if isinstance(node, Sequence):
         hint = "coordinates are columns in any case"
-        columns = tuple(_definitions(node.items, "column", hint, x))
+        columns = tuple(_definitions(named, "column", hint, x))
     elif isinstance(node, Scalar) and node.empty:
         text = "`columns` must be a list, found nothing"
         hint = "[] means none; without the key there are all"
         x.faults.add("not-a-list", text, node.place, hint)
-    else:
-        items(node, "`columns`", x.faults)
-    given = items(found.value("plots"), "`plots`", x.faults)
-    plots = [_plot(plot, x) for plot in given]
+    plots = (_plot(p, x) for p in items(found.value("plots"), "`plots`", x.faults))
     return Output(
         columns,
         tuple(plot for plot in plots if plot),
@@ -220,25 +200,16 @@ def _sections(
         below = fields(value, what, SECTION, x.faults, key.place)
         if not check_name(key, "a section", x.faults) or not below.sound:
             continue
-        if ("at" in below) == ("every" in below):
-            both = (
-                "both `at` and `every`" if "at" in below else "neither `at` nor `every`"
-            )
-            code = "both-given" if "at" in below else "missing-key"
-            hint = "write {at: x = 0, direction: up}, or {every: 2*pi/w}"
-            x.faults.add(code, f"{what} has {both}", key.place, hint)
+        hint = "write {at: x = 0, direction: up}, or {every: 2*pi/w}"
+        if not below.either("at", "every", hint, key.place):
             continue
         relation, equality = read_relation(
             below.value("at"), f"`at` of {what}", x, modes=True
         )
         if equality is False:
-            text = f"`at` of {what} must be an equality"
-            x.faults.add("not-an-equality", text, below.place_of("at"), "such as x = 0")
-        direction = below.text("direction") or DIRECTIONS[0]
-        if direction not in DIRECTIONS:
-            text = f"`direction` of {what} cannot be `{shortened(direction)}`"
-            hint = f"known are {listed(DIRECTIONS)}"
-            x.faults.add("unknown-name", text, below.found["direction"][1].place, hint)
+            text, hint = f"`at` of {what} must be an equality", "such as x = 0"
+            x.faults.add("not-an-equality", text, below.place_of("at"), hint)
+        direction = below.choice("direction", DIRECTIONS)
         every = x.compile(below.value("every"), f"`every` of {what}", Level.NUMBER)
         plot = tuple(_axes_of(below, columns, x))
         at = None if relation is None else relation.node
@@ -248,7 +219,7 @@ def _sections(
 def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterator[str]:
     """Give the two columns that a picture of a section is asked to show."""
     given = items(below.value("plot"), "`plot`", x.faults)
-    if given and len(given) != len(PLOTTED):
+    if given and len(given) != len(("right", "up")):
         text = f"`plot` of a section names two columns, found {len(given)}"
         x.faults.add("wrong-count", text, below.place_of("plot"), "such as [y, y_dot]")
         return
@@ -264,14 +235,10 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
             yield part.text
 
 
-PLOTTED = ("right", "up")
-
-
 def asked_reactions(section: Node | None) -> list[str]:
     """Give the names that `reactions` lists, sound or not: definitions may use them."""
-    given = {key.text: node for key, node in entries_of(section)}
-    node = given.get("reactions")
-    return texts_of(node.items) if isinstance(node, Sequence) else []
+    lists = (v for k, v in entries_of(section) if k.text == "reactions")
+    return [name for node in lists for name in texts_of(items_of(node))]
 
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
@@ -338,24 +305,16 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
     if 0 < len(shown) < 3 and not any(hints.text_of(value) for _, value in shown):
         node = Sequence(tuple(key for key, _ in shown), node.place)
     found = fields(node, "a plot", PLOT, x.faults, node.place)
-    curves: dict[str, tuple[Curve, ...]] = {}
-    for axis in AXES:
-        value = found.value(axis)
-        if value is not None:
-            curves[axis] = _curves(value, axis, x)
-        elif axis != "y2" and found.sound:
-            hint = f"such as `y: {next(iter(x.names.moving()), 'theta')}`"
-            hint = "write `x: t` for a curve against time" if axis == "x" else hint
-            x.faults.add("missing-key", f"the plot has no `{axis}`", node.place, hint)
+    found.needs("x", "write `x: t` for a curve against time")
+    found.needs("y", f"such as `y: {next(iter(x.names.moving()), 'theta')}`")
+    right, up, other = (_curves(found.value(axis), axis, x) for axis in AXES)
     title, log = found.text("title"), frozenset(_axes(found, x))
-    if not (curves.get("x") and curves.get("y")):
-        return None
-    return Plot(curves["x"][0], curves["y"], curves.get("y2", ()), log, title)
+    return Plot(right[0], up, other, log, title) if right and up else None
 
 
-def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
+def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
     """Give the expressions of an axis; to the right there is one."""
-    nodes: Iterable[Node] = (node,)
+    nodes: tuple[Node, ...] = () if node is None else (node,)
     if isinstance(node, Sequence) and axis != "x":
         nodes, count = node.items, len(node.items)
         if not 1 <= count <= MOST_CURVES:

@@ -34,27 +34,24 @@ MOST_CORNERS = 1000
 def read_scene(found: Fields, x: Expressions) -> Scene:
     """Give the points, the links between them, and the shapes."""
     points: dict[str, tuple[int, ...]] = {}
-    named: list[str] = []
-    section = found.value("points")
+    section, named = found.value("points"), list[str]()
     for key, node in entries(section, "`points`", x.faults):
         named.append(key.text)
         if check_name(key, "a point", x.faults):
             points[key.text] = _point(f"the point `{key.text}`", node, x)
     whole = not isinstance(section, Broken) and not found.unknown
     shapes = _Shapes(points, named, x, whole=whole).read(found.value("shapes"))
-    section = found.value("links")
-    if section is not None and (pair := _pair(section, named)):
+    section, given = found.value("links"), list[Node]()
+    if section and (pair := _pair(section, named)):
         text = f"`links` is a list of links, each a list, found {kind_of(section)}"
         hint = f"write [[{', '.join(pair)}]]"
         x.faults.add("not-a-list", text, section.place, hint)
-        return Scene(points)
-    given = items(section, "`links`", x.faults)
-    links = [_looking(node, named, x, whole=whole) for node in given]
-    joined = [(link, look) for link, look in links if link]
-    return Scene(
-        points, tuple(link for link, _ in joined), tuple(look for _, look in joined),
-        shapes,
-    )  # fmt: skip
+    else:
+        given = items(section, "`links`", x.faults)
+    joined = [_looking(node, named, x, whole=whole) for node in given]
+    links = [(ends, look) for ends, look in joined if ends]
+    ends, looks = zip(*links, strict=True) if links else ((), ())
+    return Scene(points, ends, looks, shapes)
 
 
 def _point(
@@ -103,14 +100,9 @@ def _looking(
     if not isinstance(node, Mapping):
         return _link(node, named, x, whole=whole), ""
     found = fields(node, "a link", LINK, x.faults, node.place)
-    points, look = found.value("points"), found.text("as")
-    if points is None:
-        hint = "such as points: [pivot, bob]"
-        x.faults.add("missing-key", "the link has no `points`", node.place, hint)
-    if look and look not in LINKS:
-        hint = x.faults.did_you_mean(look, LINKS) or f"known are {listed(LINKS)}"
-        text, given = f"a link cannot look like `{look}`", found.value("as")
-        x.faults.add("unknown-name", text, given and given.place, hint)
+    points = found.value("points")
+    found.needs("points", "such as points: [pivot, bob]")
+    look = found.choice("as", ("", *LINKS))
     return points and _link(points, named, x, whole=whole), look
 
 
@@ -168,83 +160,79 @@ class _Shapes:
         self._lying = {nodes: name for name, nodes in reversed(points.items())}
 
     def read(self, section: Node | None) -> tuple[Shape, ...]:
-        x, found = self._x, []
+        x, found = self._x, list[Shape]()
+        dimension = max(map(len, self._points.values()), default=0)
         for key, node in entries(section, "`shapes`", x.faults):
             if not check_name(key, "a shape", x.faults) or isinstance(node, Broken):
                 continue
             what = f"the shape `{key.text}`"
             known = fields(node, what, SHAPE, x.faults, key.place)
-            if known.sound and (shape := self._shape(key, known)):
-                found.append((shape, key))
-        dimension = max(map(len, self._points.values()), default=0)
-        for shape, key in found:
+            shape = self._shape(key, known) if known.sound else None
+            if shape is None:
+                continue
+            found.append(shape)
             if 0 < dimension < shape.dimension and () not in self._points.values():
                 text = f"the {shape.kind} `{key.text}` lies in space, and the points "
                 text += "of the scene in a plane"
                 hint = "give a point 3 components, such as [x, y, 0]"
                 x.faults.add("shape-of-space", text, key.place, hint)
-        shapes = tuple(shape for shape, _ in found)
+        shapes = tuple(found)
         check_sizes(Scene({}, shapes=shapes), x)
         return shapes
 
     def _shape(self, key: Scalar, known: Fields) -> Shape | None:
-        faults = self._x.faults
+        faults, what = self._x.faults, f"the shape `{key.text}`"
         kinds = [kind for kind in SHAPES if kind in known]
-        if len(kinds) != 1:
+        if len(kinds) > 1:
+            second = max(map(known.place_of, kinds), key=lambda at: at[1:3])
+            faults.add("both-given", f"{what} is given as {listed(kinds)}", second)
+        elif not kinds and not known.unknown:
             hint = f"the kinds of shapes are {listed(SHAPES)}"
-            if kinds:
-                text = f"the shape `{key.text}` is given as {listed(kinds)}"
-                second = max(map(known.place_of, kinds), key=lambda at: at[1:3])
-                faults.add("both-given", text, second)
-            elif not known.unknown:
-                text = f"the shape `{key.text}` has no kind"
-                faults.add("missing-key", text, key.place, hint)
+            faults.add("missing-key", f"{what} has no kind", key.place, hint)
+        if len(kinds) != 1:
             return None
         kind, own = kinds[0], SHAPES[kinds[0]]
+        what = f"the {kind} `{key.text}`"
         for other in known.found.keys() - {kind, *own.keys}:
             of = [k for k, other_kind in SHAPES.items() if other in other_kind.keys]
-            text = f"unknown key `{other}` in the {kind} `{key.text}`"
             hint = f"`{other}` belongs to {listed(of)}" if of else ""
+            text = f"unknown key `{other}` in {what}"
             faults.add("unknown-key", text, known.place_of(other), hint)
-        return self._made(f"the {kind} `{key.text}`", key.text, kind, known)
+        return self._made(what, key.text, kind, known)
 
     def _made(self, what: str, name: str, kind: str, known: Fields) -> Shape | None:
-        node = known.value(kind)
+        node, x = known.value(kind), self._x
         if node is None or isinstance(node, Broken):
             return None
         corners: tuple[tuple[int, ...], ...] = ()
-        x, sized = self._x, list[Node]()
+        sized = list[Node]()
         if counts := SHAPES[kind].sizes:
             sized = self._sized(what, node, counts)
+        elif kind == "ground" and isinstance(node, Scalar):
+            sized = [node]
         elif kind in ("polygon", "ground"):
-            if kind == "ground" and isinstance(node, Scalar):
-                sized = [node]
-            else:
-                corners = self._corners(what, node, 3 if kind == "polygon" else 2)
+            corners = self._corners(what, node, 3 if kind == "polygon" else 2)
         elif kind == "curve":
-            bounds = known.value("s")
-            if bounds is None:
+            if "s" in known:
+                sized = self._sized(f"`s` of {what}", known.found["s"][1], (2,))
+            else:
                 hint = "such as s: [0, 2*pi]"
                 x.faults.add("missing-key", f"{what} has no `s`", node.place, hint)
-            else:
-                sized = self._sized(f"`s` of {what}", bounds, (2,))
             along = copy(x)
             along.bound = {"s": x.graph.variable(CURVE)}
             corners = (_point(what, node, along),)
         else:
             corners = (_point(what, node, x, Level.OUTPUT),)
-            scale = known.value("scale")
-            sized = [scale] if scale is not None else []
-        sizes = [(x.compile(n, f"a size of {what}", Level.NUMBER), n) for n in sized]
-        if () in corners or any(size is None for size, _ in sizes):
+            sized = [n for n in [known.value("scale")] if n is not None]
+        sizes = [x.compile(n, f"a size of {what}", Level.NUMBER) for n in sized]
+        if () in corners or None in sizes:
             return None
         at, point = self._at(what, known)
-        axes = self._axes(what, known.value("frame"))
         near = (self._lying.get(place, "") for place in ((at,) if at else corners))
         return Shape(
-            name, kind, tuple(size for size, _ in sizes if size is not None), corners,
-            at, axes, point or next(filter(None, near), ""),
-            tuple(n.place for _, n in sizes),
+            name, kind, tuple(n for n in sizes if n is not None), corners, at,
+            self._axes(what, known.value("frame")),
+            point or next(filter(None, near), ""), tuple(n.place for n in sized),
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
@@ -314,7 +302,5 @@ def check_sizes(scene: Scene, x: Expressions) -> None:
         values = evaluate(x.graph, shape.sizes, numbers)
         what = f"a size of the {shape.kind} `{shape.name}`"
         for value, place in zip(values, shape.places, strict=True):
-            sound = x.is_finite(value, what, place)
-            if sound and value < 0 and SHAPES[shape.kind].sizes:
-                text = f"{what} is {value:g}; it must not be negative"
-                x.faults.add("out-of-range", text, place)
+            if x.is_finite(value, what, place) and SHAPES[shape.kind].sizes:
+                x.within(value, what, place, 0.0)

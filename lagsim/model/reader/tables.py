@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
 
 AXES = ("x", "y", "z")
-_CONSTANT = (Kind.PARAMETER, Kind.MODE)
 
 
 class _Points(NamedTuple):
@@ -47,21 +46,22 @@ def read_tables(given: list[Entry], x: Expressions, file: str) -> tuple[Table, .
 
 
 class _Reader:
-    """Reads one table; `sound` is False once a fault was reported."""
+    """Reads one table."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
         self.name, self.place, self.x, self.file = key.text, key.place, x, file
         self.what = f"the table `{key.text}`"
+        self._faults = len(x.faults)
         self.below = fields(node, self.what, TABLE, x.faults, key.place)
-        self.sound = self.below.sound and not self.below.unknown
         self.sha256 = ""
 
     def table(self) -> Table | None:
         """Give the table, or None."""
-        how = self._choice("interpolation", tables.INTERPOLATIONS)
-        outside = self._choice("outside", tables.OUTSIDE)
+        code = "unknown-interpolation"
+        how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
+        outside = self.below.choice("outside", tables.OUTSIDE, code)
         points = self._points() if self.below.sound else None
-        if points is None or not self.sound:
+        if points is None:
             return None
         if points.numbers.shape[1] == 2:
             axes, values = self._curve(points, outside)
@@ -72,39 +72,28 @@ class _Reader:
             text = f"{self.what} has {size:,} coefficients, more than "
             text += f"{limits.TABLE_NUMBERS:,}"
             self._fault("too-large", text, self.place, "fewer points, or linear, do")
-        if not self.sound:
+        if not self._is_sound():
             return None
         made = tables.made(self.name, axes, values, how, outside)
-        path = self.below.text("file")
-        variables = self.x.names.variables.items()
-        constants = frozenset(k for k, kind in variables if kind in _CONSTANT)
+        path, of = self.below.text("file"), self.x.names.of
+        constants = frozenset(of(Kind.PARAMETER) + of(Kind.MODE))
         return Table(self.name, *made, how, outside, path, self.sha256, constants)
 
-    def _fault(self, code: str, text: str, place: Place, hint: str = "") -> None:
-        self.sound = False
-        self.x.faults.add(code, text, place, hint)
+    def _is_sound(self) -> bool:
+        """Tell whether it has no fault so far."""
+        return len(self.x.faults) == self._faults
 
-    def _choice(self, key: str, known: tuple[str, ...]) -> str:
-        """Give the value of a key that has a few, the first of them by default."""
-        node, name = self.below.value(key), self.below.text(key)
-        if node is not None and not isinstance(node, Broken) and name not in known:
-            text = f"`{key}` of {self.what} cannot be {kind_of(node)}"
-            hint = f"known are {listed(known)}"
-            self._fault("unknown-interpolation", text, node.place, hint)
-        return name or known[0]
+    def _fault(self, code: str, text: str, place: Place, hint: str = "") -> None:
+        self.x.faults.add(code, text, place, hint)
 
     # The points
 
     def _points(self) -> _Points | None:
         """Give the points as they stand in the file, or None where there are none."""
         below, own = self.below, "points" in self.below
-        if own == ("file" in below):
-            code = "both-given" if own else "missing-key"
-            text = f"{self.what} has {'both ' if own else 'neither '}`points` "
-            text += "and a `file`" if own else "nor a `file`"
-            if own or not below.unknown:
-                hint = "write points: [[0, 0], [10, 1]]"
-                self._fault(code, text, below.place_of("file"), hint)
+        if not own and "file" not in below and below.unknown:
+            return None
+        if not below.either("points", "file", "write points: [[0, 0], [10, 1]]"):
             return None
         for key in AXES if own else ():
             if key in below:
@@ -113,26 +102,23 @@ class _Reader:
         return self._given() if own else self._from_file()
 
     def _given(self) -> _Points | None:
-        rows = items(self.below.value("points"), "`points`", self.x.faults)
         node = self.below.value("points")
-        self.sound &= isinstance(node, Sequence)
-        numbers = []
-        width = len(rows[0].items) if rows and isinstance(rows[0], Sequence) else 2
-        for row in rows:
-            parts = row.items if isinstance(row, Sequence) else ()
-            if len(parts) == width and width in (2, 3):
-                numbers.append([self._number(part) for part in parts])
-            elif isinstance(row, Broken):
-                self.sound = False
-            else:
-                found = f"a list of {len(parts)}" if parts else kind_of(row)
-                text = (
-                    f"a point of {self.what} is a list of {width if width == 3 else 2}"
-                )
+        rows = items(node, "`points`", self.x.faults)
+        if not isinstance(node, Sequence):
+            return None
+        parts = [row.items if isinstance(row, Sequence) else () for row in rows]
+        width = 3 if parts and len(parts[0]) == 3 else 2
+        for row, own in zip(rows, parts, strict=True):
+            if len(own) != width and not isinstance(row, Broken):
+                found = f"a list of {len(own)}" if own else kind_of(row)
+                text = f"a point of {self.what} is a list of {width}, found {found}"
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
-                self._fault("table-points", f"{text}, found {found}", row.place, hint)
-        at = [row.items if isinstance(row, Sequence) else () for row in rows]
-        return self._counted(numbers, lambda i, j: at[i][j].place)
+                self._fault("table-points", text, row.place, hint)
+        fitting = [own for own in parts if len(own) == width]
+        numbers = [[self._number(part) for part in own] for own in fitting]
+        if len(fitting) < len(parts):
+            return None
+        return self._counted(numbers, lambda i, j: parts[i][j].place)
 
     def _number(self, node: Node) -> float:
         """Give a number, or an expression of numbers; nan where that is reported."""
@@ -147,7 +133,6 @@ class _Reader:
             self._fault("not-constant", text, node.place, hint)
             return math.nan
         found = x.number(node, f"a number of {self.what}")
-        self.sound &= found is not None
         return math.nan if found is None else found
 
     def _counted(
@@ -155,10 +140,12 @@ class _Reader:
     ) -> _Points | None:
         import numpy as np
 
-        if self.sound and len(numbers) < 2:
+        if self._is_sound() and len(numbers) < 2:
             text = f"{self.what} has {len(numbers)} point{'s' * (len(numbers) != 1)}"
             self._fault("table-points", text, self.place, "a curve has 2 at least")
-        return _Points(np.array(numbers), place) if self.sound else None
+        points = _Points(np.array(numbers), place)
+        sound = self._is_sound() and not np.isnan(points.numbers).any()
+        return points if sound else None
 
     def _from_file(self) -> _Points | None:
         """Read columns of a CSV."""
@@ -173,10 +160,9 @@ class _Reader:
         if keys not in (["x", "y"], ["x", "y", "z"]):
             text = f"{self.what} has no `{'x' if 'x' not in keys else 'y'}`: which "
             text += "column of the file that is"
-            example = ", ".join(
-                f"{k}: {h}" for k, h in zip("xyz", header, strict=False)
-            )
-            hint = f"such as {example}" if example else ""
+            pairs = zip(AXES, header, strict=False)
+            hint = "such as " + ", ".join(f"{k}: {h}" for k, h in pairs)
+            hint *= bool(header)
             self._fault("missing-key", text, below.place_of("file"), hint)
             return None
         columns = []
@@ -187,15 +173,13 @@ class _Reader:
                 many = "two columns" if name in header else "no column"
                 hint = self.x.faults.did_you_mean(name, header)
                 hint = hint or f"its first line has {listed(header)}"
-                node = below.found[key][1]
-                self._fault(
-                    "table-file", f"`{path}` has {many} `{name}`", node.place, hint
-                )
-        return self._read(rows, columns, lines, path) if self.sound else None
+                text = f"`{path}` has {many} `{name}`"
+                self._fault("table-file", text, below.at(key), hint)
+        return self._read(rows, columns, lines, path) if self._is_sound() else None
 
     def _content(self, path: str) -> str | None:
         """Give the text of a file in the model's folder or below it."""
-        place = self.below.found["file"][1].place
+        place = self.below.at("file")
         parts = PurePath(path)
         fault, hint = "", "the file is in the model's folder, or in one below it"
         content = b""
