@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 248
-LINES = 75_520
+FILES = 247
+LINES = 75_450
 LINES_OF_TESTS = 57_440
 
 
