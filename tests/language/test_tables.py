@@ -10,7 +10,7 @@ from scipy.interpolate import (
 )
 
 from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate, evaluate_rows
 from lagsim.language.graph import Graph
 from lagsim.language.intervals import Enclosures
 from lagsim.language.tables import KERNELS, called, made
@@ -47,10 +47,8 @@ def surface(how, outside):
     return g, f, *gradient(g, f, [x, y])
 
 
-def values(g, nodes, x, y=None):
-    ys = np.zeros(len(x)) if y is None else y
-    at = ({"x": a, "y": b} for a, b in zip(x.tolist(), ys.tolist(), strict=True))
-    return np.array([evaluate(g, nodes, point) for point in at]).T
+def values(g, nodes, x, y=0.0):
+    return np.array(evaluate_rows(g, nodes, {"x": x, "y": y}, len(x)))
 
 
 @pytest.mark.parametrize(("how", "outside"), CURVES)
@@ -153,8 +151,7 @@ def test_enclosures_hold_all_values(how, outside, two):
         hi = lo + width
         found = Enclosures(g, nodes, {}, ("t",))(lo, hi)
         for part in (0.0, 0.25, 0.5, 1.0):
-            at = (lo + part * width).tolist()
-            exact = np.array([evaluate(g, nodes, {"t": a}) for a in at]).T
+            exact = evaluate_rows(g, nodes, {"t": lo + part * width}, len(lo))
             for enclosure, value in zip(found, exact, strict=True):
                 nan = np.isnan(value)
                 inside = (enclosure.lo <= value) & (value <= enclosure.hi)

@@ -6,6 +6,7 @@ mistake is marked ⟪so⟫ where it is not the whole text; ¶ is a line break, a
 blanks stand between texts that mean the same.
 """
 
+import functools
 import math
 import re
 
@@ -203,9 +204,12 @@ def value(where, model):
     return next(v.value for v in model.initial if v.name == named)
 
 
-def admitted(model):
-    """Fail where `check` would not accept the start."""
+@functools.cache
+def admitted(text):
+    """Read a text; fail where `check` would not accept the start."""
+    model = read(text, "model.yaml")
     assert examine(derive(model), model.settings({}).start).admissible
+    return model
 
 
 @pytest.mark.parametrize(("where", "text", "meant"), SPELT)
@@ -214,10 +218,9 @@ def test_a_hint_that_is_followed_gives_what_was_meant(where, text, meant):
     [problem] = problems(text_with(where, before + part + after))
     followed = before + said(problem.whole.hint) + after
     try:
-        model = read(text_with(where, followed), "model.yaml")
+        model = admitted(text_with(where, followed))
     except InputError as error:
         pytest.fail(f"{problem.hint!r} gave {followed!r}: {error}")
-    admitted(model)
     if meant is not None:
         assert value(where, model) == pytest.approx(meant, rel=1e-12)
 
@@ -357,11 +360,10 @@ def test_a_hint_for_a_file_that_is_followed(old, new):
     hint = next(h for h in found if "..." not in h.partition(";")[0])
     followed = before + said(hint) + after
     try:
-        model = read(FILE.replace(old, followed, 1), "model.yaml")
+        model = admitted(FILE.replace(old, followed, 1))
     except InputError as error:
         pytest.fail(f"{hint!r} gave {followed!r}: {error}")
-    assert meaning(model) == meaning(read(FILE, "model.yaml"))
-    admitted(model)
+    assert meaning(model) == meaning(admitted(FILE))
 
 
 # What is replaced in the file, the mistake, a part of the hint, and what a person makes
@@ -450,7 +452,7 @@ def test_advice_that_is_followed(old, new, part, followed):
     found = faults_of(old, new)
     assert any(part in p.whole.hint for p in found)
     assert len(found) <= 3  # what is misplaced is reported once, not missing too
-    admitted(read(FILE.replace(old, followed or old, 1), "model.yaml"))
+    admitted(FILE.replace(old, followed or old, 1))
 
 
 def test_names_may_be_those_of_sections():

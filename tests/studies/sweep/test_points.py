@@ -79,7 +79,7 @@ def test_rows_are_those_of_single_runs(tmp_path):
     for k in range(3):
         bound = model.bind(l=points["l"][k], theta=points["theta"][k])
         assert of_table["theta.end"][k] == simulate(bound)["theta"][-1]
-    of_values = lagsim.sweep(model, points=points, jobs=2)
+    of_values = lagsim.sweep(model, points=points, jobs=1)
     assert of_values["theta.end"].tolist() == of_table["theta.end"].tolist()
     assert of_table.record["points"] is True
     ends = lagsim.sweep(model, points=points, ends=True)
