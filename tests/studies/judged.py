@@ -1,5 +1,6 @@
 """Runs as `lagsim run` judges them: their evidence, alarms, finding and error bar."""
 
+from lagsim.model.reader import read
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.session import Clock, open_case
@@ -29,8 +30,11 @@ def doubt(found, bar="not estimated"):
     return audit(evidence(found, bar))
 
 
-def made(model):
-    """Run a model; give its session, its trajectory and its checkpoints."""
+def made(model, values=None, **options):
+    """Run a model, or a text; give its session, trajectory and checkpoints."""
+    if isinstance(model, str):
+        texts = ({k: str(x) for k, x in (d or {}).items()} for d in (values, options))
+        model = read(model, "model.yaml", *texts)
     session = open_case(model).ready()
     checkpoints = Checkpoints(session.case.equations, session.case.settings)
     return session, session.run([checkpoints]), checkpoints
@@ -46,9 +50,10 @@ def repeated(session, trajectory, checkpoints, allowance=None, always=False):
     return attempts.repeated(own)
 
 
-def barred(model, allowance=None, **keywords):
-    """Run a model and its repeat; give the checkpoints and the bar."""
-    session, trajectory, checkpoints = made(model)
-    return checkpoints, repeated(
-        session, trajectory, checkpoints, allowance, **keywords
-    )
+def barred(model, allowance=None, *, always=False, values=None, **options):
+    """Run a model, or a text, and its repeat; give the checkpoints and the bar.
+
+    `values` : of parameters; others are options of its simulation.
+    """
+    ran = made(model, values, **options)
+    return ran[2], repeated(*ran, allowance, always=always)

@@ -7,7 +7,6 @@ import pytest
 
 import lagsim
 from lagsim.cli.run import _error
-from lagsim.model.reader import read
 from lagsim.run.observers.monitors import numbers
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
@@ -82,7 +81,7 @@ def test_impacts_that_part_exponentially_have_a_horizon():
 
 @pytest.mark.parametrize("name", ["dome", "string", "freewheel", "belt", "oscillator"])
 def test_a_moved_event_is_no_horizon(name):
-    bar = barred(read(scenes.EVERY[name], "m.yaml"))[1]
+    bar = barred(scenes.EVERY[name])[1]
     assert bar.horizon is None
     assert 0 < bar.relative < 1e-9  # GLOBAL of the scenes: what their tests demand
     assert not bar.rests
@@ -91,7 +90,7 @@ def test_a_moved_event_is_no_horizon(name):
 def test_an_impact_at_an_output_time_is_compared_after_it():
     # It falls for 0.5 s, and each flight takes 0.8 of the one before: 0.8, 0.64 ...
     text = scenes.ball(0.8, g=8, duration=1.3, output_step=0.05)
-    kept, bar = barred(read(text, "m.yaml"))
+    kept, bar = barred(text)
     assert kept.states[10][2] == pytest.approx(0.8 * 4, rel=1e-12)
     assert kept.states[26][2] == pytest.approx(0.8**2 * 4, rel=1e-12)
     # Not 4 + 3.2, by a repeat that strikes a rounding later.
@@ -107,7 +106,7 @@ def test_an_impact_at_an_output_time_is_compared_after_it():
     ],
 )
 def test_what_constraints_hold_rests_and_says_so(text):
-    bar = barred(read(text, "m.yaml"))[1]
+    bar = barred(text)[1]
     assert bar.rests
     assert bar.horizon is None
     assert bar.relative < 1e-13
@@ -118,7 +117,7 @@ def test_a_motion_that_is_small_beside_its_forces_is_none_at_rest():
     # A bob that a string holds, drawn aside by 1e-9: gravity would take it 500 m.
     text = scenes.string(0).replace("x: 0", "x: 1e-9").replace("1.5", "10")
     assert "duration: 10" in text
-    assert not barred(read(text, "m.yaml"))[1].rests
+    assert not barred(text)[1].rests
 
 
 CORNERS = {"one": "h + a + b", "two": "h + a - b", "three": "h - a + b"}
@@ -140,7 +139,7 @@ def test_what_stands_on_legs_stays(corners, height):
         {"z": 1000 if "1000" in height else 0, "a": 0, "b": 0},
         duration=1, output_step=0.001,
     )  # fmt: skip
-    session, trajectory, checkpoints = made(read(text, "m.yaml"))
+    session, trajectory, checkpoints = made(text)
     # Five steps without an error, which become ever longer; some more beside an end.
     assert trajectory.statistics.steps < 20
     bar = repeated(session, trajectory, checkpoints)
@@ -166,6 +165,6 @@ energy:
 initial: {{"r(i = 1..n)": {{guess: "vec(i*d/(n+1), -0.2)"}}}}
 simulation: {{begin: rest, duration: {duration}, output_step: 0.1}}
 """
-    bar = barred(read(text, "m.yaml"))[1]
+    bar = barred(text)[1]
     assert bar.rests
     assert bar.horizon is None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read_file
 from lagsim.run.error import TIMES, ErrorBar, Failed
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers.monitors import Checkpoints
@@ -38,7 +38,7 @@ PENDULUM = pendulum(2, "duration: 60, output_step: 0.1")
     ],
 )
 def test_estimate_of_a_pendulum(options):
-    kept, bar = barred(read(PENDULUM, "m.yaml", options=options))
+    kept, bar = barred(PENDULUM, **options)
     rows = kept.rows
     true = np.abs(rows[:, 1] - swing(rows[:, 0], 2.0))
     assert bar.scales == pytest.approx([4.0], rel=1e-2)  # from -2 to 2
@@ -55,7 +55,7 @@ def compared(name, rtol):
     """Give (estimated, true, trusted) for each reference state of a problem."""
     # Rows between the reference times too, for the ranges.
     text = model_text(name).replace('output_step: "', 'output_step: "1/40*')
-    kept, bar = barred(read(text, "m.yaml", options={"rtol": rtol}), always=True)
+    kept, bar = barred(text, rtol=rtol, always=True)
     trusted = sorted(PROBLEMS[name]["reference"], key=lambda r: float(r["t_value"]))
     found = []
     for state, reference in zip(states(name), trusted, strict=True):
@@ -100,15 +100,10 @@ def test_horizon_of_the_double_pendulum():
 
 def test_what_should_stay_at_rest_has_no_horizon():
     # y is 0 but for rounding: its range is rounding too, and says nothing.
-    text = scene(
-        "x: 1, y: 1",
-        "(x^2 + y^2)/2 + 0.1*x*y*(x - y)",
-        simulation="duration: 200, output_step: 0.5",
-    )
-    rest = text.replace("x: 1, y: 1", "x: 0, y: 0")
-    assert barred(read(rest, "m.yaml"))[1].relative == 0.0
-    rotated = text.replace("y*(x - y)", "y*0").replace("y: 1", "y: 1e-30")
-    _, bar = barred(read(rotated, "m.yaml"))
+    lasting = {"duration": 200, "output_step": 0.5}
+    potential = "(x^2 + y^2)/2 + 0.1*x*y*(x - y)"
+    assert barred(scene("x: 0, y: 0", potential), **lasting)[1].relative == 0.0
+    bar = barred(scene("x: 1, y: 1e-30", "(x^2 + y^2)/2"), **lasting)[1]
     assert bar.horizon is None
     assert bar.relative < 1e-8
 
@@ -116,28 +111,26 @@ def test_what_should_stay_at_rest_has_no_horizon():
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
     monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e4)
-    _, refused = barred(model)
-    assert "operations" in refused
-    _, asked = barred(model, always=True)
-    assert isinstance(asked, ErrorBar)
+    assert "operations" in barred(model)[1]
+    assert isinstance(barred(model, always=True)[1], ErrorBar)
 
 
 def test_units_do_not_matter():
-    text = PENDULUM.replace("a: {}", "a: {}, b: {}").replace(
-        "a_dot^2/2, potential: -cos(a)", "a_dot^2/2 + b_dot^2/2/S^2, potential: -cos(a)"
+    text = scene(
+        "a: 2, b: S", "-cos(a) + (b/S)^2/2", "a_dot^2/2 + b_dot^2/2/S^2",
+        parameters="S: 1",
+    )  # fmt: skip
+    small, one, large = (
+        barred(text, values={"S": S}, duration=60, output_step=0.1)[1].parts[-1]
+        for S in ("1e-3", "1", "1e6")
     )
-    text = text.replace("cos(a)", "cos(a) + (b/S)^2/2").replace("a: 2", "a: 2, b: S")
-    parts = []
-    for size in ("1e-3", "1", "1e6"):
-        sized = "parameters: {S: " + size + "}" + text
-        parts.append(barred(read(sized, "m.yaml"))[1].parts[-1])
-    assert np.allclose(parts[0], parts[1], rtol=0.5, atol=1e-14)
-    assert np.allclose(parts[2], parts[1], rtol=0.5, atol=1e-14)
+    assert np.allclose(small, one, rtol=0.5, atol=1e-14)
+    assert np.allclose(large, one, rtol=0.5, atol=1e-14)
 
 
 def test_a_run_that_ends_by_itself_is_compared_as_far_as_both_go():
     text = PENDULUM.replace("output_step: 0.1", 'output_step: 0.1, until: "a <= -1"')
-    kept, bar = barred(read(text, "m.yaml", options={"rtol": "1e-6"}))
+    kept, bar = barred(text, rtol=1e-6)
     assert len(bar.times) >= len(kept.rows) - 1
     assert math.isfinite(bar.relative)
 
@@ -152,11 +145,11 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
 
     monkeypatch.setattr("lagsim.studies.attempts.fault", fault)
     texts = ["it lost energy", ""]
-    bar = barred(read(PENDULUM, "m.yaml"))[1]
+    bar = barred(PENDULUM)[1]
     assert judged == pytest.approx([1e-13, 1e-11 / LOOSER])
     assert (bar.rtol, bar.horizon) == (judged[1], None)
     texts += 9 * ["lost"]
-    assert "not valid itself: lost" in barred(read(PENDULUM, "m.yaml"))[1]
+    assert "not valid itself: lost" in barred(PENDULUM)[1]
 
 
 # Rows that correspond
@@ -164,12 +157,8 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
 
 def test_a_short_last_row():
     # Half a row: nearness would match it with the row before.
-    text = scene(
-        "x: 1",
-        "50*x^2",
-        simulation="duration: 3.0001, output_step: 0.5, method: dop853",
-    )
-    kept, bar = barred(read(text, "m.yaml"))
+    text = scene("x: 1", "50*x^2")
+    kept, bar = barred(text, duration=3.0001, output_step=0.5, method="dop853")
     assert len(bar.times) == len(kept.rows) == 8
     assert bar.times[-1] == 3.0001
     true = np.abs(kept.rows[:, 1] - np.cos(10 * kept.rows[:, 0]))
@@ -177,21 +166,13 @@ def test_a_short_last_row():
     assert bar.relative < 1e-9
 
 
-IMPACT = scene(
-    "x: T, y: T, x_dot: -1, y_dot: -1",
-    "2*(x - y)^2",
-    constraints='a: "x = abs(t - T)"',
-    parameters="T: 1.005",
-    simulation="duration: 3, output_step: 0.25",
-)
-
-
-@pytest.mark.parametrize("moment", ["1.005", "1", "0.1"])
-def test_impacts(moment):
+@pytest.mark.parametrize("T", [1.005, 1.0, 0.1])
+def test_impacts(T):
     """A wall that turns back: y + T - t swings, until then at rest beside x."""
-    kept, bar = barred(read(IMPACT.replace("1.005", moment), "m.yaml"))
-    t, T = kept.rows[:, 0], float(moment)
-    w = 2.0  # y'' = -4 (y - x)
+    start, wall = "x: T, y: T, x_dot: -1, y_dot: -1", 'a: "x = abs(t - T)"'
+    text = scene(start, "2*(x - y)^2", constraints=wall, parameters="T: 0")
+    kept, bar = barred(text, values={"T": T}, duration=3, output_step=0.25)
+    t, w = kept.rows[:, 0], 2.0  # y'' = -4 (y - x)
     after = np.maximum(t - T, 0.0)
     # After it y - x is an oscillation that begins with the speed -2.
     y = np.abs(t - T) - np.where(t > T, 2.0 / w * np.sin(w * after), 0.0)
@@ -211,8 +192,8 @@ def test_rows_between_the_grid_are_not_kept():
 
 
 def test_many_rows_are_compared_with_rows_of_the_same_times():
-    text = oscillator("duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7")
-    kept, bar = barred(read(text, "m.yaml"))
+    asked = {"duration": 100, "output_step": 0.003, "method": "dop853", "rtol": 1e-7}
+    kept, bar = barred(oscillator(), **asked)
     assert kept.stride > 1
     true = np.max(np.abs(kept.rows[:, 1] - np.cos(kept.rows[:, 0])))
     assert bar.coordinates["x"].largest == pytest.approx(true, rel=0.1)
@@ -220,9 +201,8 @@ def test_many_rows_are_compared_with_rows_of_the_same_times():
 
 def test_an_end_that_the_repeat_does_not_confirm():
     # Narrow: 0.02 wide, passed within a hundredth of a second, if it is seen at all.
-    simulation = 'duration: 10, output_step: 0.01, method: dop853, until: "x >= 0.5"'
-    text = oscillator(simulation, x=0, v=1)
-    kept, bar = barred(read(text, "m.yaml"))
+    text = oscillator('until: "x >= 0.5"', x=0, v=1)
+    kept, bar = barred(text, duration=10, output_step=0.01, method="dop853")
     assert kept.rows[-1, 0] == pytest.approx(np.arcsin(0.5), abs=1e-9)
     assert bar.times[-1] == kept.rows[-1, 0]
     assert bar.parted == ""
@@ -231,34 +211,25 @@ def test_an_end_that_the_repeat_does_not_confirm():
 
 # What errors are measured by
 
-LIGHT = scene(
-    "x: 2, y: R",
-    "m*(1 - cos(x)) + M*y^2/2",
-    "(m*x_dot^2 + M*y_dot^2)/2",
-    parameters="m: 1e-3, M: 1e27, R: 1e9",
-    simulation="duration: 30, output_step: 0.1, method: rk4, step: 0.05",
-)
-
 
 def test_a_light_body_does_not_hide_behind_a_heavy_one():
     # In the metric of M one part in a million of y would be 1e18 times the range of x.
-    alone = LIGHT.replace("R: 1e9", "R: 0")
-    parts = [barred(read(text, "m.yaml"))[1].parts[:, 0] for text in (alone, LIGHT)]
+    text = scene(
+        "x: 2, y: R", "m*(1 - cos(x)) + M*y^2/2", "(m*x_dot^2 + M*y_dot^2)/2",
+        parameters="m: 1e-3, M: 1e27, R: 0",
+        simulation="duration: 30, output_step: 0.1, method: rk4, step: 0.05",
+    )  # fmt: skip
+    parts = [barred(text, values={"R": R})[1].parts[:, 0] for R in (0, 1e9)]
     assert np.max(parts[0]) > 1e-8
     assert np.max(parts[1]) == pytest.approx(np.max(parts[0]), rel=1e-6)
 
 
-@pytest.mark.parametrize("heavy", ["1e-6", "1", "1e12"])
-def test_what_stays_still_beside_a_motion_has_no_horizon(heavy):
+@pytest.mark.parametrize("M", ["1e-6", "1", "1e12"])
+def test_what_stays_still_beside_a_motion_has_no_horizon(M):
     # z is off by rounding only, and its range is rounding, too.
-    text = scene(
-        "x: 1, z: 1e-14",
-        "M*x^2/2 + z^2",
-        "(M*x_dot^2 + z_dot^2)/2",
-        parameters="M: 1",
-        simulation="duration: 100, output_step: 0.5, method: dop853",
-    )
-    bar = barred(read(text.replace("M: 1}", f"M: {heavy}}}"), "m.yaml"))[1]
+    kinetic = f"({M}*x_dot^2 + z_dot^2)/2"
+    text = scene("x: 1, z: 1e-14", f"{M}*x^2/2 + z^2", kinetic)
+    bar = barred(text, duration=100, output_step=0.5, method="dop853")[1]
     assert bar.horizon is None
 
 
@@ -266,74 +237,52 @@ def test_what_stays_still_beside_a_motion_has_no_horizon(heavy):
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853", "radau"])
 def test_rows_in_phase_with_the_motion_are_no_scale(step, method):
     # x = sin(2 pi t): of rows a period apart, or half of one, the range is rounding.
-    text = scene(
-        "x: 0, x_dot: 2*pi", "2*pi^2*x^2", simulation="duration: 13, output_step: 1"
-    )
-    options = {"method": method, "output_step": step, "rtol": "1e-9"}
-    bar = barred(read(text, "m.yaml", options=options))[1]
+    asked = {"method": method, "output_step": step, "rtol": 1e-9, "duration": 13}
+    bar = barred(scene("x: 0, x_dot: 2*pi", "2*pi^2*x^2"), **asked)[1]
     assert bar.scales == pytest.approx([2.0], rel=0.1)
     assert bar.relative < 1e-6
     assert bar.horizon is None
 
 
 def test_a_place_far_away_is_no_scale():
-    near = scene(
-        "x: L + 2",
-        "-cos(x - L)",
-        parameters="L: 0",
-        simulation="duration: 20, output_step: 0.1, method: dop853, rtol: 1e-6",
-    )
-    far = near.replace("L: 0", "L: 4096")
-    scales = [barred(read(text, "m.yaml"))[1].scales for text in (near, far)]
-    assert scales[0] == pytest.approx(scales[1], rel=1e-3)
+    asked = {"duration": 20, "output_step": 0.1, "method": "dop853"}
+
+    def told(L, rtol=1e-6):
+        return barred(scene(f"x: {L} + 2", f"-cos(x - {L})"), rtol=rtol, **asked)[1]
+
+    assert told(0).scales == pytest.approx(told(4096).scales, rel=1e-3)
     # What rounding alone makes of the place is told, too.
-    bar = barred(read(far, "m.yaml", options={"rtol": "1e-13"}))[1]
-    assert bar.coordinates["x"].largest >= 4096 * 2.0**-53
+    assert told(4096, 1e-13).coordinates["x"].largest >= 4096 * 2.0**-53
 
 
-# A pendulum in the plane x = 0, on which a row holds it that knows the other two.
-PLANE = """
-parameters: {{L: 1, m: 1}}
-coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
-energy: {{kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*m*z}}
-constraints: {{rod: x^2 + y^2 + z^2 = L^2{more}}}
-initial: {{x: 0, y: 0.6*L, z: -0.8*L}}
-simulation: {{duration: 5*sqrt(L), output_step: 0.1*sqrt(L), method: dop853}}
-"""
-
-
-@pytest.mark.parametrize("length", ["1e-9", "1", "1e6"])
-def test_what_rows_keep_at_rest_is_told_as_a_part_of_what_it_is_linked_with(length):
-    # x is 0 for ever; what a double loses of the other two is all that it has.
-    row = "x = 0.25*(x^2 + y^2 + z^2 - L^2)/L"
-    text = PLANE.format(more=f", plane: {row}")
-    bar = barred(read(text.replace("L: 1", f"L: {length}"), "m.yaml"))[1]
+@pytest.mark.parametrize("L", [1e-9, 1.0, 1e6])
+def test_what_rows_keep_at_rest_is_told_as_a_part_of_what_it_is_linked_with(L):
+    # A pendulum in the plane x = 0, on which a row holds it that knows the other two:
+    # what a double loses of these is all that x has.
+    rows = "rod: x^2 + y^2 + z^2 = L^2, plane: x = 0.25*(x^2 + y^2 + z^2 - L^2)/L"
+    start, lasting = "x: 0, y: 0.6*L, z: -0.8*L", {"method": "dop853"}
+    lasting |= {"duration": "5*sqrt(L)", "output_step": "0.1*sqrt(L)"}
+    text = scene(start, "9.81*z", constraints=rows, parameters=f"L: {L}")
+    bar = barred(text, **lasting)[1]
     told = bar.coordinates["x"]
-    assert told.largest < 1e-14 * float(length)
+    assert told.largest < 1e-14 * L
     assert told.relative < 1e-12
-    assert bar.scales[1] == pytest.approx(1.2 * float(length), rel=1e-2)
+    assert bar.scales[1] == pytest.approx(1.2 * L, rel=1e-2)
 
 
 def test_a_small_motion_is_not_hidden_by_what_it_is_linked_with():
     # y = z^2 is 1e-10 of the way of z, a motion of its own, thousands of roundings.
-    text = scene(
-        "y: 1e-10, z: 1",
-        "z^2/2",
-        constraints="path: y = 1e-10*z^2",
-        simulation="duration: 10, output_step: 0.1, method: dop853",
-    )
-    bar = barred(read(text, "m.yaml"))[1]
+    path = "path: y = 1e-10*z^2"
+    text = scene("y: 1e-10, z: 1", "z^2/2", constraints=path)
+    bar = barred(text, duration=10, output_step=0.1, method="dop853")[1]
     assert bar.scales[0] < 1e-8
 
 
 def test_what_rests_at_its_place_is_told_as_a_part_of_that():
     # Rounding of its value alone, beside what moves ten times as far.
-    text = scene(
-        "x: 1, y: 0",
-        "9.81*y",
-        simulation="duration: 1.4, output_step: 0.1, method: dop853",
-    )
-    told = barred(read(text, "m.yaml"))[1].coordinates["x"]
+    text = scene("x: 1, y: 0", "9.81*y")
+    bar = barred(text, duration=1.4, output_step=0.1, method="dop853")[1]
+    told = bar.coordinates["x"]
     assert 0.0 < told.largest < 1e-15
     assert told.relative < 1e-15
 
@@ -346,9 +295,7 @@ TIGHT = ("1e-13", "2e-14", "1e-14", "5e-15", "2e-15")
 @pytest.mark.parametrize("rtol", ["1e-4", "1e-6", "1e-9", "1e-11", *TIGHT])
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
 def test_tolerances_of_repeats_differ(method, rtol):
-    session, trajectory, _ = made(
-        read(PENDULUM, "m.yaml", options={"method": method, "rtol": rtol})
-    )
+    session, trajectory, _ = made(PENDULUM, method=method, rtol=rtol)
     ways = list(by_other_means(session, trajectory))
     assert len(ways) >= 2
     for way in ways:
@@ -382,7 +329,7 @@ def test_chaos_has_a_horizon_at_every_tolerance(rtol):
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
 def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
     options = {"method": method, "rtol": "1e-9"}
-    session, trajectory, kept = made(read(PENDULUM, "m.yaml", options=options))
+    session, trajectory, kept = made(PENDULUM, **options)
 
     def itself(session, _trajectory):
         yield Repeat(session)
@@ -396,7 +343,7 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
 @pytest.mark.parametrize("method", ["rk4", "euler", "verlet", "midpoint", "gauss4"])
 def test_fixed_steps_are_repeated_by_others(method):
     options = {"method": method, "step": "0.05"}
-    session, trajectory, _ = made(read(PENDULUM, "m.yaml", options=options))
+    session, trajectory, _ = made(PENDULUM, **options)
     for way in by_other_means(session, trajectory):
         assert way.session.plan.method != method
         assert way.session.plan.rtol
@@ -437,7 +384,7 @@ def test_all_repeats_together_stay_within_the_allowance():
     allowance.take(price, found.trajectory)
     assert before > allowance.left > 0.0
     allowance.left = 0.0
-    _, bar = barred(read(PENDULUM, "model.yaml"), allowance=allowance)
+    _, bar = barred(PENDULUM, allowance=allowance)
     assert bar.startswith("a repeat did not finish")
 
 
@@ -457,7 +404,7 @@ def exact(start, times):
 
 @pytest.mark.parametrize("start", ["-537.3", "10000.1", "2000000.7"])
 def test_times_of_switches_are_rounded_and_told(start):
-    checkpoints, bar = barred(read(WAVE.replace("START", start), "model.yaml"))
+    checkpoints, bar = barred(WAVE.replace("START", start))
     rows = checkpoints.rows
     truth = exact(float(start), rows[:, 0])
     off = max(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lagsim.errors import LagsimError
-from lagsim.model.reader import read
 from tests.small_scenes import held_pendulum, oscillator, pendulum, swing
 from tests.studies.judged import barred
 
@@ -132,7 +131,7 @@ FEW = ["oscillator in few rows", "oscillator once a period", "eccentric orbit"]
 
 def told_and_true(text, truth, options):
     """Give the bar, its largest error and the largest true one, in the same parts."""
-    kept, bar = barred(read(text, "m.yaml", options=options))
+    kept, bar = barred(text, **options)
     assert not isinstance(bar, str), bar
     rows = kept.rows
     assert np.array_equal(rows[:, 0], bar.times)  # every row was compared
@@ -185,7 +184,7 @@ energy: {kinetic: x_dot^2/2, potential: -x*t}
 initial: {x: 0, x_dot: 1}
 simulation: {duration: 3, output_step: 1, method: taylor}
 """
-    kept, bar = barred(read(text, "m.yaml", options={"rtol": rtol}))
+    kept, bar = barred(text, rtol=rtol)
     t = kept.rows[:, 0]
     assert np.max(np.abs(kept.rows[:, 1] - t - t**3 / 6)) < 1e-14
     assert 0.0 < bar.relative < 1e-14
@@ -203,7 +202,7 @@ simulation: {duration: 100, output_step: 0.1}
 
 def test_a_pulse_that_one_step_passes_over_is_told():
     """Afterwards the speed is 0.05 sqrt(pi); the rest before it is no scale."""
-    kept, bar = barred(read(PULSE, "m.yaml"))
+    kept, bar = barred(PULSE)
     true = 0.05 * np.sqrt(np.pi) * 50
     missed = true - kept.rows[-1, 1]
     assert bar.coordinates["x"].largest == pytest.approx(missed, rel=1e-3, abs=1e-9)
