@@ -86,10 +86,8 @@ def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     }
 
 
-@pytest.mark.parametrize(
-    ("form", "begins"),
-    [pytest.param("svg", b"<?xml", marks=pytest.mark.slow), ("pdf", b"%PDF")],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("form", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_a_chart_for_print(lagsim, write, form, begins):
     quick = ("--methods", "rk4", "--steps", "0.1:0.1", "--set", "g=1.62", "-o", "out")
     line = ("bench", write(PENDULUM), *quick, "--format", form, "--json")

@@ -509,6 +509,7 @@ def near():
         (BESIDE, {"D": 1e9}),
     ],
 )
+@pytest.mark.slow
 def test_stars_far_from_the_origin(words, values, near):
     found, codes = told_of(stars(words, **values))
     assert "energy-drifts" in codes
