@@ -6,10 +6,11 @@ capitals stand for what many texts begin with.
 """
 
 import re
+import sys
 
 import pytest
 
-from lagsim.model.reader import fields
+from lagsim.model.reader.fields import MAX_FAULTS, Faults
 from tests.model._files import problems
 
 BEGINNINGS = {
@@ -378,8 +379,8 @@ simulation: {duration: -1, rtol: -1}
         assert found.text == text
 
     def test_they_are_bounded(self, monkeypatch):
-        assert fields.MAX_FAULTS == 1000
-        monkeypatch.setattr(fields, "MAX_FAULTS", 50)
+        assert MAX_FAULTS == 1000
+        monkeypatch.setattr(sys.modules[Faults.__module__], "MAX_FAULTS", 50)
         text = "definitions:\n" + "".join(f"  a{i}: zz{i}\n" for i in range(150))
         found = problems(text)
         assert len(found) == 51

@@ -97,8 +97,9 @@ def drawings(**fields):
 # --- Files
 
 
-def made_anew(form, count=len(PICTURES)):
-    return [content(one_sheet(k, horizon=9.0), form) for k in range(count)]
+def made_anew(form, count=None):
+    few = range(len(PICTURES))[:count]
+    return [content(one_sheet(k, horizon=9.0), form) for k in few]
 
 
 made = functools.cache(made_anew)
