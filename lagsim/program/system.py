@@ -21,7 +21,7 @@ from lagsim.methods import method, moreau
 from lagsim.methods.parts import driver
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
-from lagsim.native.graph.keys import Layout, Loop
+from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
 from lagsim.native.link.cache import Part, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
@@ -92,14 +92,11 @@ def kernels(system: System) -> Iterator[Part]:
         yield kernel_part(tables.KERNELS)
 
 
-# Functions in which a product may be added without being rounded first.
-CONTRACTED = ("series",)
-# Functions that are called once in a step, for a row, or hardly ever.
-ONCE = (
-    "terms", "energies_masses", "inertias", "energies", "observe", "columns",
-    "rounding", "force_rounding",
-)  # fmt: skip
-MANNER = CONTRACTED, ONCE
+MANNER = Manner(
+    contracted=("series",),
+    once=("terms", "energies_masses", "inertias", "energies", "observe", "columns"),
+    rare=("rounding", "force_rounding"),
+)
 
 
 class System:
@@ -221,7 +218,7 @@ class System:
             return tapes.generate(g, made, layout)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, functions, layout, *MANNER)
+        return straight_line.generate(g, functions, layout, MANNER)
 
     @property
     def has_loops(self) -> bool:

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import keys, tapes
-from lagsim.native.graph.keys import Layout
+from lagsim.native.graph import keys, straight_line, tapes
+from lagsim.native.graph.keys import Layout, Manner
 from lagsim.native.graph.lines import number
 from lagsim.native.graph.straight_line import Code, generate
 from lagsim.native.link.engine import Engine, compile_object
@@ -196,7 +196,7 @@ def test_pieces_and_tapes_give_the_same_bits(
     assert ("@f.1" in ir) == ("optnone" in ir) == (piece < 100)
     assert piece >= 26 or "@prepare.1" in ir
     # What is called once in a step is translated as it stands sooner.
-    once = Compiled(g, functions, partial(generate, once=("h",)))
+    once = Compiled(g, functions, partial(generate, manner=Manner(once=("h",))))
     first = "h.0" if piece < 100 else "h"
     assert ("optnone" in body(once.code.ir, first)) == (piece < 100)
     assert "optnone" not in body(ir, first) or piece == 7
@@ -204,6 +204,21 @@ def test_pieces_and_tapes_give_the_same_bits(
         assert bits(once.at(VALUES, name)) == bits(code.at(VALUES, name))
     expected = evaluate(g, functions["f"], VALUES)
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("most", [1, 10**9])
+def test_a_long_function_that_is_rare_runs_from_a_tape(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    g = Graph()
+    functions = long_functions(g)
+    monkeypatch.setattr(straight_line, "LONG_TAPE", most)
+    rare = Compiled(g, functions, partial(generate, manner=Manner(rare=("f",))))
+    assert ("@tape.f" in rare.code.ir) == (most == 1)
+    assert "@tape.h" not in rare.code.ir
+    code = Compiled(g, functions)
+    for name in functions:
+        assert bits(rare.at(VALUES, name)) == bits(code.at(VALUES, name))
 
 
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))
@@ -226,7 +241,7 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
 def test_products_are_contracted_where_asked_for() -> None:
     g = Graph()
     nodes = build(g, "x*y + z", "x - y*z")
-    ir = generate(g, {"exact": nodes, "fused": nodes}, LAYOUT, ("fused",)).ir
+    ir = generate(g, {"exact": nodes, "fused": nodes}, LAYOUT, Manner(("fused",))).ir
     assert [body(ir, name).count("contract") for name in ("exact", "fused")] == [0, 4]
 
 

@@ -52,6 +52,26 @@ class Loop(NamedTuple):
     operations: int = 0
 
 
+class Manner(NamedTuple):
+    """Names of functions that are written in another way.
+
+    Attributes
+    ----------
+    contracted
+        A product may be added without being rounded first, where the processor can:
+        last digits then depend on it.
+    once
+        Called once in a step, or less.
+    rare
+        Called in few steps.
+    """
+
+    contracted: tuple[str, ...] = ()
+    once: tuple[str, ...] = ()
+    rare: tuple[str, ...] = ()
+
+
+PLAIN = Manner()
 # Name -> what it writes to out[0], out[1], ...
 Functions = Mapping[str, Sequence[int] | Loop]
 

@@ -1,7 +1,8 @@
 """Graph -> a tape for each function of a model, and the interpreter that runs it.
 
-Takes the place of `straight_line` for large models. A tape is data: nothing is compiled
-but the interpreter, and what is computed is the same to the last bit.
+Takes the place of `straight_line` for large models, and for long functions that are
+called rarely. A tape is data: nothing is compiled but the interpreter, and what is
+computed is the same to the last bit.
 
 An instruction is an opcode, a count, and as many times the fields of one evaluation:
 indices into p (32 bits) of its values and of its operands. Evaluations of one kind
@@ -90,15 +91,24 @@ class Tasks(NamedTuple):
 def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
     """Code of `functions`: name -> the nodes written to out[0], out[1], ..."""
     tapes = _Tapes(g, layout, functions)
-    lines = []
-    for k, (name, made) in enumerate(functions.items()):
-        before = f"{clearing(len(made))}\n{tapes.state}"
-        lines += _function(name, tapes.tape(k, made), before)
+    lines = tapes.functions(functions, tapes.state)
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
-    kinds = {Kind(*kind): opcode for kind, opcode in tapes.opcodes.items()}
-    whole = Interpreter(kinds, tapes.time)
-    text = [*sorted(whole.declared), tapes.table, *lines, *whole.lines, ""]
+    declared, interpreter = tapes.interpreter()
+    text = [*sorted(declared), *lines, *interpreter, ""]
     return Code("\n".join(text), tapes.size)
+
+
+def beside(
+    g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
+) -> tuple[set[str], list[str], int]:
+    """Return declarations and lines of functions among others, and the length of p.
+
+    Nothing of theirs is computed by `prepare`.
+    """
+    tapes = _Tapes(g, layout._replace(fixed=frozenset()), functions)
+    lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}")
+    declared, interpreter = tapes.interpreter()
+    return declared, [*lines, *interpreter], tapes.size
 
 
 def _copied(array: str, name: str, first: int, count: int) -> str:
@@ -175,6 +185,22 @@ class _Tapes:
         values = [f"double {number(float(g.payload(n)))}" for n in numbers]
         table = f"[{len(values)} x double] [{', '.join(values)}]"
         self.table = f"@numbers = private constant {table}"
+
+    def functions(
+        self, functions: Mapping[str, Sequence[int]], before: str
+    ) -> list[str]:
+        """Write the functions, each of which does `before` first."""
+        lines = []
+        for k, (name, made) in enumerate(functions.items()):
+            text = f"{clearing(len(made))}\n{before}"
+            lines += _function(name, self.tape(k, made), text)
+        return lines
+
+    def interpreter(self) -> tuple[set[str], list[str]]:
+        """Return declarations, and the lines of what runs the tapes written before."""
+        kinds = {Kind(*kind): opcode for kind, opcode in self.opcodes.items()}
+        whole = Interpreter(kinds, self.time)
+        return whole.declared, [self.table, *whole.lines]
 
     def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
         """Return the evaluations of all functions, of which `prepare` is the last."""
