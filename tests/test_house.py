@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 247
-LINES = 75_450
-LINES_OF_TESTS = 57_400
+LINES = 75_500
+LINES_OF_TESTS = 57_410
 
 
 def lines(folder):
