@@ -1,4 +1,4 @@
-"""Bodies that touch: rows that could act, in few words."""
+"""Bodies that touch, and the laws that what acts between them has to obey."""
 
 import numpy as np
 
@@ -25,5 +25,35 @@ def closed(
     )
 
 
+def touching(masses, rows, slips=0, *, kind=CONTACT, **numbers):
+    """Give rows of contacts, each with so many slips after it."""
+    kinds, normals, pairs = [], [], []
+    for n in range(0, len(rows), 1 + slips):
+        kinds += [kind, *[SLIP] * slips]
+        normals += [-1, *[n] * slips]
+        pairs += [-1, n + 2, n + 1] if slips == 2 else [-1] * (1 + slips)
+    return closed(masses, rows, kinds, normals, pairs, **numbers)
+
+
 def none(r):
     return np.zeros(r)
+
+
+def broken(body, p, w, slack, mu=None):
+    """Give the rows whose laws p (r,) and the rates w (r,) that they leave break.
+
+    Signorini's of a contact: p, w >= 0, of which one is 0. Coulomb's of its slips: a
+    force within mu times p, and as large against a slip that goes on.
+    """
+    mu = body.bounds if mu is None else mu
+    found = []
+    for k, (n, pair) in enumerate(zip(body.normals, body.pairs, strict=True)):
+        if n < 0:
+            wrong = abs(min(p[k], w[k])) > slack
+        else:
+            own = [k, pair] if pair >= 0 else [k]
+            bound, slip = mu[k] * p[n], np.linalg.norm(w[own])
+            short = bound + p[own] @ w[own] / slip if slip else 0.0
+            wrong = np.linalg.norm(p[own]) > bound + slack or min(slip, short) > slack
+        found += [k] if wrong else []
+    return found

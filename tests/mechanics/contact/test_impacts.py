@@ -1,14 +1,18 @@
-"""Impulses of impacts against closed forms."""
+"""Impulses of impacts: closed forms, the laws, and all edges of these in turn."""
+
+from itertools import product
 
 import numpy as np
 import pytest
 
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import Closed, impact
-from tests.mechanics.contact._bodies import CONTACT, SLIP, closed, none
+from lagsim.mechanics.contact import impact
+from tests.mechanics.contact._bodies import broken, closed, none, touching
 
-# A few operations on numbers near 1.
-ROUNDING = 1e-14
+# A few operations on numbers near 1; Newton's steps end within a few roundings.
+ROUNDING, NEWTON = 1e-14, 1e-13
+# Of a solution that the other method calls one, in parts of the rates.
+SOLVED = 1e-9
 
 
 def after(masses, rows, before, found):
@@ -20,8 +24,7 @@ def test_a_rod_that_falls_flat_without_rebound_is_not_open():
     # Its ends rest both, whichever comes first.
     rows = [[1.0, -0.5], [1.0, 0.5]]
     for e, is_open in ((0.0, False), (0.5, True)):
-        body = closed([1.0, 1 / 12], rows, [CONTACT] * 2, e=e)
-        found = impact(body, np.array([-1.0, -1.0]), none(2))
+        found = impact(touching([1.0, 1 / 12], rows, e=e), np.full(2, -1.0), none(2))
         assert found.impulses == pytest.approx([0.5 * (1 + e)] * 2, abs=ROUNDING)
         assert found.open is is_open
 
@@ -35,7 +38,7 @@ def test_limits_give_no_impulse_and_timed_rows_stop():
 
 def test_targets_that_contradict_give_no_rebound():
     # Between two walls without clearance.
-    body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2, e=0.5)
+    body = touching([1.0], [[1.0], [-1.0]], e=0.5)
     found = impact(body, np.array([-1.0, 1.0]), none(2))
     assert found.found
     assert found.open
@@ -52,19 +55,13 @@ def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, direction
     for side in (-a, a):
         x, y = side * np.cos(tilt) + h * np.sin(tilt), side * np.sin(tilt) - h
         rows += [[0.0, 1.0, x], [1.0, 0.0, -y]]
-    J, M = np.array(rows), np.diag([m, m, m * (a**2 + h**2) / 3])
-    D = J @ np.linalg.inv(M) @ J.T
-    rates = np.array([-v, direction * speed, 0.0, direction * speed])
-    kinds = (CONTACT, SLIP, CONTACT, SLIP)
-    problem = Closed(
-        D=D, kinds=kinds, normals=(-1, 0, -1, 2), pairs=(-1,) * 4,
-        bounds=np.array([0, mu, 0, mu]), statics=np.array([0, mu, 0, mu]),
-        restitutions=np.array([e, 0, e, 0]), factor=np.linalg.solve(np.sqrt(M), J.T),
-    )  # fmt: skip
-    found = impact(problem, rates, np.full(4, 1e-14))
+    masses = [m, m, m * (a**2 + h**2) / 3]
+    problem = touching(masses, rows, 1, mu=mu, e=e)
+    slip = direction * speed
+    found = impact(problem, np.array([-v, slip, 0.0, slip]), np.full(4, 1e-14))
     assert found.found
     if speed >= 1.0:
-        pushed = D[::2, ::2] - direction * mu * D[::2, 1::2]
+        pushed = problem.D[::2, ::2] - direction * mu * problem.D[::2, 1::2]
         asked = np.array([(1 + e) * v, 0.0])
         p = np.array([asked[0] / pushed[0, 0], 0.0])
         if pushed[1, 0] < 0.0:  # no lift: it is pressed down
@@ -85,14 +82,11 @@ def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
     slips = [[1.0, 0.0, h, 0.0], [0.0, 0.0, 0.0, 1.0]][: 1 if turn is None else 2]
     k = 1 + len(slips)
     rows = np.array([[0.0, 1.0, -a, 0.0], *slips, [0.0, 1.0, a, 0.0], *slips])
-    kinds = [Kind.TIMED, *[SLIP] * len(slips)] * 2
-    normals = [-1, *[0] * len(slips), -1, *[k] * len(slips)]
-    pairs = [-1] * 4 if k == 2 else [-1, 2, 1, -1, 5, 4]
     masses = [m, m, m * (a**2 + h**2) / 3, m]
     direction = np.array([np.cos(turn or 0.0), np.sin(turn or 0.0)])
     slip = speed * direction
     before = np.array([slip[0] + h * v / 2 / a, -v / 2, -v / 2 / a, slip[1]])
-    body = closed(masses, rows, kinds, normals, pairs, mu)
+    body = touching(masses, rows, len(slips), kind=Kind.TIMED, mu=mu)
     found = impact(body, rows @ before, none(2 * k))
     assert found.found
     then = rows @ after(masses, rows, before, found)
@@ -109,7 +103,7 @@ def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
 
 def test_a_body_that_is_crushed_has_no_solution():
     # Both walls come nearer.
-    body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2)
+    body = touching([1.0], [[1.0], [-1.0]])
     assert not impact(body, np.array([-1.0, -1.0]), none(2)).found
 
 
@@ -117,10 +111,123 @@ def test_a_body_that_is_crushed_has_no_solution():
 def test_what_strikes_slowly_strikes_beside_what_is_fast(small):
     """Of bodies that nothing couples none knows how fast another is, or how heavy."""
     masses = np.array([2.0, 2.0, 3.0, 3.0, 5.0, 5.0])
-    kinds, normals = [CONTACT, SLIP] * 3, [-1, 0, -1, 2, -1, 4]
-    body = closed(masses, np.eye(6), kinds, normals, mu=0.3)
     rates = np.array([-small, 0.1 * small, 1.2e-5, 0.7, -1.0, 0.2])
-    found = impact(body, rates, none(6))
+    found = impact(touching(masses, np.eye(6), 1, mu=0.3), rates, none(6))
     expected = [2 * small, -0.2 * small, 0.0, 0.0, 5.0, -1.0]
     assert found.found
     assert found.impulses == pytest.approx(expected, rel=1e-14, abs=0.0)
+
+
+# --- random contacts ------------------------------------------------------------------
+
+
+def contacts(seed, count, n, slips=0, *, e=0.3, mu=0.0, spread=0.0):
+    """Give random rows with velocities, and c = rates less the targets of contacts."""
+    random = np.random.default_rng(seed)
+    masses = 10.0 ** random.uniform(-spread, spread, n)
+    step = 1 + slips
+    rows = random.normal(size=(step * count, n)) * np.sqrt(masses)
+    body = touching(masses, rows, slips, mu=mu, e=e)
+    before = rows @ (random.normal(size=n) / np.sqrt(masses))
+    c = before.copy()
+    c[::step] += e * np.minimum(before[::step], 0.0)
+    return rows, body, before, c
+
+
+def every_solution(body, c):
+    """Give all impulses of contacts, each with a slip or none, by trying edges.
+
+    An edge is a list of columns: the pushes that are free, of a contact alone or with
+    its friction up or down, and the slips that are held.
+    """
+    unit, each = np.eye(len(c)), []
+    for n in (k for k, normal in enumerate(body.normals) if normal < 0):
+        states = [[], [(n, unit[n])]]
+        if n + 1 in range(len(c)) and body.normals[n + 1] == n:
+            slip, bound = unit[n + 1], body.bounds[n + 1]
+            states[1].append((n + 1, slip))
+            states += [[(n, unit[n] + sign * bound * slip)] for sign in (1, -1)]
+        each.append(states)
+    for case in product(*each):
+        pairs = [pair for state in case for pair in state]
+        held = [k for k, _ in pairs]
+        E = np.array([column for _, column in pairs]).reshape(-1, len(c)).T
+        B = (body.D @ E)[held]
+        if held and np.linalg.cond(B) > 1e9:
+            continue
+        p = E @ np.linalg.solve(B, -c[held])
+        w = body.D @ p + c
+        if not broken(body, p, w, SOLVED * max(1.0, np.abs(w).max())):
+            yield p
+
+
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+@pytest.mark.parametrize(("count", "n"), [(1, 1), (2, 2), (3, 5), (5, 5), (6, 3)])
+def test_without_friction(count, n, spread):
+    for seed in range(8):
+        _, body, before, c = contacts(seed, count, n, e=0.5, spread=spread)
+        solutions = list(every_solution(body, c))
+        found = impact(body, before, none(count))
+        if not solutions:
+            # Targets of more contacts than freedoms contradict: no rebound then.
+            assert count > n
+            assert found.open
+            solutions, c = list(every_solution(body, before)), before
+        # Rates after it are unique, impulses of dependent contacts are not.
+        w = body.D @ found.impulses + c
+        assert w == pytest.approx(body.D @ solutions[0] + c, abs=1e-11)
+        assert found.impulses.min() >= 0.0
+
+
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+@pytest.mark.parametrize(("count", "n"), [(1, 2), (2, 4), (3, 6), (3, 9), (4, 9)])
+def test_with_friction(count, n, spread):
+    for seed in range(6):
+        _, body, before, c = contacts(seed, count, n, 1, mu=0.4, spread=spread)
+        found = impact(body, before, none(2 * count))
+        scale = np.abs(found.impulses).max() + 1e-300
+        away = [np.abs(p - found.impulses).max() for p in every_solution(body, c)]
+        assert min(away) <= 1e-10 * scale
+
+
+@pytest.mark.parametrize(("seed", "count", "n"), [(0, 6, 3), (28, 6, 3), (38, 5, 5)])
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+def test_what_the_first_pivots_do_not_solve(seed, count, n, spread):
+    """So much friction that the pivots end on a ray, where there are solutions.
+
+    With somewhat firmer rows they end at one, or where all slips are taken to go on.
+    """
+    _, body, before, c = contacts(seed, count, n, 1, mu=2.0, spread=spread)
+    found = impact(body, before, none(2 * count))
+    assert found.found
+    w = body.D @ found.impulses + c
+    assert not broken(body, found.impulses, w, SOLVED * max(1.0, np.abs(w).max()))
+
+
+@pytest.mark.parametrize(("count", "n"), [(1, 4), (2, 8), (4, 12), (12, 50)])
+def test_laws_hold_on_discs(count, n):
+    for seed in range(3):
+        _, body, before, c = contacts(seed, count, n, 2, e=0.0, mu=0.3)
+        p = impact(body, before, none(3 * count)).impulses
+        w = body.D @ p + c
+        assert not broken(body, p, w, NEWTON * (np.abs(w).max() + np.abs(p).max()))
+
+
+def test_directions_of_the_slips_do_not_count():
+    rows, body, before, _ = contacts(7, 3, 12, 2, e=0.0, mu=0.3)
+    c, s = np.cos(0.7), np.sin(0.7)
+    turn = np.kron(np.eye(3), [[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    other = touching(np.ones(12), turn @ rows, 2, mu=0.3)
+    found, again = impact(body, before, none(9)), impact(other, turn @ before, none(9))
+    expected = rows.T @ found.impulses
+    assert (turn @ rows).T @ again.impulses == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", [55, 193, 197, 381])
+def test_where_sweeps_end_nowhere_discs_with_corners_show_where_to_begin(seed):
+    random = np.random.default_rng(seed)
+    count, n = int(random.integers(1, 7)), int(random.integers(2, 10))
+    mu = random.choice([0.1, 0.5, 1.0, 2.0, 5.0])
+    rows = random.normal(size=(3 * count, n))
+    before = rows @ random.normal(size=n)
+    assert impact(touching(np.ones(n), rows, 2, mu=mu), before, none(3 * count)).found

@@ -1,47 +1,52 @@
-"""What holds, slides and lets go, against closed forms."""
+"""What holds, slides and lets go: closed forms, and the laws, with ties as well."""
 
 import numpy as np
 import pytest
 
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Mode, modes
-from tests.mechanics.contact._bodies import CONTACT, SLIP, G, closed, none
+from tests.mechanics.contact._bodies import CONTACT, G, broken, closed, none, touching
 
 OFF, HELD, SLIDING, REDUNDANT = Mode
+# Of whole numbers below 100, after a few solves with condition numbers below 100.
+ROUNDING = 1e-11
 
-LEGS = np.array([[1, y, -x] for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1))], float)
+
+def quiet(body, free, rates=None, roundoff=0.0, ahead=None):
+    """Give the modes of rows that rest but for some rates, and are known exactly."""
+    r = len(free)
+    noise = roundoff + none(r)
+    more = [] if ahead is None else [ahead]
+    return modes(body, free, none(r) if rates is None else rates, noise, none(r), *more)
 
 
-def rates(*values):
+def ahead(*values):
     """Rates of accelerations to come, known to 1e-6."""
     return lambda _: (np.array(values), np.full(len(values), 1e-6))
 
 
 @pytest.mark.parametrize(("rate", "mode"), [(-1.0, HELD), (0.0, HELD), (1.0, OFF)])
 def test_a_contact_on_the_edge_goes_where_its_forces_lead(rate, mode):
-    body = closed([2.0], [[1.0]], [CONTACT])
-    free, roundoff = np.array([1e-13]), np.array([1e-12])
-    found = modes(body, free, none(1), roundoff, none(1), rates(rate))
+    body = touching([2.0], [[1.0]])
+    found = quiet(body, np.array([1e-13]), roundoff=1e-12, ahead=ahead(rate))
     assert found.mode == (mode,)
 
 
 def rod(angle, mu):
     """Give a sliding rod of mass 1 and half-length 1 on its end; x, y, angle."""
     s, c = np.sin(angle), np.cos(angle)
-    rows = [[0.0, 1.0, -c], [1.0, 0.0, s]]
-    return closed([1.0, 1.0, 1 / 3], rows, [CONTACT, SLIP], [-1, 0], mu=mu)
+    return touching([1.0, 1.0, 1 / 3], [[0.0, 1.0, -c], [1.0, 0.0, s]], 1, mu=mu)
 
 
 @pytest.mark.parametrize("weight", [0.0, G])
 def test_no_effective_mass_at_all_is_a_paradox(weight):
     body, rates = rod(np.arctan(2.0), 4 / 3), np.array([0.0, -1.0])
-    found = modes(body, np.array([-weight, 0.0]), rates, none(2), none(2))
-    assert found.paradox
+    assert quiet(body, np.array([-weight, 0.0]), rates).paradox
 
 
 def test_what_could_lift_off_or_jam_lifts_off():
     body, rates = rod(np.arctan(2.0), 2.0), np.array([0.0, -1.0])
-    found = modes(body, np.array([1.0, 0.0]), rates, none(2), none(2))
+    found = quiet(body, np.array([1.0, 0.0]), rates)
     assert found.mode == (OFF, OFF)
     assert not found.paradox
 
@@ -49,11 +54,9 @@ def test_what_could_lift_off_or_jam_lifts_off():
 def test_a_box_on_two_corners_shares_its_friction():
     # Both slips are the same row: the bounds add up, and each keeps to its own.
     rows = [[0.0, 1.0, -1.0], [1.0, 0.0, 0.5], [0.0, 1.0, 1.0], [1.0, 0.0, 0.5]]
-    kinds, normals = [CONTACT, SLIP] * 2, [-1, 0, -1, 2]
-    body = closed([1.0, 1.0, 0.4], rows, kinds, normals, mu=0.5)
+    body = touching([1.0, 1.0, 0.4], rows, 1, mu=0.5)
     for pull, mode in ((4.9, REDUNDANT), (5.1, SLIDING)):
-        free = np.asarray(rows) @ [pull, -10.0, 0.0]
-        found = modes(body, free, none(4), none(4), none(4))
+        found = quiet(body, np.asarray(rows) @ [pull, -10.0, 0.0])
         p = found.multipliers
         assert found.mode.count(mode) == (1 if mode is REDUNDANT else 2)
         assert p[1] + p[3] == pytest.approx(-min(pull, 5.0), rel=1e-14)
@@ -64,14 +67,13 @@ def test_a_box_on_two_corners_shares_its_friction():
 
 
 def test_a_bound_within_rounding_holds_unless_forces_grow():
-    body = closed([1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.5)
+    body = touching([1.0, 1.0], [[0, 1], [1, 0]], 1, mu=0.5)
     free = np.array([-10.0, 5.0 + 1e-13])
     # The weight may grow as well: by twice as much as the pull, it holds.
     for weight, mode in ((0.0, SLIDING), (1.9, SLIDING), (2.1, HELD)):
-        ahead = rates(-weight, 1.0)
-        found = modes(body, free, none(2), np.full(2, 1e-12), none(2), ahead)
+        found = quiet(body, free, roundoff=1e-12, ahead=ahead(-weight, 1.0))
         assert found.mode == (HELD, mode)
-    assert modes(body, free, none(2), np.full(2, 1e-12), none(2)).mode == (HELD, HELD)
+    assert quiet(body, free, roundoff=1e-12).mode == (HELD, HELD)
 
 
 def test_what_is_tied_goes_on_to_bear_where_others_give_way():
@@ -81,8 +83,8 @@ def test_what_is_tied_goes_on_to_bear_where_others_give_way():
     """
     rows = [[0.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [1.0, 0.0]]
     body = closed([1.0, 1.0], rows, [Kind.LIMITED] * 4, mu=1.0)
-    free = np.array([2.5, 2.5, 2.5, 0.0])
-    found = modes(body, free, none(4), none(4), none(4), rates(1.0, 1.0, 1.0, 0.0))
+    growing = ahead(1.0, 1.0, 1.0, 0.0)
+    found = quiet(body, np.array([2.5, 2.5, 2.5, 0.0]), ahead=growing)
     assert sorted(found.mode) == [HELD, HELD, REDUNDANT, REDUNDANT]
     assert found.multipliers[0] + found.multipliers[1] + found.multipliers[2] == -2.5
 
@@ -91,10 +93,9 @@ def test_rows_at_a_small_angle_both_hold():
     # 1e-8 apart: a second row of its own, which D alone could not tell.
     rows = [[1.0, 0.0], [1.0, 1e-8]]
     body = closed([1.0, 1.0], rows, [Kind.TIMED] * 2)
-    found = modes(body, np.array([-1.0, -1.0 - 1e-8]), none(2), none(2), none(2))
-    assert found.mode == (HELD, HELD)
+    assert quiet(body, np.array([-1.0, -1.0 - 1e-8])).mode == (HELD, HELD)
     twice = closed([1.0, 1.0], [rows[0], rows[0]], [Kind.TIMED] * 2)
-    found = modes(twice, np.array([-1.0, -1.0]), none(2), none(2), none(2))
+    found = quiet(twice, np.array([-1.0, -1.0]))
     assert found.mode == (HELD, REDUNDANT)
     assert found.multipliers == pytest.approx([1.0, 0.0])
 
@@ -103,11 +104,137 @@ def test_a_row_on_which_nothing_acts_is_off():
     # The contact is along what an equality holds.
     body = closed([1.0, 1.0], [[1.0, 0.0]], [CONTACT], A=[[2.0, 0.0]])
     assert body.D.tolist() == [[0.0]]
-    found = modes(body, none(1), none(1), none(1), none(1))
-    assert found.multipliers.tolist() == [0.0]
+    assert quiet(body, none(1)).multipliers.tolist() == [0.0]
 
 
 def test_two_rows_that_contradict_are_no_motion():
     body = closed([1.0], [[1.0], [1.0]], [Kind.TIMED] * 2)
-    found = modes(body, np.array([1.0, 2.0]), none(2), none(2), none(2))
-    assert found.paradox
+    assert quiet(body, np.array([1.0, 2.0])).paradox
+
+
+CUBE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 2 / 3])
+
+
+@pytest.mark.parametrize(
+    "pull",
+    [
+        # Its weight is 10 and mu 0.5: it rests while |(x, y)| < 5, and does not tilt.
+        (0.0, 0.0, 0.0), (3.0, 2.0, 0.0), (4.0, 2.9, 0.0), (-2.0, 4.5, 0.0),
+        # Turned about its middle, each leg bears 2.5 and has an arm of sqrt 2.
+        (0.0, 0.0, 3.0), (0.0, 0.0, 7.0), (1.0, 1.0, 3.0),
+    ],
+)  # fmt: skip
+def test_a_box_rests_on_four_legs(pull):
+    """A cube of side 2, half as high, on its four corners."""
+    corners = ((-1, -1, -0.5), (-1, 1, -0.5), (1, -1, -0.5), (1, 1, -0.5))
+    axes = np.eye(3)[[2, 0, 1]]
+    rows = np.array([[*x, *np.cross(corner, x)] for corner in corners for x in axes])
+    body = touching(CUBE, rows, 2, mu=0.5)
+    force = np.array([*pull[:2], -10.0, 0.0, 0.0, pull[2]])
+    found = quiet(body, rows @ (force / CUBE))
+    assert not found.paradox
+    assert set(found.mode[::3]) <= {HELD, REDUNDANT}
+    assert found.mode.count(HELD) == 6
+    assert REDUNDANT in found.mode
+    assert rows.T @ found.multipliers == pytest.approx(-force, abs=1e-12)
+    p = found.multipliers.reshape(-1, 3)
+    assert p[:, 0].min() >= 0.0
+    assert (np.hypot(p[:, 1], p[:, 2]) <= 0.5 * p[:, 0] + 1e-12).all()
+    for k, mode in enumerate(found.mode):
+        if mode is REDUNDANT:
+            n = body.normals[k]
+            bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
+            assert found.multipliers[k] == pytest.approx(found.direction[k] * bound)
+
+
+# --- random contacts, each with one slip or none --------------------------------------
+
+
+def misplaced(body, found, w, rates, slack):
+    """Give the rows that do not what their modes say."""
+    rows = []
+    for k, (mode, p, n) in enumerate(
+        zip(found.mode, found.multipliers, body.normals, strict=True)
+    ):
+        turns = found.direction[k]
+        if mode is OFF:
+            wrong = p != 0.0
+        elif mode is SLIDING:
+            against = turns == -np.sign(rates[k]) if rates[k] else turns * w[k] <= slack
+            full = abs(p - turns * body.bounds[k] * found.multipliers[n]) <= slack
+            wrong = not (against and full)
+        else:
+            wrong = bool(n >= 0 and rates[k]) or abs(w[k]) > slack
+        rows += [k] if wrong else []
+    return rows
+
+
+@pytest.mark.parametrize("slips", [0, 1])
+def test_laws_hold_on_every_edge(slips):
+    """Of small whole numbers, full of ties and of dependent rows."""
+    dependent = 0
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        count, n = random.integers(1, 7), random.integers(2, 8)
+        rows = random.integers(-1, 2, size=((1 + slips) * count, n)).astype(float)
+        body, rates = touching(np.ones(n), rows, slips, mu=0.5), none(len(rows))
+        if slips and seed % 2:
+            rates[1::2] = random.integers(-1, 2, size=count)
+        free = rows @ random.integers(-3, 4, size=n)
+        found = quiet(body, free, rates)
+        if found.paradox:
+            # One of them has a solution, which pivots find at the third attempt.
+            assert rates.any()
+            assert seed != 73
+            continue
+        p = found.multipliers
+        w = body.D @ p + free
+        # What has a rate slides that way, whatever its acceleration.
+        w_then = np.where(rates != 0.0, np.sign(rates), w)
+        assert not broken(body, p, w_then, ROUNDING), seed
+        assert not misplaced(body, found, w, rates, ROUNDING), seed
+        held = [k for k, mode in enumerate(found.mode) if mode is HELD]
+        assert not held or np.linalg.matrix_rank(rows[held]) == len(held)
+        dependent += REDUNDANT in found.mode
+    # The scenes are what they are meant to be.
+    assert dependent > 40
+
+
+def test_static_friction_that_is_more_than_dynamic():
+    # In two of these scenes what begins to slide would be pushed back at once.
+    for seed in [*range(40), 73, 133]:
+        random = np.random.default_rng(seed)
+        count, n = int(random.integers(2, 4)), int(random.integers(3, 7))
+        rows = random.normal(size=(2 * count, n))
+        body = touching(np.ones(n), rows, 1, mu=0.2, static=0.6)
+        free = rows @ random.normal(size=n)
+        found = quiet(body, free)
+        w = body.D @ found.multipliers + free
+        slides = np.array([mode is SLIDING for mode in found.mode])
+        mu = np.where(slides, body.bounds, body.statics)
+        assert not broken(body, found.multipliers, w, ROUNDING, mu), seed
+        assert not misplaced(body, found, w, none(2 * count), ROUNDING), seed
+
+
+@pytest.mark.parametrize("count", [1, 12, pytest.param(50, marks=pytest.mark.slow)])
+def test_a_column_of_boxes_rests_under_its_weight(count):
+    """Flat boxes on each other: two corners each, with slips."""
+    rows = []
+    for box in range(count):
+        for side in (-1.0, 1.0):
+            for row in ([0.0, 1.0, side], [1.0, 0.0, 0.5]):
+                both = np.zeros((count, 3))
+                both[box] = row
+                if box:  # a box is as high above the one below as below its own middle
+                    both[box - 1] = -np.array(row) * [1.0, 1.0, 1.0 if row[1] else -1.0]
+                rows.append(both.ravel())
+    rows = np.array(rows)
+    body = touching(np.tile([1.0, 1.0, 5.0 / 12.0], count), rows, 1, mu=0.5)
+    found = quiet(body, rows @ np.tile([0.0, -1.0, 0.0], count))
+    above = np.repeat(np.arange(count, 0, -1), 2)
+    # A column that tilts: the condition of D grows as the fourth power of its length.
+    known = 2.0**-53 * count**4 + 1e-14
+    assert found.multipliers[::2] == pytest.approx(above / 2.0, abs=known)
+    # Each body is held by two normals and one slip; the other slip is the same row.
+    assert found.mode.count(HELD) == 3 * count
+    assert found.mode.count(REDUNDANT) == count
