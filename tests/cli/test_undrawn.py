@@ -102,31 +102,25 @@ def test_rows_are_in_their_place_before_anything_is_drawn(
 def test_a_sweep_keeps_its_rows(lagsim, write, monkeypatch):
     monkeypatch.setattr("lagsim.studies.sweep.chart.chart", broken)
     call = ("sweep", write(PENDULUM), "l=1,2", "-o", "out", "--jobs", "1")
-    called = lagsim(*call, code=0)
-    assert "`sweep.png` could not be drawn" in called.err
+    assert "`sweep.png` could not be drawn" in lagsim(*call, code=0).err
     assert names("out") == ["sweep.csv", "sweep.json"]
     document = read("out/sweep.json")
     assert [w["code"] for w in document["warnings"]] == ["not-drawn"]
     assert sorted(document["files"]) == names("out")
 
 
-def test_a_comparison_keeps_its_verdict(lagsim, write, monkeypatch):
-    monkeypatch.setattr("lagsim.studies.comparison_chart.picture", broken)
-    write(PENDULUM)
-    for way in ("one", "two"):
-        assert lagsim("run", "model.yaml", "-o", way, "--no-plots").code == 0
-    called = lagsim("compare", "one", "two", "--plot", "apart.png", code=0)
-    assert "`apart.png` could not be drawn" in called.err
+STORED = {
+    "lagsim.studies.comparison_chart.picture": "compare out out --plot seen.png",
+    "lagsim.studies.overlay.picture": "overlay out out -o seen.png",
+    "lagsim.studies.spectrum.Spectrum.plot": "spectrum out theta -o seen.png",
+}
 
 
-@pytest.mark.parametrize(
-    "call", [("overlay", "out", "out"), ("spectrum", "out", "theta")]
-)
-def test_what_is_drawn_of_stored_rows_may_fail_too(lagsim, write, monkeypatch, call):
-    assert lagsim("run", write(PENDULUM), "-o", "out", "--no-plots").code == 0
-    monkeypatch.setattr("lagsim.studies.overlay.picture", broken)
-    monkeypatch.setattr("lagsim.studies.spectrum.Spectrum.plot", broken)
-    called = lagsim(*call, "-o", "seen.png", code=0)
-    assert "`seen.png` could not be drawn" in called.err
-    assert "[W403]" in called.err
-    assert not Path("seen.png").exists()
+def test_what_is_drawn_of_stored_rows_may_fail_too(lagsim, write, monkeypatch):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots", code=0)
+    for place, line in STORED.items():
+        monkeypatch.setattr(place, broken)
+        called = lagsim(*line.split(), code=0)
+        assert "`seen.png` could not be drawn" in called.err
+        assert "[W403]" in called.err
+        assert not Path("seen.png").exists()

@@ -71,23 +71,24 @@ def test_slopes(text, x, expected):
     assert slope(text, x) == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("text", "x", "expected"),
-    [
-        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0), ("max(0, x)^2.5", 0.0, 0.0),
-        ("max(0, x)^2.5", 4.0, 7.5), ("max(1, sqrt(x))", 0.0, 0.0),
-        ("if(x > 0, x^2, x^3)", 0.0, 0.0), ("abs(x)*x", -1.0, -2.0),
-    ],
-)  # fmt: skip
-def test_second_slopes(text, x, expected):
-    assert slope(text, x, order=2) == pytest.approx(expected, rel=1e-14)
-
-
-def test_exponents_that_are_parameters():
+# Texts, x, slopes of a higher order, and parameters.
+OTHER_SLOPES = [
+    ("if(x > 0, sqrt(x), 0)", 0.0, 0.0, {"order": 2}),
+    ("max(0, x)^2.5", 0.0, 0.0, {"order": 2}),
+    ("max(0, x)^2.5", 4.0, 7.5, {"order": 2}),
+    ("max(1, sqrt(x))", 0.0, 0.0, {"order": 2}),
+    ("if(x > 0, x^2, x^3)", 0.0, 0.0, {"order": 2}),
+    ("abs(x)*x", -1.0, -2.0, {"order": 2}),
     # Hertz's contact: k*d^n, n an input, at the first touch.
-    assert slope("k*max(0, x)^n", 0.0, k=3.0, n=1.5) == 0.0
-    assert slope("k*x^n", 4.0, k=3.0, n=2.0) == 24.0
-    assert slope("k*x^n", -4.0, k=3.0, n=2.0) == -24.0
+    ("k*max(0, x)^n", 0.0, 0.0, {"k": 3.0, "n": 1.5}),
+    ("k*x^n", 4.0, 24.0, {"k": 3.0, "n": 2.0}),
+    ("k*x^n", -4.0, -24.0, {"k": 3.0, "n": 2.0}),
+]
+
+
+@pytest.mark.parametrize(("text", "x", "expected", "more"), OTHER_SLOPES)
+def test_second_slopes_and_exponents_that_are_parameters(text, x, expected, more):
+    assert slope(text, x, **more) == pytest.approx(expected, rel=1e-14)
 
 
 def test_gradient_keeps_order_and_absent_variables():

@@ -278,12 +278,9 @@ def everything(strips):
 def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
     drawing = drawn(stability, strips)
     assert_legible(drawing)
-    said = " ".join(drawing.written())
-    assert re.search(r"Found with lagsim .* numpy ", said)
-
-
-@pytest.mark.slow
-def test_every_text_of_a_crowd_does(strips):
+    assert re.search(r"Found with lagsim .* numpy ", " ".join(drawing.written()))
+    for form, begins in (("pdf", b"%PDF"), ("svg", b"<?xml")):
+        assert stability(strips, form).startswith(begins)
     drawing = drawn(stability, everything(strips))
     assert_legible(drawing)
     assert set(VERDICTS) <= set(drawing.written())
@@ -303,12 +300,6 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     assert not any("…" in label for label in labels)
     # Between the values of k that were tried: 2 √2 and 2 over the file's ω = 2.
     assert {"h = 1.41 s (border)", "h = 1 s (border)"} <= set(drawing.written())
-
-
-@pytest.mark.slow
-def test_it_is_drawn_for_print(strips):
-    assert stability(strips, "pdf").startswith(b"%PDF")
-    assert stability(strips, "svg").startswith(b"<?xml")
 
 
 def test_verdicts_are_told_apart_in_grey():

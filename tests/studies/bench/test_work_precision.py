@@ -78,7 +78,7 @@ def test_the_error_of_rk4_is_that_of_its_amplification(measured):
 
 
 @pytest.mark.slow
-def test_tighter_tolerances_give_smaller_errors(measured):
+def test_tighter_tolerances_give_smaller_errors_and_rows_of_auto_are_marked(measured):
     for method in ("dop853", "scipy:LSODA"):
         errors = [row["error"] for row in rows(measured, method)]
         assert len(errors) == 5
@@ -86,10 +86,6 @@ def test_tighter_tolerances_give_smaller_errors(measured):
         for error, rtol in zip(errors, decades((1e-4, 1e-8)), strict=True):
             assert error < 1e3 * rtol
         assert errors[-1] < 1e-2 * errors[0]
-
-
-@pytest.mark.slow
-def test_the_rows_of_what_auto_takes_are_marked(measured):
     # The oscillator is linear: one exponential from row to row.
     taken = [(r["method"], r["value"]) for r in measured["rows"] if r["chosen"]]
     assert taken == [("exponential", 0.1)]
