@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 247
 LINES = 75_500
-LINES_OF_TESTS = 57_300
+LINES_OF_TESTS = 57_240
 
 
 def lines(folder):
