@@ -196,3 +196,21 @@ simulation: {{duration: 4, output_step: 0.01, method: {method}}}
     # The way in is as deep as the energy lets it be.
     deepest = 1.0 + 0.01**0.4
     assert np.max(found["x"]) == pytest.approx(deepest, abs=1e-4)
+
+
+BALLS = """
+coordinates: {a: {}, b: {}, c: {}}
+energy: {kinetic: (a_dot^2 + b_dot^2 + c_dot^2)/2, potential: 0}
+forces:
+  a: -if(a + 1 - b <= 0, 0, (a + 1 - b)^1.5)
+  b: if(a + 1 - b <= 0, 0, (a + 1 - b)^1.5) - if(b + 1 - c <= 0, 0, (b + 1 - c)^1.5)
+  c: if(b + 1 - c <= 0, 0, (b + 1 - c)^1.5)
+initial: {a: 0, a_dot: 51, b: 1, b_dot: 50, c: 2, c_dot: 50}
+simulation: {duration: 4, output_step: 0.2}
+"""
+
+
+def test_rows_are_written_where_a_step_ends_as_its_search_takes_too_long():
+    found = run(BALLS)
+    mean = (found["a"] + found["b"] + found["c"]) / 3
+    assert mean == pytest.approx(1.0 + 151.0 / 3.0 * found["t"], abs=1e-10)

@@ -50,3 +50,21 @@ def test_flights_do_not_end_by_the_rounding_of_the_time(e):
     found = run(text.format(at=0.0, speed=1e7, start=1e3, hertz=1e3, method="auto"))
     assert found.trajectory.event_counts["impact"] == 2
     assert found.trajectory.statistics.arcs == 3
+
+
+@pytest.mark.parametrize("floor", [0, 1000, -3000])
+def test_a_rod_falls_onto_a_floor_far_away_once(floor):
+    # Without restitution it strikes once: at the height to which rounding has put it,
+    # its foot is as much at rest as where it struck.
+    text = f"""
+parameters: {{Y: {floor}}}
+coordinates: {{x: {{}}, y: {{}}, a: {{}}}}
+definitions: {{gap: y - Y - cos(a)/2, foot: x - sin(a)/2}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2 + a_dot^2/24, potential: 9.81*(y - Y)}}
+constraints:
+  floor: {{relation: gap >= 0, restitution: 0, friction: 0.2, slip: foot_dot}}
+initial: {{x: 0, y: Y + 0.552, a: 0.498, x_dot: 0.2, y_dot: -0.3, a_dot: 2.51}}
+simulation: {{duration: 0.5, output_step: 0.1}}
+"""
+    found = run(text)
+    assert [event.kind for event in found.trajectory.events] == ["impact", "contact"]

@@ -467,3 +467,39 @@ def test_faults_of_a_planar_brake(law, code, at):
     assert found.code == code
     line = text.splitlines()[found.place.line - 1]
     assert line[found.place.column - 1 :].startswith(at)
+
+
+def test_a_disc_that_stops_beside_a_table_stops_once():
+    # The springs push by less than the brake holds: what has come to rest stays there.
+    found = play("""
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: (x_dot^2 + 1.3*y_dot^2 + 0.4*x_dot*y_dot)/2
+  potential: 10*x^2 + 5*(x - y)^2
+tables: {force: {points: [[-1, 1], [0, 0], [1, -1.2]], interpolation: monotone}}
+forces: {x: force(x)}
+constraints: {brake: {relation: [x_dot = 0, y_dot = 0], limit: 8}}
+initial: {x: 0.1, x_dot: 0.4, y: 0.05, y_dot: 0.3}
+simulation: {duration: 1, output_step: 0.1}
+""")
+    assert [event.kind for event in found.result.events] == ["stick"]
+
+
+def test_a_disc_stops_whenever_its_clock_began():
+    # At t = 1e6 a rounding of the time changes its speed by 4e-9, late in its turn.
+    text = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy:
+  kinetic: (x_dot^2 + 1.49*y_dot^2 - 0.49*x_dot*y_dot)/2
+  potential: 60*x^2 + 30*(x - y)^2
+constraints: {{brake: {{relation: [x_dot = 0, y_dot = 0], limit: 8.5}}}}
+initial: {{x: 0.05, x_dot: -0.29, y: 0.05, y_dot: 0.32}}
+simulation: {{start: {start}, duration: 1, output_step: 0.1}}
+"""
+    first, *later = (play(text.format(start=start)) for start in (0, 1e4, 1e6))
+    for found in later:
+        assert [e.kind for e in found.result.events] == [
+            e.kind for e in first.result.events
+        ]
+        assert found["x"][-1] == pytest.approx(first["x"][-1], abs=1e-10)
+        assert found["y"][-1] == pytest.approx(first["y"][-1], abs=1e-10)

@@ -340,3 +340,77 @@ def test_many_impacts_without_loss_gain_nothing():
     assert len(found.times("impact")) > 20
     assert "impact-energy" not in [w.code for w in found.result.warnings]
     close(found["energy"], np.full(len(found.t), found["energy"][0]))
+
+
+JAMMED = """
+parameters: {L: LENGTH, d: 0.368*L}
+coordinates: {x: {}, q: {}}
+definitions: {u: x + 0.375*L*sin(q), h: -0.375*L*cos(q)}
+energy:
+  kinetic: (0.352*x_dot^2 + 1.029*(u_dot^2 + h_dot^2))/2
+  potential: 1.029*9.81*L*h
+forces: {x: (7.52*sin(5.14*t) - 4.22*sign(x_dot))*L}
+constraints: {floor: {relation: h >= -d, restitution: 0.5, friction: 0.2, slip: u_dot}}
+initial: {x: 0.04*L, q: -0.255, q_dot: -0.384}
+simulation: {duration: 1, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize("length", ["1", "1000"])
+def test_a_rod_that_jams_between_a_cart_and_a_floor_rests(length):
+    """Its angle from the vertical has a tangent of 0.196, below the friction of 0.2."""
+    found = play(JAMMED.replace("LENGTH", length))
+    late = found.t > 0.7
+    assert found["q"][late] == pytest.approx(-np.arccos(0.368 / 0.375), abs=1e-9)
+    assert found["x_dot"][late] == pytest.approx(0.0, abs=1e-12 * float(length))
+
+
+@pytest.mark.parametrize(("c", "s"), [(1, 0), (0.8, 0.6)])
+def test_dry_friction_beside_a_limit_adds_to_it(c, s):
+    # Coulomb: `sign` and `limit` on one slip hold it together, by the sum of both.
+    text = """
+parameters: {{F1: 8, F2: 2.4}}
+coordinates: {{r(1..2): {{components: xyz}}}}
+definitions: {{slip: "{c}*r_dot(2).x + {s}*r_dot(2).y"}}
+gravity: [{s}*-3, {c}*3, -9]
+bodies: {{b(i = 1..2): {{mass: 1 + i/4, at: r(i)}}}}
+energy: {{kinetic: bodies, potential: bodies}}
+forces: {{slip: "4*sin(5*t) - {force}"}}
+constraints:
+  rod: norm(r(1)) = 0.4
+  bar: norm(r(2) - r(1)) = 0.4
+  hold: {{relation: slip = 0, limit: {limit}}}
+initial: {{r(1): [0.24, 0, 0.32], r(2): [0, 0.32, 0.32]}}
+simulation: {{duration: 1, output_step: 0.1}}
+"""
+    two, one = (
+        play(text.format(c=c, s=s, force=force, limit=limit))
+        for force, limit in (("F2*sign(slip)", "F1"), ("0", "F1 + F2"))
+    )
+    assert len(two.result.events) <= 3 * len(one.result.events) + 3
+    for name in ("r.1.x", "r.2.x", "r.2.y", "r_dot.2.z"):
+        assert two[name] == pytest.approx(one[name], abs=1e-10)
+
+
+def test_dry_friction_of_a_floor_and_of_a_switch_add_until_it_lifts_off():
+    # Coulomb: together they hold the slip by 0.2*10 + 0.5 = 0.25*10 N, until the block
+    # is lifted at t = 3.3.
+    text = """
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: 10*z}}
+forces: {{x: "3*sin(3*t) - {force}", z: "if(t < 3.3, 0, 12)"}}
+constraints:
+  floor: {{relation: z >= 0, restitution: 0, friction: {mu}, slip: x_dot}}
+initial: {{x: 0, z: 0, x_dot: 0.4}}
+simulation: {{duration: 5, output_step: 0.1}}
+"""
+    two, one = (
+        play(text.format(force=force, mu=mu))
+        for force, mu in (
+            ("0.5*sign(x_dot)", 0.2),
+            ("if(t < 3.3, 0, 0.5*sign(x_dot))", 0.25),
+        )
+    )
+    assert len(two.result.events) <= 20
+    for name in ("x", "z", "x_dot"):
+        assert two[name] == pytest.approx(one[name], abs=1e-10)
