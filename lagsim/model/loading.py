@@ -164,12 +164,14 @@ class _Builder:
         return self.root
 
     def _fault(
-        self, code: str, text: str, where: Place | yaml.Event, hint: str = ""
+        self, code: str, text: str, where: Node | yaml.Event, hint: str = ""
     ) -> None:
         if isinstance(where, yaml.Event):
             start, end = _span(where)
-            where = self.source.place(start, max(1, end - start))
-        self.problems.append(Problem(code, text, where, hint))
+            place = self.source.place(start, max(1, end - start))
+        else:
+            place = where.place
+        self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
         """Take the beginning of a node; give False where that goes too far."""
@@ -237,15 +239,15 @@ class _Builder:
             if isinstance(key, Broken):
                 continue
             if not isinstance(key, Scalar):
-                self._fault("complex-key", "a key must be a plain text", key.place)
+                self._fault("complex-key", "a key must be a plain text", key)
             elif key.text == "<<" and not key.style:
                 text = "`<<` is a merge key of YAML, which models do not use"
-                self._fault("merge-key", text, key.place, "write the entries out")
+                self._fault("merge-key", text, key, "write the entries out")
             elif key.text in found:
                 first, above = found[key.text]
                 text = f"the key `{key.text}` is given twice"
                 hint = f"the first is in line {first.place.line}"
-                self._fault("duplicate-key", text, key.place, hint)
+                self._fault("duplicate-key", text, key, hint)
                 if isinstance(above, Mapping) and isinstance(value, Mapping):
                     # as one, so that no name in them is missed
                     both = Mapping(above.entries + value.entries, above.place)

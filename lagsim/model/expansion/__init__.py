@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim import limits
 from lagsim.language.names import HIDDEN, in_file
@@ -57,11 +57,13 @@ _SIZED = ("definitions", "parameters")
 _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
 _MATRIX = 6
-_COMPONENTS = {"xy": 2, "xyz": 3}
+_COMPONENTS = ("xy", "xyz")
 _NAME = re.compile(r"[^\W\d_]\w*")
 _COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 
 
+# What makes a node of another at some keys, or at each, `*`; or at once.
+Rules: TypeAlias = "Callable[[Node, Reading], Node] | dict[str, Any] | None"
 Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
 
@@ -150,11 +152,20 @@ class Expansion:
         letters = ("",) if single else trees.components(len(parts))
         names = [dotted(f"{HIDDEN}{name}", (), letter) for letter in letters]
         for full, part in zip(names, parts, strict=True):
-            reading = Made(self.scope, trees.parsed(part, at.text))
-            key = at._replace(text=full, reading=reading)
-            self.hidden.append((key, at._replace(reading=reading)))
+            self.hidden.append(self.made(full, trees.parsed(part, at.text), at))
         found = tuple(trees.name(full) for full in names)
         return found[0] if single else found
+
+    def made(
+        self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
+    ) -> Entry:
+        """Entry that the file does not write, read as it is; `at` is why it is there.
+
+        `text`: of its value, where it is not that of `at`.
+        """
+        reading = Made(self.scope, parsed)
+        value = at._replace(text=text or at.text, reading=reading)
+        return value._replace(text=name), value
 
     def _sections(self) -> dict[str, Node]:
         """Return sections that are written out."""
@@ -176,7 +187,7 @@ class Expansion:
             new[section] = self._referring(section, self._entries(section))
         events: dict[str, Family] = {}
         new["events"] = [
-            (key, self.by_keys(node, reading, {"set": self._sets}))
+            (key, self.bound(node, reading, {"set": self._sets}))
             for entry in self._entries("events")
             for key, reading, node in self._named(*entry, events)
         ]
@@ -189,7 +200,13 @@ class Expansion:
             elif entries:  # which the file does not write
                 found[section] = Mapping(tuple(entries), entries[0][0].place)
         if "output" in self._top:
-            found["output"] = self._output(self._top["output"])
+            rules = {
+                "columns": self._names,
+                "reactions": self._names,
+                "plots": {"y": self._axis, "y2": self._axis},
+                "sections": {"*": {"plot": self._names}},
+            }
+            found["output"] = self.bound(self._top["output"], None, rules)
         scene = self._top.get("scene")
         if scene or self._drawn:
             found["scene"] = self._scene(scene)
@@ -229,59 +246,43 @@ class Expansion:
                 named = parsed.subscripts or what == "a frame"
                 if named and parsed.name in CALLED:
                     text = f"`{parsed.name}` is a function and cannot be {what}"
-                    self.report("reserved-name", text, key.place)
+                    self.report("reserved-name", text, key)
                     return None
                 return parsed, self._members(parsed, {})
             text = f"`{key.text}` cannot be the name of {what}"
-            self.report("bad-name", text, key.place, "such as arm or link(i = 1..n)")
+            self.report("bad-name", text, key, "such as arm or link(i = 1..n)")
         except ExpressionError as fault:
             self.fault(fault, key)
         return None
-
-    def made(
-        self, name: str, text: str, parsed: Parsed | ParsedRelation, at: Scalar
-    ) -> Entry:
-        """Entry of a section that the file does not write; `at` is why it is there."""
-        reading = Made(self.scope, parsed)
-        key = at._replace(text=name, reading=reading)
-        return key, at._replace(text=text, reading=reading)
-
-    def made_scalar(self, tree: trees.Tree, at: Scalar) -> Scalar:
-        """Return a scalar that is read as a tree."""
-        reading = Made(self.scope, trees.parsed(tree, ""))
-        return at._replace(text=f"{HIDDEN}{at.text}", reading=reading)
 
     def _entries(self, section: str) -> tuple[Entry, ...]:
         """Return the entries of a section."""
         return entries_of(self._top.get(section))
 
-    def bound(self, node: Node, reading: Reading | None = None) -> Node:
-        """Return a node whose scalars are read for a member, or outside of families."""
+    def bound(
+        self, node: Node, reading: Reading | None = None, rules: Rules = None
+    ) -> Node:
+        """Return a node whose scalars are read for a member, or outside of families.
+
+        What stands at some keys, of it or of the items of a list, is made by `rules`.
+        """
         reading = reading or self.plain
+        if callable(rules):
+            return rules(node, reading)
         if isinstance(node, Scalar):
             return node._replace(reading=reading)
         if isinstance(node, Sequence):
-            return node._replace(
-                items=tuple(self.bound(n, reading) for n in node.items)
-            )
+            items = tuple(self.bound(n, reading, rules) for n in node.items)
+            return node._replace(items=items)
         if isinstance(node, Mapping):
-            return self.by_keys(node, reading, {"slip": self.spread})
+            rules = rules or {"slip": self.spread}
+            every = rules.get("*")
+            entries = (
+                (k, self.bound(v, reading, rules.get(k.text, every)))
+                for k, v in node.entries
+            )
+            return node._replace(entries=tuple(entries))
         return node
-
-    def by_keys(
-        self,
-        node: Node,
-        reading: Reading,
-        rules: MappingType[str, Callable[[Node, Reading], Node]],
-    ) -> Node:
-        """Return a mapping in which rules make what stands at some keys."""
-        if not isinstance(node, Mapping):
-            return self.bound(node, reading)
-        entries = []
-        for key, value in node.entries:
-            rule = rules.get(key.text, self.bound)
-            entries.append((key, rule(value, reading)))
-        return node._replace(entries=tuple(entries))
 
     # Keys, and their members
 
@@ -316,7 +317,7 @@ class Expansion:
             return None
         text = f"`{key.text}` is the name of a column"
         hint = f"in a file the member is `{in_file(key.text)}`"
-        self.report("expression-member", text, key.place, hint)
+        self.report("expression-member", text, key, hint)
         return parsed_key(in_file(key.text))
 
     def _members(self, key: Key, outer: Indices) -> Members:
@@ -366,11 +367,9 @@ class Expansion:
         if broken:
             family.broken = True
             return None
-        if section == "coordinates":
-            family.letters = self._components(node)
-            if not _is_coordinate(node):  # the reader says why
-                family.broken = True
-                self.broken.add(name)
+        if section == "coordinates" and not self._has_components(family, node):
+            family.broken = True
+            self.broken.add(name)
         if indexed and not self._may_be(name, family, section, key):
             return None
         return self._join(_Given(key, node, family, "{}", parsed, members))
@@ -379,11 +378,11 @@ class Expansion:
         """Report a family whose name is another's already."""
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
-            self.report("reserved-name", text, key.place)
+            self.report("reserved-name", text, key)
         elif (family.section, family.indexed) != (section, True):
             text = f"`{name}` is given already in `{family.section}` and cannot be a "
             hint = f"the first is in line {family.place.line}"
-            self.report("name-clash", f"{text}family too", key.place, hint)
+            self.report("name-clash", f"{text}family too", key, hint)
         else:
             return True
         family.broken = True
@@ -399,13 +398,13 @@ class Expansion:
         counts = {len(m) for m in family.members} | {len(m) for _, m in members}
         if len(counts) > 1:
             text = f"members of `{family.name}` have {min(counts)} or {max(counts)} "
-            self.report("wrong-count", f"{text}subscripts", one.key.place)
+            self.report("wrong-count", f"{text}subscripts", one.key)
             return None
         again = next((m for _, m in members if m in family.members), None)
         if again is not None:
             name = dotted(family.name, again)
             text = f"the member `{name}` of `{family.name}` is given twice"
-            self.report("duplicate-member", text, one.key.place)
+            self.report("duplicate-member", text, one.key)
             return None
         family.members.update(m for _, m in members)
         self._count += len(members)
@@ -442,20 +441,17 @@ class Expansion:
         """Find the sizes of definitions, each after those that it uses."""
         waiting, before = [one for one in given if one.members], -1
         while len(waiting) != before:
-            before = len(waiting)
-            waiting = [one for one in waiting if not self._resolved(one)]
+            before, tried, waiting = len(waiting), waiting, []
+            for one in tried:
+                try:
+                    letters = self._letters(one)
+                except UnresolvedError:
+                    waiting.append(one)
+                    continue
+                if not one.family.resolved:
+                    one.family.letters, one.family.resolved = letters, True
         for one in given:
             one.family.resolved = True
-
-    def _resolved(self, one: _Given) -> bool:
-        """Return whether the size of a definition could be found."""
-        try:
-            letters = self._letters(one)
-        except UnresolvedError:
-            return False
-        if not one.family.resolved:
-            one.family.letters, one.family.resolved = letters, True
-        return True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
         """Return components of what an entry gives its first member."""
@@ -482,18 +478,22 @@ class Expansion:
         if section == "constraints":
             parser = parse_relation
         size = self.scope.size(node.text, parser, one.members[0][0])
-        one.family.broken |= size == 0 and section in _SIZED
+        one.family.broken |= size < 1 and section in _SIZED
         return trees.components(size) if size > 1 else ()
 
-    def _components(self, given: Node) -> tuple[str, ...]:
-        """Return the components that a coordinate is said to have."""
-        for key, node in entries_of(given):
-            if key.text == "components" and isinstance(node, Scalar):
-                if node.text in _COMPONENTS:
-                    return trees.components(_COMPONENTS[node.text])
-                text = f"`components` must be `xy` or `xyz`, found `{node.text}`"
-                self.report("expression-component", text, node.place)
-        return ()
+    def _has_components(self, family: Family, node: Node) -> bool:
+        """Note components of a coordinate; return whether all can be read of it."""
+        below = {key.text: value for key, value in entries_of(node)}
+        if named := below.get("components"):
+            text = named.text if isinstance(named, Scalar) else ""
+            family.letters = tuple(text) if text in _COMPONENTS else ()
+            if isinstance(named, Scalar) and not family.letters:
+                about = f"`components` must be `xy` or `xyz`, found `{text}`"
+                self.report("expression-component", about, named)
+            return bool(family.letters)
+        known = all(k in ("unit", "description") or k.startswith("x-") for k in below)
+        empty = isinstance(node, Scalar) and node.empty
+        return empty or (known and isinstance(node, Mapping))
 
     def _with_unit(self, node: Sequence) -> bool:
         """Return whether a list is a number with its unit, which the reader refuses."""
@@ -529,7 +529,7 @@ class Expansion:
         if len(values) != len(one.members):
             text = f"`{key.text}` has {len(one.members)} members, and the list "
             hint = "a list beside a range has one value a member"
-            self.report("wrong-count", f"{text}{len(values)} values", inner.place, hint)
+            self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         name = one.form.format(one.family.name)
         if not (letters or parsed.subscripts):
@@ -559,7 +559,7 @@ class Expansion:
                 new = self.bound(inner.items[reading.component], outer)
             else:
                 text = f"`{key.text}` is a vector of {reading.size}, found a list of "
-                self.report("wrong-count", f"{text}{len(inner.items)}", inner.place)
+                self.report("wrong-count", f"{text}{len(inner.items)}", inner)
                 return Broken(inner.place)
         return new if inner is node else _with_inner(self.bound(node, outer), keys, new)
 
@@ -587,7 +587,7 @@ class Expansion:
                     found.pop(name, None)  # to stand where the one that wins does
                     found[name] = entry, ranged
             if again:
-                self.report("duplicate-member", f"`{again}` is given twice", key.place)
+                self.report("duplicate-member", f"`{again}` is given twice", key)
         return [entry for entry, _ in found.values()]
 
     def _referred(
@@ -616,7 +616,7 @@ class Expansion:
             code = "component"
             text = f"`{parsed.name}` has no component `.{parsed.letter}`"
         if code:
-            self.report(f"expression-{code}", text, key.place)
+            self.report(f"expression-{code}", text, key)
             return None
         return _Given(key, node, family, form, parsed, members)
 
@@ -625,20 +625,12 @@ class Expansion:
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
         size = self.scope.size(node.text, parse, reading.indices)
-        if not size and self._is_reported(node, reading):
+        if size < 0:
             return Broken(node.place)
         if size < min(_SIZES):
             return self.bound(node, reading)
         readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
-
-    def _is_reported(self, node: Scalar, reading: Reading) -> bool:
-        """Return whether an expression depends on what is faulty itself."""
-        try:
-            self.scope.values(node.text, parse, reading.indices)
-        except ExpressionError as fault:
-            return fault.code == SILENT
-        return False
 
     def _scene(self, node: Node | None) -> Node:
         """Return the scene: points and shapes by members, links between points."""
@@ -648,11 +640,11 @@ class Expansion:
         if node:  # points first, which others name
             given = sorted(node.entries, key=lambda entry: entry[0].text != "points")
             rules = {"points": self._points, "links": self._links}
-            whole = self.by_keys(Mapping(tuple(given), node.place), self.plain, rules)
+            whole = self.bound(Mapping(tuple(given), node.place), None, rules)
             entries += entries_of(whole)
         shapes = next((e for e in entries if e[0].text == "shapes"), None)
         if self._drawn or (shapes and isinstance(shapes[1], Mapping)):
-            from lagsim.model.expansion.shapes import Shapes
+            from lagsim.model.expansion.bodies import Shapes
 
             at, old = shapes or (self._drawn[0].kind[0], None)
             writer = Shapes(self)
@@ -690,7 +682,7 @@ class Expansion:
         several = parsed.ranged and any(isinstance(n, Sequence) for n in items)
         if several and len(items) != len(members):
             text = f"`{key.text}` has {len(members)} members, and the list {len(items)}"
-            self.report("wrong-count", text, node.place)
+            self.report("wrong-count", text, node)
             return
         for k, (indices, member) in enumerate(members):
             reading = Reading(self.scope, indices)
@@ -749,7 +741,7 @@ class Expansion:
         if not parsed.subscripts:
             members = [({}, m) for m in sorted(family.members)]
         if missing := family.missing(parsed.name, members):
-            self.report("expression-member", missing, node.place)
+            self.report("expression-member", missing, node)
             return [Broken(node.place)]
         letters = (parsed.letter,) if parsed.letter else family.letters or ("",)
         return [
@@ -758,33 +750,11 @@ class Expansion:
             for c in letters
         ]
 
-    def _output(self, node: Node) -> Node:
-        """Return columns, reactions and axes by members; the curves of plots."""
-        rules = {
-            "columns": self._names, "reactions": self._names, "plots": self._plots,
-            "sections": self._sections_of_output,
-        }  # fmt: skip
-        return self.by_keys(node, self.plain, rules)
-
-    def _sections_of_output(self, node: Node, reading: Reading) -> Node:
-        if not isinstance(node, Mapping):
-            return self.bound(node, reading)
-        rules = {"plot": self._names}
-        found = [(key, self.by_keys(one, reading, rules)) for key, one in node.entries]
-        return node._replace(entries=tuple(found))
-
     def _names(self, node: Node, reading: Reading) -> Node:
         if not isinstance(node, Sequence):
             return self.bound(node, reading)
         items = (n for item in node.items for n in self.denoted(item))
         return node._replace(items=tuple(items))
-
-    def _plots(self, node: Node, reading: Reading) -> Node:
-        if not isinstance(node, Sequence):
-            return self.bound(node, reading)
-        rules = {"y": self._axis, "y2": self._axis}
-        plots = (self.by_keys(plot, reading, rules) for plot in node.items)
-        return node._replace(items=tuple(plots))
 
     def _axis(self, node: Node, _: Reading) -> Node:
         curves = [c for item in items_of(node) for c in self._curves(item)]
@@ -817,17 +787,6 @@ class Expansion:
             self.bound(node._replace(text=f"({node.text}).{c}"))
             for c in trees.components(len(spread.items))
         ]
-
-
-def _is_coordinate(node: Node) -> bool:
-    """Return whether a coordinate has components that can be read, or none."""
-    below = {key.text: value for key, value in entries_of(node)}
-    if "components" in below:
-        named = below["components"]
-        return isinstance(named, Scalar) and named.text in _COMPONENTS
-    known = all(k in ("unit", "description") or k.startswith("x-") for k in below)
-    empty = isinstance(node, Scalar) and node.empty
-    return empty or (known and isinstance(node, Mapping))
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:

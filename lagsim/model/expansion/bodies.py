@@ -1,4 +1,4 @@
-"""Bodies: moments of inertia of shapes of uniform density, and energies.
+"""Bodies: moments of inertia of shapes of uniform density, energies; shapes drawn.
 
 Sources: J. L. Meriam, L. G. Kraige, Engineering Mechanics: Dynamics, table D/4; of a
 polygon, C. Steger, On the Calculation of Arbitrary Moments of Polygons (1996).
@@ -11,30 +11,36 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.errors import did_you_mean
-from lagsim.language.names import rate_of
-from lagsim.language.parser import ExpressionError
+from lagsim.language.names import HIDDEN, rate_of
+from lagsim.language.parser import ExpressionError, parse
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.frames import Section, unknown
-from lagsim.model.expansion.rotations import ZERO, product, rotate, spin, total
-from lagsim.model.expansion.scope import dotted
+from lagsim.model.expansion.scope import Reading, dotted
 from lagsim.model.expansion.trees import (
     LETTERS,
+    ZERO,
     Tree,
     Value,
     Vector,
     call,
     cross,
     number,
+    parsed,
+    product,
+    rotate,
     scalar,
+    spin,
+    total,
 )
-from lagsim.model.nodes import Scalar, Sequence, entries_of
+from lagsim.model.nodes import Mapping, Scalar, Sequence, entries_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from collections.abc import Sequence as SequenceType
 
     from lagsim.model.expansion import Expansion
-    from lagsim.model.expansion.rotations import Frame
     from lagsim.model.expansion.scope import Indices
+    from lagsim.model.expansion.trees import Frame
     from lagsim.model.nodes import Entry, Node
 
 
@@ -167,7 +173,7 @@ class Bodies(Section):
             self.report("reserved-name", text, family.place, "choose another name")
         if key == "potential" and self._given and not self._gravity:
             text = "`bodies` in the potential energy needs `gravity`"
-            self.report("missing-key", text, node.place, "such as gravity: [0, 0, -g]")
+            self.report("missing-key", text, node, "such as gravity: [0, 0, -g]")
         return total(self._energies[key])
 
     def idle(self) -> list[str]:
@@ -197,14 +203,14 @@ class Bodies(Section):
         if unknown(below, KEYS):
             return
         for k in missing:
-            self.report("missing-key", f"{what} has no `{k}`", key.place, _HOW)
+            self.report("missing-key", f"{what} has no `{k}`", key, _HOW)
         if found is None or missing:
             return
         for indices, member in found[1]:
             name = dotted(found[0].name, member)
             if name in self._names:
                 text = f"the body `{name}` is given twice"
-                self.refuse("duplicate-member", text, key.place)
+                self.refuse("duplicate-member", text, key)
             self._names.add(name)
             self._body(_Body(what, name, below, indices))
 
@@ -236,7 +242,7 @@ class Bodies(Section):
     def _same(self, one: _Body, n: int, other: str, count: int) -> None:
         if n != count:
             text = f"`at` of {one.what} has {count} components, and {other} has {n}"
-            self.refuse("wrong-count", text, one.below["at"].place)
+            self.refuse("wrong-count", text, one.below["at"])
 
     def _frame(self, one: _Body, n: int) -> Frame | None:
         node, frames = one.below.get("frame"), self.x.frames
@@ -244,7 +250,7 @@ class Bodies(Section):
             return None
         if frames is None:
             text = f"there is no frame `{node.text}`: the file has no `frames`"
-            self.refuse("expression-frame", text, node.place)
+            self.refuse("expression-frame", text, node)
         self._same(one, frames.n, "its frame", n)
         return frames.named(node, one.indices)
 
@@ -270,7 +276,7 @@ class Bodies(Section):
         given = entries_of(node)
         if len(given) != 1:
             text = f"{what} must be one, such as {{box: [a, b]}}, found {len(given)}"
-            self.refuse("wrong-count", text, node.place)
+            self.refuse("wrong-count", text, node)
         key, value = given[0]
         kind, known = key.text, SIZES[n]
         if kind not in known:
@@ -278,7 +284,7 @@ class Bodies(Section):
             text = f"{what} cannot be a `{kind}`"
             if kind in SIZES[5 - n]:
                 text += " in the plane" if n == len("xy") else " in space"
-            self.refuse("unknown-name", text, key.place, hint)
+            self.refuse("unknown-name", text, key, hint)
         if kind == "polygon":
             found = self._polygon(one, m, value)
         else:
@@ -297,7 +303,7 @@ class Bodies(Section):
         what = f"the polygon of {one.what}"
         if not isinstance(node, Sequence) or len(node.items) < len("xyz"):
             text = f"{what} must be a list of 3 or more corners [x, y]"
-            self.refuse("wrong-count", text, node.place)
+            self.refuse("wrong-count", text, node)
         corners = []
         for k, item in enumerate(node.items):
             parts = self.vector(item, one.indices, [2], f"a corner of {what}")
@@ -305,3 +311,65 @@ class Bodies(Section):
             name = f"body.{one.name}.corner{k}"
             corners.append(tuple(self._kept(f"{name}.{c}", part) for c, part in pairs))
         return polygon(m, corners)
+
+
+# --- The shapes of a scene: frames as entries of matrices, and those of bodies
+
+
+class Shapes(Section):
+    """Writes out the section `shapes`, and adds those of bodies."""
+
+    def given(self, section: Node | None) -> Iterator[Entry]:
+        """Return the shapes of the file, by members."""
+        for key, node in entries_of(section):
+            if "(" not in key.text:
+                yield key, self._written(node, self.x.plain)
+            elif found := self.x.members(key, "a shape"):
+                for indices, member in found[1]:
+                    reading = Reading(self.scope, indices)
+                    name = dotted(found[0].name, member)
+                    full = key._replace(text=name, reading=reading)
+                    yield full, self._written(node, reading)
+
+    def of_bodies(self, drawn: Iterable[Drawn]) -> Iterator[Entry]:
+        """Return the shapes of bodies."""
+        for one in drawn:
+            key, value = one.kind
+            reading = Reading(self.scope, one.indices)
+            below = [(key, self.x.bound(value, reading))]
+            below.append((key._replace(text="at"), self._list(one.origin, key)))
+            if one.frame:
+                axes = self._axes(one.frame, key)
+                below.append((key._replace(text="frame"), axes))
+            name = key._replace(text=one.name, reading=reading)
+            yield name, Mapping(tuple(below), key.place)
+
+    def _written(self, node: Node, reading: Reading) -> Node:
+        rules = {"frame": self._turned, "at": self._point, "arrow": self.x.spread}
+        return self.x.bound(node, reading, rules)
+
+    def _turned(self, node: Node, reading: Reading) -> Node:
+        """Return the matrix of a frame; an expression is an angle."""
+        frames = self.x.frames
+        if isinstance(node, Scalar) and frames is not None:
+            try:
+                steps = self.scope.source(node.text, parse).postfix
+                return self._axes(frames.named_by(steps, reading.indices), node)
+            except ExpressionError:  # a name that is no frame's, or a faulty frame
+                pass
+        return self.x.bound(node, reading)
+
+    def _point(self, node: Node, reading: Reading) -> Node:
+        """Return a place: a point, one of a family, or a vector."""
+        name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
+        if name in self.x.points:
+            return self.x.denoted(node, self.x.points, reading.indices)[0]
+        return self.x.spread(node, reading)
+
+    def _axes(self, frame: Frame, at: Scalar) -> Sequence:
+        rows = tuple(self._list(row, at) for row in frame.rows)
+        return Sequence(rows, at.place)
+
+    def _list(self, parts: Iterable[Tree], at: Scalar) -> Sequence:
+        made = (self.x.made(f"{HIDDEN}{at.text}", parsed(x, ""), at) for x in parts)
+        return Sequence(tuple(key for key, _ in made), at.place)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from lagsim.errors import did_you_mean
@@ -21,30 +22,28 @@ from lagsim.language.parser import (
     silent,
 )
 from lagsim.model import nodes
-from lagsim.model.expansion.rotations import (
+from lagsim.model.expansion.scope import dotted
+from lagsim.model.expansion.trees import (
+    LETTERS,
     ONE,
     ZERO,
     Chart,
     Frame,
-    about,
-    by_quaternion,
-    composed,
-    product,
-    space,
-    total,
-)
-from lagsim.model.expansion.scope import dotted
-from lagsim.model.expansion.trees import (
-    LETTERS,
     Tree,
     Value,
     Vector,
+    about,
+    by_quaternion,
     call,
+    composed,
     name,
     number,
     parsed,
+    product,
     said,
     scalar,
+    space,
+    total,
     unit,
 )
 from lagsim.model.nodes import Broken, Mapping, Scalar, entries_of
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.parser import Steps
     from lagsim.model.expansion import Expansion
-    from lagsim.model.expansion.rotations import Hide
     from lagsim.model.expansion.scope import Indices
     from lagsim.model.nodes import Node
 
@@ -90,9 +88,11 @@ class Section:
     def __init__(self, x: Expansion) -> None:
         self.x, self.scope, self.report = x, x.scope, x.report
 
-    def refuse(self, code: str, text: str, place: Place, hint: str = "") -> NoReturn:
+    def refuse(
+        self, code: str, text: str, at: Place | Node, hint: str = ""
+    ) -> NoReturn:
         """Report a fault, and raise what stands for one that is reported."""
-        self.report(code, text, place, hint)
+        self.report(code, text, at, hint)
         raise silent()
 
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
@@ -101,7 +101,7 @@ class Section:
             raise silent()
         if not isinstance(node, Scalar) or node.empty:
             text = f"{what} must be an expression"
-            self.refuse("not-an-expression", text, node.place)
+            self.refuse("not-an-expression", text, node)
         try:
             return self.scope.values(node.text, parse, indices)[0], node
         except ExpressionError as fault:
@@ -135,7 +135,7 @@ class Section:
         if len(found) not in counts:
             wanted = " or ".join(map(str, counts))
             text = f"{what} must have {wanted} components, found {len(found)}"
-            self.refuse("wrong-count", text, node.place)
+            self.refuse("wrong-count", text, node)
         return found
 
 
@@ -182,7 +182,7 @@ class Frames(Section):
             if (name, member) in self._given or name == SPACE:
                 what = "is built in" if name == SPACE else "is given twice"
                 text = f"the frame `{dotted(name, member)}` {what}"
-                self.report("duplicate-member", text, key.place)
+                self.report("duplicate-member", text, key)
                 return
             self._given[name, member] = _Given(key, below, indices)
 
@@ -199,13 +199,13 @@ class Frames(Section):
         for has, wants in pairs:
             if has in below and wants not in below:
                 text = f"{what} has `{has}` but no `{wants}`"
-                report("missing-key", text, key.place, _HOW)
+                report("missing-key", text, key, _HOW)
                 return False
         if not ways:
-            report("missing-key", f"{what} has no rotation", key.place, _HOW)
+            report("missing-key", f"{what} has no rotation", key, _HOW)
         elif len(ways) > 1:
             text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
-            report("both-given", text, key.place, _HOW)
+            report("both-given", text, key, _HOW)
         return len(ways) == 1
 
     # Frames by their names
@@ -282,7 +282,7 @@ class Frames(Section):
         try:
             if not isinstance(node, Scalar):
                 text = f"`on` of the frame `{given.key.text}` names a frame"
-                self.refuse("not-an-expression", text, node.place, "such as on: arm")
+                self.refuse("not-an-expression", text, node, "such as on: arm")
             steps = self.scope.source(node.text, parse).postfix
             return self._called(steps, given.indices)
         except ExpressionError as fault:
@@ -295,7 +295,7 @@ class Frames(Section):
         shown = " -> ".join(dotted(*one) for one in circle)
         node = self._given[circle[0]].below["on"]
         text = f"the frame `{dotted(*circle[0])}` is on itself: {shown}"
-        self.report("cycle", text, node.place)
+        self.report("cycle", text, node)
 
     def _frame(self, called: Called) -> Frame | None:
         """Make a frame on one that is made; None where a fault is reported."""
@@ -317,10 +317,7 @@ class Frames(Section):
                 own = about(self._axis(given, name), *turn)
         except ExpressionError:
             return None
-        return composed(name, parent, own, self._hide(given))
-
-    def _hide(self, given: _Given) -> Hide:
-        return lambda name, value: self.x.hide(name, value, given.key)
+        return composed(name, parent, own, partial(self.x.hide, at=given.key))
 
     def _number(self, given: _Given, key: str) -> tuple[Tree, Scalar]:
         what = f"the `{key}` of the frame `{given.key.text}`"
@@ -362,7 +359,7 @@ class Frames(Section):
         values = [self._fixed(tree, at, what) for tree, at in parts]
         if not any(values) or not all(map(math.isfinite, values)):
             text = f"{what} has no direction: it is {values}"
-            self.refuse("out-of-range", text, node.place, "such as [0, 0, 1]")
+            self.refuse("out-of-range", text, node, "such as [0, 0, 1]")
         if sum(value != 0.0 for value in values) == 1:
             self.scope.ask(*(tree for tree, _ in parts))
             signs = (float(value > 0.0) - float(value < 0.0) for value in values)
@@ -401,7 +398,7 @@ class Frames(Section):
             text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
             relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
             unit_length = UNIT_LENGTH + dotted(*called)
-            self.x.units.append(self.x.made(unit_length, text, relation, given.key))
+            self.x.units.append(self.x.made(unit_length, relation, given.key, text))
         n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
         return by_quaternion(p, n, speeds)
 
@@ -412,18 +409,18 @@ class Frames(Section):
         letters = axes.text if isinstance(axes, Scalar) else ""
         if not re.fullmatch("[xyz]+", letters) or re.search(r"(.)\1", letters):
             text = f"`axes` of {what} must be letters x, y and z, none twice in a row"
-            self.refuse("unknown-name", text, axes.place, "such as `axes: zxz`")
+            self.refuse("unknown-name", text, axes, "such as `axes: zxz`")
         node, count = given.below["angles"], len(letters)
         parts = self.vector(node, given.indices, [count], f"`angles` of {what}")
         both = [
             self._moving(f"{name}.angle{k}", tree, at)
             for k, (tree, at) in enumerate(parts, 1)
         ]
-        frame = parent
+        frame, hide = parent, partial(self.x.hide, at=given.key)
         for k, (letter, turn) in enumerate(zip(letters, both, strict=True), 1):
             axis = tuple(ONE if letter == c else ZERO for c in LETTERS)
             step = name if k == count else f"{name}.{k}"
-            frame = composed(step, frame, about(axis, *turn), self._hide(given))
+            frame = composed(step, frame, about(axis, *turn), hide)
         if count == len("zxz"):
             op = "sin" if letters[0] == letters[2] else "cos"
             angles = tuple(parsed(angle, "") for angle, _ in both)

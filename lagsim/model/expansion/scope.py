@@ -30,7 +30,6 @@ from lagsim.language.parser import (
 )
 from lagsim.model.expansion import grammar, trees
 from lagsim.model.expansion.grammar import CALLED, OF_FRAMES, OVER_RANGES, tokens
-from lagsim.model.expansion.rotations import OF_A_FRAME, spin
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Steps, Token
     from lagsim.model.expansion.grammar import Inner
-    from lagsim.model.expansion.rotations import Frame
+    from lagsim.model.expansion.trees import Frame
 
     # Numbers, or what the word `bodies` denotes.
     Indices = dict[str, Tree]
@@ -198,15 +197,16 @@ class Scope:
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
         """Return size of an expression for a member, 0 where it is faulty.
 
-        Its fault is left for those who read the expression to report. Where the size of
+        Its fault is left for those who read the expression to report, but for -1, where
+        it depends on what is faulty itself. Where the size of
         a definition is needed that is not known yet, this is an UnresolvedError.
         """
         known, terms = set(self._faulty), self._terms
         try:
             left, right, _ = self.values(text, parser, indices)
-        except ExpressionError:
+        except ExpressionError as fault:
             self._faulty = known
-            return 0
+            return -(fault.code == SILENT)
         finally:
             self._terms = terms
         return max(trees.size(left), 1 if right is None else trees.size(right))
@@ -243,7 +243,9 @@ class Scope:
             if op == "member":
                 return self._member(token, args)
             if op in OF_FRAMES:
-                return OF_A_FRAME[op](self._frame_of(payload.steps, indices), *args)
+                return trees.OF_A_FRAME[op](
+                    self._frame_of(payload.steps, indices), *args
+                )
             if op == "over":
                 return self._over(payload, token, args, indices)
             if op == "component":
@@ -476,7 +478,7 @@ _RULES: dict[str, Callable[..., Value]] = {
     "cross": trees.cross,
     "norm": trees.norm,
     "unit": trees.unit,
-    "spin": spin,
+    "spin": trees.spin,
 }
 
 
@@ -547,15 +549,14 @@ class Reading:
         return set()
 
 
-class Made:
+class Made(Reading):
     """How a hidden definition is read: as it was made."""
 
-    __slots__ = ("_parsed", "scope")
-    component: int | None = None
-    size = 1
+    __slots__ = ("_parsed",)
 
     def __init__(self, scope: Scope, parsed: Parsed | ParsedRelation) -> None:
-        self.scope, self._parsed = scope, parsed
+        super().__init__(scope, {})
+        self._parsed = parsed
 
     def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
         """Return the expression; the text is that of what needed it."""
@@ -564,7 +565,3 @@ class Made:
             assert side is not None
             self.scope.noted(side)
         return made
-
-    def words(self, text: str) -> set[str]:  # noqa: ARG002
-        """Return the names in it."""
-        return {name.text for name in self._parsed.names}

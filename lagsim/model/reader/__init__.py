@@ -266,7 +266,7 @@ class File:
         if self.expansion and self.expansion.silent and not len(x.faults):
             key = self.expansion.silent[0]
             text = f"the range of `{key.text}` depends on itself"
-            x.faults.add("expression-range", text, key.place)
+            x.faults.add("expression-range", text, key)
         x.faults.raise_if_any()
         self._check_tables()
         x.faults.raise_if_any()
@@ -320,7 +320,7 @@ class File:
             self.x.faults.add("unused-table", text, names.places[name], hint)
 
     def mismatches(self, model: Model) -> list[Mismatch]:
-        """Give the units of the file that do not fit, found once."""
+        """Give the units of the file that do not fit, with their places; found once."""
         if not self._units:
             self._units.append([])
             if any(key.endswith(".unit") for key, _ in leaves(self._given)):
@@ -355,7 +355,7 @@ class File:
         version = self.top.text("lagsim")
         if version != FORMAT_VERSION:
             text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
-            self.x.faults.add("format-version", text, node.place)
+            self.x.faults.add("format-version", text, node)
 
     def _name(self) -> str:
         node, faults = self.top.value("name"), self.x.faults
@@ -382,7 +382,7 @@ class File:
         if fault:
             text = f"`{shortened(name)}` cannot be a name: {fault}"
             hint = "it is used for files: no path separators, such as elastic-pendulum"
-            faults.add("bad-model-name", text, node.place, hint)
+            faults.add("bad-model-name", text, node, hint)
         return name
 
     def bound(
@@ -447,7 +447,11 @@ class File:
         return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Tell whether other numbers follow these, see `Model.depends_on`."""
+        """Tell whether any other number of the file may follow these.
+
+        A parameter, a start value or a setting whose expression names one of these
+        parameters, or start values.
+        """
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
         if not self.structural().isdisjoint(names):
@@ -479,7 +483,16 @@ class File:
     # model has `x`, and where it writes what `x` denotes, that.
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Give `model` in other coordinates, see `Stated.separated`."""
+        """Give `model`, of this file, with `output.reactions` as coordinates.
+
+        On the same graph; nothing holds these definitions to what defines them, which
+        is the second result: an expression each, in terms of each other, too.
+
+        Raises
+        ------
+        InputError
+            Where a constraint is satisfied as the root of another relation then.
+        """
         old = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
         names = replace(old.names, variables={**old.names.variables, **held})
@@ -578,7 +591,7 @@ def _in_place(root: Node, faults: Faults) -> Node:
         section = next((section for section in SECTIONS if has_key(section, name)), "")
         if section and not isinstance(value, Mapping) and _put(top, [name], section):
             text = f"unknown key `{name}` in the file"
-            faults.add("unknown-key", text, key.place, belongs(name))
+            faults.add("unknown-key", text, key, belongs(name))
     for section, names in _unindented(top, faults).items():
         first = top[names[0]][0]
         more = f", and {len(names) - 1} more," if len(names) > 1 else ""
@@ -603,7 +616,7 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
                 kept.append(entry)
                 continue
             text = f"the section `{key.text}` is inside `{section}`"
-            faults.add("misplaced-key", text, key.place, belongs(key.text))
+            faults.add("misplaced-key", text, key, belongs(key.text))
             top[key.text] = entry
         if isinstance(value, Mapping):
             top[section] = head, value._replace(entries=tuple(kept))

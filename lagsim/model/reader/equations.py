@@ -115,7 +115,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
     for key, _ in given:
         if rate_of(key.text) in g.depends([rates.get(key.text, g.zero)]):
             text = f"the rate of the state `{key.text}` depends on itself"
-            x.faults.add("cycle", text, key.place)
+            x.faults.add("cycle", text, key)
     if given:
         x.take_states(rates)
     return tuple(s._replace(rate=rates[name]) for name, s in found.items())
@@ -206,7 +206,7 @@ def read_relation(
         text = f"{what} depends on no coordinate and no velocity"
         hint = "an event at given times has `every`" if modes else ""
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
-        x.faults.add("no-coordinate", text, scalar.place, hint)
+        x.faults.add("no-coordinate", text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())
     return Relation(gap, equality, text, scalar.place), equality
@@ -226,7 +226,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
     if node and named and x.names.meaning(named[1]) is None:
         hint = f"a colon is missing: `{named[1]}: {named[2].strip()}`"
         text = f"`constraints` must be a mapping, found {kind_of(node)}"
-        x.faults.add("not-a-mapping", text, node.place, hint)
+        x.faults.add("not-a-mapping", text, node, hint)
         return []
     for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
@@ -246,11 +246,11 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
         return [(key, node)]
     if len(both.items) != 2:
         text = f"{what} must have one relation or two, found {len(both.items)}"
-        x.faults.add("wrong-count", text, both.place)
+        x.faults.add("wrong-count", text, both)
     elif "limit" not in found:
         text = f"{what} has two relations and no `limit`"
         hint = "`limit` bounds their Euclidean norm; others are two constraints"
-        x.faults.add("missing-key", text, both.place, hint)
+        x.faults.add("missing-key", text, both, hint)
     else:
         x.faults.once = x.faults.once or set()  # what both have is reported once
         return [(key._replace(text=f"{key.text}.{k}"), node) for k in (1, 2)]
@@ -306,7 +306,7 @@ class _Reader:
         elif equality is False and expression:  # what has a fault itself may be one
             hint = "two relations are equalities: write them with `=`"
             text = f"{what} is one-sided"
-            x.faults.add("not-an-equality", text, expression.place, hint)
+            x.faults.add("not-an-equality", text, expression, hint)
         about = below.text("description")
         if relation is None or not (equality or law):
             return None
@@ -355,7 +355,7 @@ class _Reader:
         if moving := sorted(g.depends([condition]) - fixed):
             text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
             hint = "it is a condition of t, parameters and modes, such as t < 1"
-            x.faults.add("not-of-time", text, node.place, hint)
+            x.faults.add("not-of-time", text, node, hint)
         return g.call("if", condition, g.one, g.zero)
 
     def _limit(self, relation: Relation | None) -> int | None:
@@ -478,7 +478,7 @@ class _Reader:
         parts = items_of(node)
         if node and len(parts) not in (1, 2):
             text = f"{what} must be one expression or two, found {len(parts)}"
-            x.faults.add("wrong-count", text, node.place)
+            x.faults.add("wrong-count", text, node)
             return ()
         found = []
         for part in parts:
@@ -494,7 +494,7 @@ class _Reader:
             elif not _degrees(slip, x) <= {0, 1}:
                 text, hint = f"{what} is not affine in the velocities", _SUM
             if text:
-                x.faults.add("not-affine", text, part.place, hint)
+                x.faults.add("not-affine", text, part, hint)
         return tuple(found)
 
 
@@ -580,7 +580,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     pairs = entries(sets, f"the `set` of {what}", x.faults)
     if (sets is None or (isinstance(sets, Mapping) and not pairs)) and below.sound:
         text, hint = f"{what} sets nothing", "write set: {mode: expression}"
-        x.faults.add("missing-key", text, key.place, hint)
+        x.faults.add("missing-key", text, key, hint)
     found: list[tuple[str, int]] = []
     for name, value in pairs:
         is_mode = _is_mode(name, what, x)
@@ -607,5 +607,5 @@ def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
     if meaning is not None:
         code, text = "not-a-mode", f"{what} sets `{name}`, {meaning.kind.text}"
         hint = _HINTS.get(meaning.kind, hint)
-    x.faults.add(code, text, key.place, hint)
+    x.faults.add(code, text, key, hint)
     return False

@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Name
+    from lagsim.model.expansion.scope import Reading
     from lagsim.model.model import Table
-    from lagsim.model.nodes import Entry, Reading
+    from lagsim.model.nodes import Entry
     from lagsim.model.reader.fields import Faults
 
     # Tells whether a name may stand in an expression; else that is reported.
@@ -324,7 +325,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
         hint = f"that ending is for the {rate} of coordinates and definitions"
     else:
         return True
-    faults.add(code, text, key.place, hint)
+    faults.add(code, text, key, hint)
     return False
 
 
@@ -454,7 +455,7 @@ class Expressions:
         elif node.style or not node.empty:
             return node
         text = f"{what} must be an expression, found {kind_of(node)}"
-        self.faults.add("not-an-expression", text, node.place, hint)
+        self.faults.add("not-an-expression", text, node, hint)
         return None
 
     def text(
@@ -477,7 +478,7 @@ class Expressions:
         if many > most:
             text = f"the expression has {many:,} letters, more than {most:,}"
             hint = "parts of it may be definitions"
-            self.faults.add("expression-too-long", text, scalar.place, hint)
+            self.faults.add("expression-too-long", text, scalar, hint)
             return None
         if many > self._longest:
             self._longest, self.graph.place = many, scalar.place
@@ -758,7 +759,7 @@ class Expressions:
                 text = f"{what} contains the rate of the state `{s}`, which depends on "
                 hint = "make it a coordinate that a constraint of velocities holds"
                 text += f"`{depends[0]}`"
-                self.faults.add("state-misplaced", text, node.place, hint)
+                self.faults.add("state-misplaced", text, node, hint)
 
     def rate_of(self, definition: str, *, second: bool = False) -> int:
         """Give the node of the total time derivative of a definition of positions.

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeGuard
 
-from lagsim.errors import InputError, Problem, nearest
+from lagsim.errors import InputError, Place, Problem, nearest
 from lagsim.language.names import in_file
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader import hints
@@ -15,8 +15,6 @@ from lagsim.model.reader.sections import SECTIONS, has_key
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
     from collections.abc import Sequence as SequenceType
-
-    from lagsim.errors import Place
 
 # Comparing a name with all others is slow where both are many; past these bounds a
 # file is no longer one that a person mistyped.
@@ -42,8 +40,11 @@ class Faults:
         self._guesses = 0
         self.once: set[object] | None = None
 
-    def add(self, code: str, text: str, place: Place | None, hint: str = "") -> None:
-        """Add a fault; of those of members that have one place, the first."""
+    def add(
+        self, code: str, text: str, at: Place | Node | None, hint: str = ""
+    ) -> None:
+        """Add a fault, of a node or elsewhere; of members that share a place, one."""
+        place = at if at is None or isinstance(at, Place) else at.place
         if self.is_known(code, place):
             return
         if self.once is not None:
@@ -163,7 +164,7 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if _is_given(node):
         text = f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}"
-        faults.add("not-a-mapping", text, node.place, hints.of_lines(node, what))
+        faults.add("not-a-mapping", text, node, hints.of_lines(node, what))
     return []
 
 
@@ -173,7 +174,7 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
         return list(node.items)
     if _is_given(node):
         text = f"{what} must be a list, found {kind_of(node)}"
-        faults.add("not-a-list", text, node.place, hints.as_list(node, what))
+        faults.add("not-a-list", text, node, hints.as_list(node, what))
     return []
 
 
@@ -183,7 +184,7 @@ def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
         if isinstance(node, Scalar):
             yield node
         elif not isinstance(node, Broken):
-            faults.add("not-a-text", f"{what}, found {kind_of(node)}", node.place)
+            faults.add("not-a-text", f"{what}, found {kind_of(node)}", node)
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,7 +264,7 @@ class Fields:
             return ""
         if not isinstance(node, Scalar):
             text = f"`{key}` must be a text, found {kind_of(node)}"
-            self.faults.add("not-a-text", text, node.place)
+            self.faults.add("not-a-text", text, node)
             return ""
         if control := _CONTROL.search(node.text):
             code = f"U+{ord(control[0]):04X}"
@@ -271,7 +272,7 @@ class Fields:
             self.faults.add("not-a-text", text, node.place_of(control.start()))
             return ""
         if key == "unit" and "\n" in node.text.strip():
-            self.faults.add("not-a-text", "`unit` has a line break", node.place)
+            self.faults.add("not-a-text", "`unit` has a line break", node)
         return node.text.strip()
 
     def truth(self, key: str, *, default: bool = False) -> bool:
@@ -282,7 +283,7 @@ class Fields:
         if isinstance(node, Scalar) and node.text in ("true", "false"):
             return node.text == "true"
         text = f"`{key}` must be `true` or `false`, found {kind_of(node)}"
-        self.faults.add("not-a-truth", text, node.place)
+        self.faults.add("not-a-truth", text, node)
         return default
 
 
@@ -323,7 +324,7 @@ def fields(
         elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
         hint = hint or next(filter(None, elsewhere), f"known are {listed(known)}")
         text = f"unknown key `{shortened(name)}` in {what}"
-        faults.add("unknown-key", text, key.place, hint)
+        faults.add("unknown-key", text, key, hint)
         unknown += [] if near else [(key, value)]
     return Fields(what, found, place, is_mapping(node), faults, tuple(unknown))
 

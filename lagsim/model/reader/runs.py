@@ -176,7 +176,7 @@ def read_output(found: Fields, x: Expressions) -> Output:
     elif isinstance(node, Scalar) and node.empty:
         text = "`columns` must be a list, found nothing"
         hint = "[] means none; without the key there are all"
-        x.faults.add("not-a-list", text, node.place, hint)
+        x.faults.add("not-a-list", text, node, hint)
     plots = (_plot(p, x) for p in items(found.value("plots"), "`plots`", x.faults))
     return Output(
         columns,
@@ -230,7 +230,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
         if meaning is None or hidden or meaning.kind in (Kind.PARAMETER, Kind.PI):
             text = f"there is no column `{part.text}`"
             hint = x.faults.did_you_mean(part.text, [*x.names.moving(), *columns])
-            x.faults.add("unknown-name", text, part.place, hint)
+            x.faults.add("unknown-name", text, part, hint)
         else:
             yield part.text
 
@@ -319,7 +319,7 @@ def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
         nodes, count = node.items, len(node.items)
         if not 1 <= count <= MOST_CURVES:
             text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves, found {count}"
-            x.faults.add("wrong-count", text, node.place, "make more plots of them")
+            x.faults.add("wrong-count", text, node, "make more plots of them")
     found = []
     for part in nodes:
         compiled = x.compile(part, f"`{axis}` of the plot", Level.OUTPUT)
@@ -342,4 +342,4 @@ def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
         else:
             yield part.text
             continue
-        x.faults.add("unknown-axis", text, part.place, hint)
+        x.faults.add("unknown-axis", text, part, hint)

@@ -45,7 +45,7 @@ def read_scene(found: Fields, x: Expressions) -> Scene:
     if section and (pair := _pair(section, named)):
         text = f"`links` is a list of links, each a list, found {kind_of(section)}"
         hint = f"write [[{', '.join(pair)}]]"
-        x.faults.add("not-a-list", text, section.place, hint)
+        x.faults.add("not-a-list", text, section, hint)
     else:
         given = items(section, "`links`", x.faults)
     joined = [_looking(node, named, x, whole=whole) for node in given]
@@ -66,19 +66,19 @@ def _point(
             hint = f"write [{node.text}, 0]"
         if isinstance(node, Mapping):
             hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
-        x.faults.add("not-a-list", text, node.place, hint)
+        x.faults.add("not-a-list", text, node, hint)
         return ()
     apart = " ".join(texts_of(node.items[:1])).split() if len(node.items) == 1 else []
     if len(apart) in (2, 3) and all(x.names.meaning(part) for part in apart):
         text = f"{what} must have 2 or 3 components, found 1"
         hint = f"write [{', '.join(apart)}]"
-        x.faults.add("wrong-count", text, node.place, hint)
+        x.faults.add("wrong-count", text, node, hint)
         return ()
     compiled = [x.compile(part, what, most) for part in node.items]
     if len(node.items) not in (2, 3) and None not in compiled:
         text = f"{what} must have 2 or 3 components, found {len(node.items)}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
-        x.faults.add("wrong-count", text, node.place, hint)
+        x.faults.add("wrong-count", text, node, hint)
     return tuple(c for c in compiled if c is not None)
 
 
@@ -112,7 +112,7 @@ def _link(
     """Give the points that a link joins; `whole`: `named` are all that there are."""
     if isinstance(node, Scalar) and not node.empty and (pair := _pair(node, named)):
         text = f"a link must be a list, found {kind_of(node)}"
-        x.faults.add("not-a-list", text, node.place, f"write [{', '.join(pair)}]")
+        x.faults.add("not-a-list", text, node, f"write [{', '.join(pair)}]")
         return None
     ends = items(node, "a link", x.faults)
     if isinstance(node, Sequence) and len(ends) != 2:
@@ -120,7 +120,7 @@ def _link(
         names = (_pair(ends[0], named) or names) if len(ends) == 1 else names
         links = [f"[{a}, {b}]" for a, b in pairwise(names) if {a, b} <= {*named}]
         hint = f"write {', '.join(links)}" if links else "such as [pivot, bob]"
-        x.faults.add("wrong-count", text, node.place, hint)
+        x.faults.add("wrong-count", text, node, hint)
         return None
     names = []
     for end in texts_among(ends, "a link names points", x.faults):
@@ -137,7 +137,7 @@ def _no_point(name: Scalar, named: list[str], x: Expressions) -> None:
     if not named:
         hint = f"give it a place: points: {{{name.text}: [0, 0]}}"
     text = f"there is no point `{name.text}`"
-    x.faults.add("unknown-name", text, name.place, hint)
+    x.faults.add("unknown-name", text, name, hint)
 
 
 # --- Shapes
@@ -175,7 +175,7 @@ class _Shapes:
                 text = f"the {shape.kind} `{key.text}` lies in space, and the points "
                 text += "of the scene in a plane"
                 hint = "give a point 3 components, such as [x, y, 0]"
-                x.faults.add("shape-of-space", text, key.place, hint)
+                x.faults.add("shape-of-space", text, key, hint)
         shapes = tuple(found)
         check_sizes(Scene({}, shapes=shapes), x)
         return shapes
@@ -188,7 +188,7 @@ class _Shapes:
             faults.add("both-given", f"{what} is given as {listed(kinds)}", second)
         elif not kinds and not known.unknown:
             hint = f"the kinds of shapes are {listed(SHAPES)}"
-            faults.add("missing-key", f"{what} has no kind", key.place, hint)
+            faults.add("missing-key", f"{what} has no kind", key, hint)
         if len(kinds) != 1:
             return None
         kind, own = kinds[0], SHAPES[kinds[0]]
@@ -217,7 +217,7 @@ class _Shapes:
                 sized = self._sized(f"`s` of {what}", known.found["s"][1], (2,))
             else:
                 hint = "such as s: [0, 2*pi]"
-                x.faults.add("missing-key", f"{what} has no `s`", node.place, hint)
+                x.faults.add("missing-key", f"{what} has no `s`", node, hint)
             along = copy(x)
             along.bound = {"s": x.graph.variable(CURVE)}
             corners = (_point(what, node, along),)
@@ -242,11 +242,11 @@ class _Shapes:
         given, wanted = items(node, what, self._x.faults), " or ".join(map(str, counts))
         if isinstance(node, Sequence) and len(given) not in counts:
             text = f"{what} has {wanted} numbers, found {len(given)}"
-            self._x.faults.add("wrong-count", text, node.place)
+            self._x.faults.add("wrong-count", text, node)
             return []
         if isinstance(node, Scalar) and node.empty:
             text = f"{what} must be a list, found nothing"
-            self._x.faults.add("not-a-list", text, node.place, "such as [1, 2]")
+            self._x.faults.add("not-a-list", text, node, "such as [1, 2]")
         return given
 
     def _corners(
@@ -256,7 +256,7 @@ class _Shapes:
         if not least <= len(given) <= MOST_CORNERS and isinstance(node, Sequence):
             text = f"{what} has {least} to {MOST_CORNERS} corners, found {len(given)}"
             hint = "each corner is a list [x, y]"
-            self._x.faults.add("wrong-count", text, node.place, hint)
+            self._x.faults.add("wrong-count", text, node, hint)
             given = []
         corners = [_point(f"a corner of {what}", one, self._x) for one in given]
         return tuple(corners) or ((),)
@@ -282,7 +282,7 @@ class _Shapes:
             if len(rows) not in (2, 3) or any(len(row) != len(rows) for row in rows):
                 text = f"{what} is an angle, or 2 or 3 rows of as many entries each"
                 hint = "such as [[cos(a), -sin(a)], [sin(a), cos(a)]]"
-                x.faults.add("wrong-count", text, node.place, hint)
+                x.faults.add("wrong-count", text, node, hint)
                 return ()
             found = [x.compile(n, what, Level.VELOCITY) for row in rows for n in row]
             return () if None in found else tuple(n for n in found if n is not None)

@@ -83,8 +83,8 @@ class _Reader:
         """Tell whether it has no fault so far."""
         return len(self.x.faults) == self._faults
 
-    def _fault(self, code: str, text: str, place: Place, hint: str = "") -> None:
-        self.x.faults.add(code, text, place, hint)
+    def _fault(self, code: str, text: str, at: Place | Node, hint: str = "") -> None:
+        self.x.faults.add(code, text, at, hint)
 
     # The points
 
@@ -113,7 +113,7 @@ class _Reader:
                 found = f"a list of {len(own)}" if own else kind_of(row)
                 text = f"a point of {self.what} is a list of {width}, found {found}"
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
-                self._fault("table-points", text, row.place, hint)
+                self._fault("table-points", text, row, hint)
         fitting = [own for own in parts if len(own) == width]
         numbers = [[self._number(part) for part in own] for own in fitting]
         if len(fitting) < len(parts):
@@ -130,7 +130,7 @@ class _Reader:
         for name in sorted(words(node).intersection(x.names.of(Kind.PARAMETER))):
             text = f"points are numbers, and `{name}` is a parameter"
             hint = f"scale the table where it is called: {name}*{self.name}(...)"
-            self._fault("not-constant", text, node.place, hint)
+            self._fault("not-constant", text, node, hint)
             return math.nan
         found = x.number(node, f"a number of {self.what}")
         return math.nan if found is None else found

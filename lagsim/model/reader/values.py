@@ -53,7 +53,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
             hint = f"write {{unit: {unit}}}; start values belong in `initial`"
             if re.match(r"[-+.\d]", node.text):
                 hint = "write {}; its start value belongs in `initial`"
-            x.faults.add("not-a-mapping", text, node.place, hint)
+            x.faults.add("not-a-mapping", text, node, hint)
             found.append(Coordinate(key.text))
             continue
         below = fields(node, what, COORDINATE, x.faults, key.place)
@@ -72,7 +72,7 @@ def _value_entry(
     value = found.value("value")
     if value is None:
         hint = belongs(key.text) or "write {value: ..., unit: ...}"
-        x.faults.add("missing-key", f"{what} has no `value`", key.place, hint)
+        x.faults.add("missing-key", f"{what} has no `value`", key, hint)
         value = Broken(key.place)
     return value, found.text("unit"), found.text("description")
 
@@ -379,7 +379,7 @@ class Initial(_Numbers):
                 hint = f"write `{own}: 0`, or `{own}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
                     hint = f"write `{own}: {{{key}: 0}}`: it is solved for, near 0"
-                x.faults.add("missing-initial", text, section.place, hint)
+                x.faults.add("missing-initial", text, section, hint)
 
     def _in_order(
         self, found: dict[str, InitialValue], place: Place
@@ -407,7 +407,7 @@ class Initial(_Numbers):
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{in_file(name)}: {scalar.text}`, and guess coordinates"
-            self.x.faults.add("not-a-guess", about, key.place, hint)
+            self.x.faults.add("not-a-guess", about, key, hint)
             return None
         stated = " ".join(scalar.text.split())
         return InitialValue(name, *value, guess, stated, scalar.place, defined)
@@ -418,7 +418,7 @@ class Initial(_Numbers):
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
             hint = f"write `{key.text}: {both[0]}` and `{rate_of(key.text)}: {both[1]}`"
-            faults.add("not-an-expression", text, node.place, hint)
+            faults.add("not-an-expression", text, node, hint)
             return broken
         if not isinstance(node, Mapping):
             return node, False
@@ -431,7 +431,7 @@ class Initial(_Numbers):
         guess = given.value(wanted)
         if guess is None and not node.entries:
             text = f"{what} must be an expression, or {{{wanted}: expression}}"
-            faults.add("not-an-expression", text, node.place)
+            faults.add("not-an-expression", text, node)
         if other in given:
             text = f"{what} has `{other}`, which is for "
             text += "coordinates and velocities" if is_state else "states"
@@ -473,7 +473,7 @@ class Initial(_Numbers):
             text = f"`{name}` is {kind.text} and has no start value"
             if kind in (Kind.PARAMETER, Kind.MODE):
                 hint = f"its value belongs in `{kind.text[2:]}s`"
-            faults.add("not-a-start-value", text, key.place, hint)
+            faults.add("not-a-start-value", text, key, hint)
             return False, None
         definition = self.x.definitions.get(base)
         if definition is None:
@@ -481,11 +481,11 @@ class Initial(_Numbers):
         node, level = definition
         if level is Level.OUTPUT:
             text = f"`{base}` uses {level.text} and has no start value here"
-            faults.add("output-only", text, key.place, hint)
+            faults.add("output-only", text, key, hint)
             return False, None
         if kind is Kind.RATE and level is not Level.POSITION:
             text = f"`{name}` asks for the rate of `{base}`, which uses velocities"
-            faults.add("no-rate", text, key.place)
+            faults.add("no-rate", text, key)
             return False, None
         if kind is Kind.RATE and node is not None:
             node = self.x.rate_of(base)
@@ -513,7 +513,7 @@ class Initial(_Numbers):
             text = f"there is no parameter or start value `{name}`"
         else:
             hint = belongs(name) or hint
-        faults.add("unknown-name", text, key.place, hint)
+        faults.add("unknown-name", text, key, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
         """Tell for `check_by` whether a start value may use a name."""
