@@ -12,18 +12,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.tables import called, met
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.tables import Data
-    from lagsim.model.reader import File
+    from lagsim.model.nodes import Scalar
 
 
 # What holds where the file is silent.
@@ -396,6 +396,49 @@ class Mismatch(NamedTuple):
     text: str
 
 
+class Stated(Protocol):
+    """The numbers that a file states, and what replaces them: see `reader.File`."""
+
+    def bound(
+        self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
+    ) -> Model:
+        """Give `model`, of this file, with other values; see `Model.bind`."""
+
+    def settings(self, options: Mapping[str, str]) -> Settings:
+        """Give how the file wants to be run; see `Model.settings`."""
+
+    def depends_on(self, names: Collection[str]) -> bool:
+        """Tell whether any other number of the file may follow these.
+
+        A parameter, a start value or a setting whose expression names one of these
+        parameters, or start values.
+        """
+
+    def structural(self) -> Collection[str]:
+        """Give the parameters on which ranges and subscripts depend."""
+
+    def texts(self) -> dict[str, Scalar]:
+        """Give the expressions of energies, forces and constraints, as `forces.x`."""
+
+    def numbers(self) -> list[str]:
+        """Give the expressions that parameters and start values are given by."""
+
+    def mismatches(self, model: Model) -> list[Mismatch]:
+        """Give the units of the file that do not fit, with their places."""
+
+    def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
+        """Give `model`, of this file, with `output.reactions` as coordinates.
+
+        On the same graph; nothing holds these definitions to what defines them, which
+        is the second result: an expression each, in terms of each other, too.
+
+        Raises
+        ------
+        InputError
+            Where a constraint is satisfied as the root of another relation then.
+        """
+
+
 class Table(NamedTuple):
     """Function given by points, those of a `file` with this `sha256`, or of the model.
 
@@ -493,7 +536,7 @@ class Model:
     until: Relation | None
     scene: Scene
     output: Output
-    stated: File = field(repr=False, compare=False)
+    stated: Stated = field(repr=False, compare=False)
     description: str = ""
     source: str = ""
     unused: tuple[str, ...] = ()

@@ -5,14 +5,12 @@ from __future__ import annotations
 import functools
 import re
 from bisect import bisect_right
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from lagsim.errors import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from lagsim.model.expansion.scope import Reading
+    from collections.abc import Callable, Collection, Iterable, Iterator
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -62,6 +60,22 @@ class Source:
         line, column = self.position(max(0, min(index, len(self.text))))
         length = max(1, min(length, len(self.lines[line]) - column))
         return Place(self.file, line + 1, column + 1, length, self._shown[line])
+
+
+class Reading(Protocol):
+    """How the text of a scalar is read that an expansion has made: for one member.
+
+    component, size : the number of a component of a vector, or None, of so many
+    """
+
+    component: int | None
+    size: int
+
+    def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
+        """Give what the parser would give for a file without families."""
+
+    def words(self, text: str) -> Collection[str]:
+        """Give the names in the expression."""
 
 
 class Scalar(NamedTuple):

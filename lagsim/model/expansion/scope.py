@@ -137,7 +137,7 @@ class Scope:
         self._faulty: set[str] = set()
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
-        self._references: dict[str, tuple[Family, str]] = {}
+        # The terms of sums are counted once for all components of a value.
         self._last: tuple[object, ...] = (None,) * 3
         self._value: tuple[Value, Value | None, str] = EMPTY, None, ""
 
@@ -275,12 +275,6 @@ class Scope:
 
     def reference(self, name: str) -> tuple[Family, str] | None:
         """Return the family of a name, as of a rate or force, and the form of names."""
-        found = self._references.get(name) or self._find(name)
-        if found is not None:  # others may be declared later
-            self._references[name] = found
-        return found
-
-    def _find(self, name: str) -> tuple[Family, str] | None:
         if family := self.variables.get(name):
             return family, "{}"
         forms = [("", ENDINGS[2]), ("", ENDINGS[1]), ("Qc_", ""), ("reaction.", "")]

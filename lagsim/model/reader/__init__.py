@@ -320,7 +320,7 @@ class File:
             self.x.faults.add("unused-table", text, names.places[name], hint)
 
     def mismatches(self, model: Model) -> list[Mismatch]:
-        """Give the units of the file that do not fit, with their places; found once."""
+        """Give the units of the file that do not fit, found once."""
         if not self._units:
             self._units.append([])
             if any(key.endswith(".unit") for key, _ in leaves(self._given)):
@@ -447,11 +447,7 @@ class File:
         return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Tell whether any other number of the file may follow these.
-
-        A parameter, a start value or a setting whose expression names one of these
-        parameters, or start values.
-        """
+        """Tell whether other numbers follow these, see `Stated.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
         if not self.structural().isdisjoint(names):
@@ -483,16 +479,7 @@ class File:
     # model has `x`, and where it writes what `x` denotes, that.
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Give `model`, of this file, with `output.reactions` as coordinates.
-
-        On the same graph; nothing holds these definitions to what defines them, which
-        is the second result: an expression each, in terms of each other, too.
-
-        Raises
-        ------
-        InputError
-            Where a constraint is satisfied as the root of another relation then.
-        """
+        """Give `model` in other coordinates, see `Stated.separated`."""
         old = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
         names = replace(old.names, variables={**old.names.variables, **held})

@@ -37,9 +37,8 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Name
-    from lagsim.model.expansion.scope import Reading
     from lagsim.model.model import Table
-    from lagsim.model.nodes import Entry
+    from lagsim.model.nodes import Entry, Reading
     from lagsim.model.reader.fields import Faults
 
     # Tells whether a name may stand in an expression; else that is reported.
