@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from textwrap import fill, indent
@@ -17,8 +17,6 @@ from lagsim.errors import InputError, Place, Problem, unusable
 from lagsim.methods import WIDTH, options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from lagsim.language.arrays import Floats
     from lagsim.methods import generalized_alpha
 

@@ -6,14 +6,14 @@ import contextlib
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
 from lagsim.api.arguments import given, in_python, numbers, one_of, with_settings
-from lagsim.api.models import model_of
+from lagsim.api.models import Model, model_of
 from lagsim.errors import LagsimError
-from lagsim.outputs import Format
+from lagsim.outputs import Format, Made
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.letters import Letters, letters_of, raised
 from lagsim.outputs.manifest import encode, examination
@@ -34,24 +34,19 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import Clock, StartError, open_case, wanted
-from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 from lagsim.studies.sections import rows_at
-from lagsim.studies.spectrum import spectrum
+from lagsim.studies.spectrum import Spectrum, spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from typing import Unpack
 
     from matplotlib.figure import Figure
 
     from lagsim.api.arguments import Options
-    from lagsim.api.models import Model
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution, Event
-    from lagsim.outputs import Made
-    from lagsim.studies.attempts import Attempt
-    from lagsim.studies.spectrum import Spectrum
 
 
 class Examination:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
 from lagsim.api.arguments import given, in_python, lists, one_of, with_settings
-from lagsim.api.models import model_of
+from lagsim.api.models import Model, model_of
 from lagsim.api.simulating import data_frame
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, heading, listed, page, picture, table
@@ -23,13 +23,11 @@ from lagsim.studies.workers import cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
-    from typing import Unpack
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from lagsim.api.arguments import Options
-    from lagsim.api.models import Model
 
 
 class Sweep:

@@ -12,14 +12,13 @@ import sys
 import warnings
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim import files
 from lagsim.errors import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
 
     import typer
 

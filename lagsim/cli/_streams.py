@@ -18,12 +18,10 @@ from typing import TYPE_CHECKING, TextIO
 
 import typer
 
-from lagsim.errors import LagsimError, visible
+from lagsim.errors import LagsimError, Problem, visible
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-
-    from lagsim.errors import Problem
 
 
 # What stands before the text of a line: an indent, and a name with two blanks after it.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE
+from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE, Verdict
 from lagsim.cli._shared import coloured, counted, table
 from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.examination import StartReport
-    from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 

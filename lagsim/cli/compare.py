@@ -14,14 +14,12 @@ from lagsim.cli._streams import say
 from lagsim.cli._writing import put_picture
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, Problem
-from lagsim.studies.comparison import compare
-from lagsim.studies.tables import read_results
+from lagsim.studies.comparison import Deviation, Verdict, compare
+from lagsim.studies.tables import Table, read_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison import Deviation, Verdict
-    from lagsim.studies.tables import Table
 
 # So many columns are listed for a person.
 LISTED = 10

@@ -19,16 +19,23 @@ from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.model.reader import read_file
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as junit_document
-from lagsim.run.session import open_case, wanted
-from lagsim.studies.golden import FOLDER, judge, load, measure, picture, run, store
+from lagsim.run.session import Case, open_case, wanted
+from lagsim.studies.golden import (
+    FOLDER,
+    Golden,
+    judge,
+    load,
+    measure,
+    picture,
+    run,
+    store,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.model.model import Model
-    from lagsim.run.session import Case
     from lagsim.studies.comparison import Verdict
-    from lagsim.studies.golden import Golden
 
 SUITE = "lagsim golden"
 

@@ -14,12 +14,11 @@ from lagsim.cli._writing import put_picture
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay
-from lagsim.studies.overlay import read
+from lagsim.studies.overlay import Shown, read
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.overlay import Shown
 
 # Without -o there is one of each.
 DEFAULT = (Path("results/overlay.png"), Path("results/overlay.html"))

@@ -49,28 +49,25 @@ from lagsim.outputs.manifest import encode
 from lagsim.outputs.results import (
     MANIFEST,
     RESTART,
+    Results,
     open_results,
     refuse_without_room,
     replaced,
 )
-from lagsim.outputs.table import check_format, table_writer
+from lagsim.outputs.table import TableWriter, Writer, check_format, table_writer
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.session import Clock, open_case, wanted
-from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.run.session import Clock, Session, open_case, wanted
+from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.notes import Event
-    from lagsim.outputs.results import Results
-    from lagsim.outputs.table import TableWriter, Writer
     from lagsim.run.arcs import Apart, Run
     from lagsim.run.error import ErrorBar as Estimate
     from lagsim.run.observers import Relay
-    from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.attempts import Attempt
     from lagsim.studies.drawing import Draw
     from lagsim.studies.restart import Restart
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING
 
 import orjson
 import typer
@@ -17,11 +16,8 @@ from lagsim.errors import InputError, Problem, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of
-from lagsim.studies.spectrum import spectrum
+from lagsim.studies.spectrum import Spectrum, spectrum
 from lagsim.studies.tables import read_results
-
-if TYPE_CHECKING:
-    from lagsim.studies.spectrum import Spectrum
 
 ENDINGS = (".png", ".svg", ".pdf", ".csv")
 

@@ -36,7 +36,7 @@ from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
-from lagsim.run.session import StartError, open_case, wanted
+from lagsim.run.session import Case, StartError, open_case, wanted
 from lagsim.studies.bench import stability
 from lagsim.studies.bench.stability import Wish
 from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from lagsim.cli._experiments import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.session import Case
 
     Record = Mapping[str, Any]
 

@@ -40,7 +40,7 @@ from lagsim.studies.sweep.points import EXAMPLE as SAMPLED
 from lagsim.studies.sweep.points import drawn, of_file, parsed_sample
 from lagsim.studies.sweep.runs import EXAMPLE, INADMISSIBLE, Axis, Found, Grid, parsed
 from lagsim.studies.sweep.sweeping import CHART, JOURNAL, MANIFEST, TABLE, Journal
-from lagsim.studies.workers import cores, machines, processes
+from lagsim.studies.workers import Hired, cores, machines, processes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from lagsim.cli._experiments import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.workers import Hired
 
 # So many letters of a reason are shown; the table has all of it.
 REASON = 160

@@ -28,14 +28,27 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
-from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.equations import NOBODY, groups, owners_of, shared
+from lagsim.mechanics.constraints import Kind, Row
+from lagsim.mechanics.equations import (
+    NOBODY,
+    Equations,
+    Instant,
+    groups,
+    owners_of,
+    shared,
+)
 from lagsim.mechanics.structure import largest_beside
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
-from lagsim.run.error import Failed
-from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor, gained
-from lagsim.run.trajectory import Outcome
+from lagsim.run.error import ErrorBar, Failed
+from lagsim.run.observers.monitors import (
+    EnergyMonitor,
+    Gap,
+    Gaps,
+    ResidualMonitor,
+    gained,
+)
+from lagsim.run.trajectory import Outcome, Trajectory
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     ENERGY_DRIFT,
@@ -52,12 +65,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.constraints import Row
-    from lagsim.mechanics.equations import Equations, Instant
-    from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.monitors import Gap
     from lagsim.run.session import Session
-    from lagsim.run.trajectory import Trajectory
 
 
 class Evidence:

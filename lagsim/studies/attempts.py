@@ -38,18 +38,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from lagsim.mechanics.structure import in_groups, joined, largest_beside
-from lagsim.notes import Choice
+from lagsim.notes import Caution, Choice
 from lagsim.outputs.manifest import manifest
-from lagsim.plan.plan import ANY
+from lagsim.plan.plan import ANY, Plan
 from lagsim.program.localized import is_localized_in_time
 from lagsim.run.arc import SERIES
 from lagsim.run.error import LOST, ErrorBar, Failed
-from lagsim.run.interrupt import MOST_STEPS
-from lagsim.run.observers import Corners, Relay
+from lagsim.run.interrupt import MOST_STEPS, Interrupt
+from lagsim.run.observers import Corners, Observer, Relay, Store
 from lagsim.run.observers.monitors import Checkpoints
-from lagsim.run.observers.thinning import picture_thinning
-from lagsim.run.trajectory import Outcome
-from lagsim.studies.alarms import Evidence, alarms, audit, fault, inertia_roots, up_to
+from lagsim.run.observers.thinning import Frames, picture_thinning
+from lagsim.run.trajectory import Outcome, Trajectory
+from lagsim.studies.alarms import (
+    Evidence,
+    Finding,
+    alarms,
+    audit,
+    fault,
+    inertia_roots,
+    up_to,
+)
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     NO_MOTION,
@@ -63,15 +71,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.notes import Caution
-    from lagsim.plan.plan import Plan
     from lagsim.program.system import System
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Observer, Store
-    from lagsim.run.observers.thinning import Frames
     from lagsim.run.session import Case, Clock, Session
-    from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.alarms import Finding
 
     # Takes a run, and by their names its `relay` and `session`.
     Joined: TypeAlias = Callable[..., None]

@@ -26,7 +26,7 @@ from lagsim.outputs.figure import (
     series,
     stack_height,
 )
-from lagsim.outputs.letters import raised
+from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import log_scale, time_scale, value_scale
 from lagsim.studies.tables import thinned
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.outputs.letters import Letters
     from lagsim.studies.comparison import Deviation, Verdict
 
 # So many columns are shown.

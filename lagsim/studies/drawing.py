@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
 from lagsim.notes import Caution
-from lagsim.outputs import attempted
+from lagsim.outputs import Made, attempted
 from lagsim.outputs.letters import letters_of
 from lagsim.outputs.record import Record, marked
 from lagsim.outputs.table import events_table
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.model.model import Model
-    from lagsim.outputs import Made
     from lagsim.run.observers.thinning import Frames, Thinning
     from lagsim.studies.attempts import Attempt
 

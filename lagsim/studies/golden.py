@@ -19,13 +19,13 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Problem, unusable
+from lagsim.errors import InputError, Place, Problem, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
-from lagsim.mechanics.equations import Instant
+from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
-from lagsim.model.model import DEFAULT_RTOL
+from lagsim.model.model import DEFAULT_RTOL, Model
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import of_table, stated_units
@@ -56,10 +56,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
     from lagsim.notes import Caution
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case

@@ -19,13 +19,12 @@ from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
 from lagsim.outputs.letters import raised
 from lagsim.outputs.results import MANIFEST
-from lagsim.studies.tables import of_another_run, read_results, thinned
+from lagsim.studies.tables import Table, of_another_run, read_results, thinned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.studies.tables import Table
 
 # Columns that are shown where none are named, and parameters that a name shows.
 MOST_COLUMNS, MOST_NAMED = 4, 2

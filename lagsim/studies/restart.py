@@ -34,7 +34,7 @@ from lagsim.native.link import cache
 from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
 from lagsim.program.system import Runner, System
-from lagsim.run.arcs import Apart
+from lagsim.run.arcs import Apart, Run
 from lagsim.studies.declared import UndeclaredError, decoded, encoded
 from lagsim.version import __version__
 
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.outputs.table import TableWriter
-    from lagsim.run.arcs import Run
     from lagsim.run.observers import Relay
     from lagsim.run.session import Session
 

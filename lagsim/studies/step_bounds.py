@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.linearisation import Linearisation, eigenmodes
+from lagsim.mechanics.linearisation import Linear, Linearisation, eigenmodes
 from lagsim.methods import method
 from lagsim.notes import Caution
 from lagsim.tolerances import NEGLIGIBLE_RATE, SAME_RESULT
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Complexes, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.linearisation import Linear
     from lagsim.plan.plan import Plan
     from lagsim.run.observers.monitors import EnergyMonitor
     from lagsim.run.trajectory import Trajectory

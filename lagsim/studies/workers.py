@@ -20,6 +20,7 @@ from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
+    Future,
     ProcessPoolExecutor,
     wait,
 )
@@ -34,7 +35,6 @@ from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-    from concurrent.futures import Future
 
 Piece = TypeVar("Piece")
 Found = TypeVar("Found")

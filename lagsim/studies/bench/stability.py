@@ -31,7 +31,7 @@ from lagsim.program.system import System
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor
-from lagsim.run.session import Session
+from lagsim.run.session import Case, Session
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
 from lagsim.studies.bench.solving import asking
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.session import Case
 
     CaseAt = Callable[[float | None], Case]
     Progress = Callable[[float], None] | None
@@ -442,22 +441,18 @@ class _Map:
         self, case_at: CaseAt, wish: Wish, interrupt: Interrupt, progress: Progress
     ) -> None:
         self.case_at, self.wish, self.interrupt = case_at, wish, interrupt
-        self.progress = progress
-        case = case_at(None)
+        self.progress, case = progress or (lambda _part: None), case_at(None)
         self.subject = Subject(case, interrupt)
         self.fixed, self.adaptive, self.refused = methods_for(case, wish)
         self.values: list[float | None] = [None]
         if wish.between is not None:
             self.values = [*spaced(wish.between, wish.map[1])]
         self.steps = self._steps()
-        each = len(self.fixed) * (len(self.steps) + SEARCH)
-        count = len(self.values) * each
+        count = len(self.values) * len(self.fixed) * (len(self.steps) + SEARCH)
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
         self.rest = _equilibrium(self.subject)  # before an end may be asked for
         self.cells = {name: list[Any]() for name in (*self.fixed, *self.adaptive)}
         self.borders = {name: list[Any]() for name in self.fixed}
-        self.total = max(1, len(self.values) * (each + len(self.adaptive)))
-        self.done = 0.0
 
     def _steps(self) -> list[float]:
         """Return the steps of the cells: those asked for, or around the borders."""
@@ -492,68 +487,64 @@ class _Map:
 
     def run(self) -> None:
         """Run every method at every value of the parameter."""
-        for value in self.values:
+        places = [(value, name) for value in self.values for name in self.cells]
+        subject: Subject | str = self.subject
+        for done, (value, name) in enumerate(places):
+            self.progress(done / len(places))
             varied = {} if value is None else {str(self.wish.name): value}
-            subject: Subject | str = self.subject
-            if value is not None:
+            if varied and name == next(iter(self.cells)):
                 try:
                     subject = Subject(self.case_at(value), self.interrupt)
                 except LagsimError as error:
                     subject = _reason(error)
-            for name, cells in self.cells.items():
-                steps = self.steps if name in self.fixed else [None]
-                strip: dict[Any, Trial] = {
-                    h: self._trial(subject, name, h) for h in steps
-                }
-                cells += [
-                    {"method": name, "step": h, **varied, **found._asdict()}
-                    for h, found in strip.items()
-                ]
-                if name in self.fixed:
-                    border = self._border(subject, name, strip)
-                    self.borders[name].append(varied | border)
+            trial = partial(self._trial, subject, name)
+            steps = self.steps if name in self.fixed else [None]
+            strip: dict[Any, Trial] = {h: trial(h) for h in steps}
+            self.cells[name] += [
+                {"method": name, "step": h, **varied, **found._asdict()}
+                for h, found in strip.items()
+            ]
+            if name in self.fixed:
+                border = self._border(subject, name, strip, trial)
+                self.borders[name].append(varied | border)
+        self.progress(1.0)
 
     def _trial(self, subject: Subject | str, name: str, step: float | None) -> Trial:
         if isinstance(subject, str):
             return Trial(FAILS, reason=subject)
-        steps = 0 if step is None else self.length(name, step)
         try:
-            found = subject.run(name, step, steps)
+            found = subject.run(
+                name, step, 0 if step is None else self.length(name, step)
+            )
         except InputError as error:
             found = Trial(FAILS, reason=_reason(error))
-        self._count(1)
-        return found
-
-    def _count(self, runs: float) -> None:
-        self.done += runs
-        if self.progress is not None:
-            self.progress(min(1.0, self.done / self.total))
         with self.interrupt.raised():
-            pass  # raises where an end is asked for
+            return found
 
     def _border(
-        self, subject: Subject | str, name: str, strip: Mapping[float, Trial]
+        self,
+        subject: Subject | str,
+        name: str,
+        strip: Mapping[float, Trial],
+        trial: Callable[[float], Trial],
     ) -> dict[str, Any]:
         """Return where a method ceases to hold: as found, and from the eigenvalues."""
-        top, counted = self.steps[-1], self.done
-        span = top * self.length(name, top)
-        predictions: list[float | None] = [None, None]
+        start = along = found = None
         if isinstance(subject, str):
-            found, note = None, subject
+            note = subject
         else:
-            predictions = [
-                predicted(method_named(name).amplification, x, span)
-                for x in (subject.at_start, subject.along)
-            ]
-            trial = partial(self._trial, subject, name)
-            found, note = _found(strip, trial, predictions)
-        self._count(max(0, counted + SEARCH - self.done))
-        known = [x for x in predictions if x is not None]
+            span = self.steps[-1] * self.length(name, self.steps[-1])
+            amplification = method_named(name).amplification
+            start = predicted(amplification, subject.at_start, span)
+            along = predicted(amplification, subject.along, span)
+            found, note = _found(strip, trial, (start, along))
         return {
             "found": None if found is None else float(f"{found:.4g}"),
-            "predicted": min(known, default=None),
-            "predicted_at_start": predictions[0],
-            "predicted_along": predictions[1],
+            "predicted": min(
+                (x for x in (start, along) if x is not None), default=None
+            ),
+            "predicted_at_start": start,
+            "predicted_along": along,
             "note": note,
         }
 
@@ -600,28 +591,23 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
 
     Steps past the period of an event are all one: each ends at the event.
     """
-    low, high = _around(subject, methods)
-    if high > subject.period:
-        low, high = min(low, BELOW * subject.period), subject.period
-    return low, high
-
-
-def _around(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
-    span = 10.0 * subject.span
     borders = [
-        border
+        predicted(method_named(name).amplification, eigenvalues, 10.0 * subject.span)
         for name in methods
         for eigenvalues in (subject.at_start, subject.along)
-        if (border := predicted(method_named(name).amplification, eigenvalues, span))
     ]
-    if borders:
-        high = ABOVE * max(borders)
-        return max(BELOW * min(borders), high / WIDEST), high
-    fastest = float(np.max(np.abs(subject.along), initial=0.0))
-    unit, parts = subject.span, OF_RUN
-    if fastest * subject.span > 1.0:
-        unit, parts = 2.0 * math.pi / fastest, OF_PERIOD
-    return parts[0] * unit, parts[1] * unit
+    if known := [border for border in borders if border]:
+        high = ABOVE * max(known)
+        low = max(BELOW * min(known), high / WIDEST)
+    else:
+        fastest = float(np.max(np.abs(subject.along), initial=0.0))
+        unit, parts = subject.span, OF_RUN
+        if fastest * subject.span > 1.0:
+            unit, parts = 2.0 * math.pi / fastest, OF_PERIOD
+        low, high = (part * unit for part in parts)
+    if high > subject.period:
+        return min(low, BELOW * subject.period), subject.period
+    return low, high
 
 
 def _found(
@@ -663,22 +649,19 @@ def _pairs(values: Any) -> list[list[float]]:
 def _equilibrium(subject: Subject) -> dict[str, Any]:
     """Look for an equilibrium, and the modes about it, as stability.json has them."""
     e, start = subject.equations, subject.endless.start
-    linearisation = subject.linearisation
+    linearisation, kind = subject.linearisation, structure(subject.equations)
     at, is_start, reason = None, False, subject.unknown
     about: tuple[Mode, ...] = ()
     if linearisation is not None:
         q0, q = subject.case.start.q, None
-        if not structure(e).autonomous:
+        if not kind.autonomous:
             reason = "the equations depend on time"
         elif e.states:
             reason = "the model has first-order states"
         else:
             q = lowest(Point(e, start))
             reason = "the search from the start did not come to rest at one"
-        if q is None:
-            if structure(e).linear and not subject.unknown:
-                about = modes(linearisation.at(start.t, start.q, start.v, start.s))
-        else:
+        if q is not None:
             reason = ""
             about = modes(linearisation.at(start.t, q, np.zeros_like(q)))
             size = np.max(np.abs([q, q0]), initial=0.0)
@@ -687,6 +670,8 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
             is_start = bool(near and not np.any(subject.case.start.v))
             plain = np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0).tolist()
             at = dict(zip(e.q, plain, strict=True))
+        elif kind.linear and not subject.unknown:
+            about = modes(linearisation.at(start.t, start.q, start.v, start.s))
     return {
         "equilibrium": at,
         "equilibrium_is_start": is_start,
@@ -697,7 +682,7 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
 
 def _mode(mode: Mode, names: Sequence[str]) -> dict[str, Any]:
     real, imaginary = (
-        dict(zip(names, map(float, part + 0.0), strict=True))
+        dict(zip(names, (part + 0.0).tolist(), strict=True))  # no -0
         for part in (mode.shape.real, mode.shape.imag)
     )
     return {

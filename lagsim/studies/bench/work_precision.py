@@ -38,6 +38,7 @@ from lagsim.studies.bench.solving import (
     Own,
     Patience,
     Scipy,
+    Solver,
     asking,
     formulations,
     index_one,
@@ -56,7 +57,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Event
     from lagsim.run.session import Case
-    from lagsim.studies.bench.solving import Solver
 
     Point = tuple[float, float]
 

@@ -10,6 +10,7 @@ and a logarithm of lagsim's own.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
@@ -21,7 +22,7 @@ import numpy as np
 from lagsim import files
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.native.elementary import log
-from lagsim.studies.sweep.runs import Axis, Grid, grid_of, number_of, refuse_many
+from lagsim.studies.sweep.runs import Axis, Grid, grid_of, refuse_many
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -63,28 +64,37 @@ def of_file(model: Model, path: Path) -> Grid:
         faults.append((first, "the header has an empty name, or one twice"))
     if not rows:
         faults.append((first, "no points: a header and a row for each run expected"))
+    points = []
     for line, row in rows:
         if len(row) != len(names):
             faults.append((line, f"{len(row)} values for {len(names)} names"))
             continue
+        points.append([*map(_number, row)])
         faults += [
             (line, f"`{cell}` of {name} is no finite number")
-            for name, cell in zip(names, row, strict=True)
-            if number_of(cell) is None
+            for name, cell, x in zip(names, row, points[-1], strict=True)
+            if not math.isfinite(x)
         ]
     if faults:
         raise InputError(
             [Problem("bad-points", f"{path}:{line}: {text}") for line, text in faults]
         )
     refuse_many(len(rows))
-    columns = zip(*([float(x) for x in row] for _, row in rows), strict=True)
+    given = dict(zip(names, zip(*points, strict=True), strict=True))
     try:
-        return grid_of(model, dict(zip(names, columns, strict=True)), together=True)
+        return grid_of(model, given, together=True)
     except InputError as error:
         where = f"{path}:{first}: "
         raise InputError(
             [x if x.place else x._replace(text=where + x.text) for x in error.problems]
         ) from None
+
+
+def _number(cell: str) -> float:
+    """Give the number of a cell; nan where it is none."""
+    with contextlib.suppress(ValueError):
+        return math.nan if "_" in cell else float(cell)
+    return math.nan
 
 
 def drawn(model: Model, sample: Sample) -> Grid:

@@ -40,12 +40,12 @@ from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import Columns
 from lagsim.program.localized import names_in_exponents
-from lagsim.run.ensemble import Ensemble, refusal
+from lagsim.run.ensemble import Ends, Ensemble, refusal
 from lagsim.run.observers import Extremes
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
-from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 
 if TYPE_CHECKING:
@@ -53,9 +53,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model
-    from lagsim.run.ensemble import Ends
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.attempts import Attempt
 
     # Parameters, each (runs,); positions, then velocities (runs, 2 n); what is swept
     # (runs, axes).
@@ -102,20 +100,19 @@ class Axis(NamedTuple):
         ------
         InputError
         """
-        starts = name not in {p.name for p in model.parameters}
-        unit = next((p.unit for p in model.parameters if p.name == name), "")
+        units = {p.name: p.unit for p in model.parameters}
+        starts = name not in units
+        unit = units.get(name, "")
         if starts:
             _check_start(model, name)
-            units = {x.name: x.unit for x in model.variables}
-            units |= {d.name: d.unit for d in model.definitions}
-            base = rated(name)[0]
-            unit = units.get(name) or (f"{u}/s" if (u := units.get(base, "")) else "")
+            units = {x.name: x.unit for x in (*model.variables, *model.definitions)}
+            rated_unit = units.get(rated(name)[0])
+            unit = units.get(name) or (f"{rated_unit}/s" if rated_unit else "")
         values: list[float] = []
         for text in texts:
             # The first one shows that the name can be bound.
-            x = _plain(text) if values else None
-            if x is None:
-                x = value_of(bound(model, {name: text}), name)
+            plain = values and _NUMBER.fullmatch(text)
+            x = float(text) if plain else value_of(bound(model, {name: text}), name)
             values.append(x)
         return cls(name, starts, tuple(texts), tuple(values), unit)
 
@@ -140,28 +137,26 @@ class Grid(NamedTuple):
         """Number of values of each axis."""
         return tuple(len(axis.texts) for axis in self.axes)
 
-    def at(self, numbers: Any) -> list[Any]:
-        """Give which value each axis has in a run, or in each of some."""
-        if self.together:
-            return [numbers] * len(self.axes)
-        return list(np.unravel_index(numbers, self.shape))
+    def at(self, numbers: Any) -> Iterator[tuple[Axis, Any]]:
+        """Give each axis, and which value it has in a run, or in each of some."""
+        places: Any = [numbers] * len(self.axes)
+        if not self.together:
+            places = np.unravel_index(numbers, self.shape)
+        return zip(self.axes, places, strict=True)
 
     def texts(self, number: int) -> dict[str, str]:
         """Give the value of each name in a run."""
-        places = zip(self.axes, self.at(number), strict=True)
-        return {axis.name: axis.texts[place] for axis, place in places}
+        return {axis.name: axis.texts[place] for axis, place in self.at(number)}
 
     def values(self, number: int) -> tuple[float, ...]:
         """Give the same as numbers, where all else is as in the file."""
-        places = zip(self.axes, self.at(number), strict=True)
-        return tuple(axis.values[place] for axis, place in places)
+        return tuple(axis.values[place] for axis, place in self.at(number))
 
 
 def bound(model: Model, texts: Mapping[str, str]) -> Model:
     """Give the model with these parameters, and start values."""
-    known = {p.name for p in model.parameters}
-    own = {name: text for name, text in texts.items() if name in known}
-    return model.bind(own, {k: text for k, text in texts.items() if k not in known})
+    own = {p.name: texts[p.name] for p in model.parameters if p.name in texts}
+    return model.bind(own, {k: text for k, text in texts.items() if k not in own})
 
 
 def value_of(model: Model, name: str) -> float:
@@ -251,39 +246,20 @@ def _values(model: Model, name: str, text: str) -> list[str]:
         raise unusable("usage", found, hint=EXAMPLE)
     refuse_many(int(many))
     a, b = Axis.of(model, name, (first, last)).values
-    return [repr(x) for x in between(a, b, int(many))]
-
-
-def between(a: float, b: float, count: int) -> list[float]:
-    """Give `count` numbers from a to b: of round ends they are round."""
-    steps = count - 1
-    return [*((a + (b - a) * k / steps) for k in range(steps)), b]
-
-
-def _plain(text: str) -> float | None:
-    """Give the number that a text is, if it is nothing else."""
-    return float(text) if _NUMBER.fullmatch(text) else None
-
-
-def number_of(cell: str) -> float | None:
-    """Give the finite number of a cell of a table; None where it is none."""
-    with contextlib.suppress(ValueError):
-        x = float(cell)
-        return x if math.isfinite(x) and "_" not in cell else None
-    return None
+    steps = int(many) - 1  # between round ends they are round
+    return [repr(a + (b - a) * k / steps) for k in range(steps)] + [repr(b)]
 
 
 def _check_start(model: Model, name: str) -> None:
     moving = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
     known = [*moving, *map(rate_of, moving), *(x.name for x in model.initial)]
-    if name in known:
-        return
-    parameters = [p.name for p in model.parameters]
-    among = [*parameters, *known]
-    hint = member_hint(name, among) or did_you_mean(name, among)
-    hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
-    text = f"`{name}` is no parameter of {model.name}, and has no start value"
-    raise unusable("unknown-name", text, hint=hint)
+    if name not in known:
+        parameters = [p.name for p in model.parameters]
+        among = [*parameters, *known]
+        hint = member_hint(name, among) or did_you_mean(name, among)
+        hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
+        text = f"`{name}` is no parameter of {model.name}, and has no start value"
+        raise unusable("unknown-name", text, hint=hint)
 
 
 # A run whose energy less work ends so far from where it began, as a part of what is in
@@ -466,26 +442,26 @@ class Runs:
     """
 
     def __init__(self, work: Work) -> None:
-        self.work = work
-        grid = work.grid
-        self._forms = [_Form(work, grid.texts(0))]
-        every = {
-            tuple(_structure(self._forms[0].model, grid.texts(k)).items()): None
-            for k in range(grid.runs if self._forms[0].structure else 1)
+        self.work, grid = work, work.grid
+        first = _Form(work, grid.texts(0))
+        others = {
+            tuple(_structure(first.model, grid.texts(k)).items()): None
+            for k in range(1, grid.runs if first.structure else 1)
         }
-        others = [_Form(work, dict(texts)) for texts in [*every][1:]]
-        tables = [Columns(f.equations, {}).of_table for f in (*self._forms, *others)]
+        forms = [first, *(_Form(work, dict(texts)) for texts in others)]
+        tables = [Columns(form.equations, {}).of_table for form in forms]
         longest = sorted(tables, key=len, reverse=True)
         self.columns = tuple(dict.fromkeys(name for t in longest for name in t))
+        self._forms = [first]
         self.batch: Batch | None = None
         self._tried, self._done = False, 0
 
     def units(self) -> dict[str, str]:
         """Give the units of the columns, where something has been compiled."""
-        sessions = [form.session for form in self._forms if form.session is not None]
-        if not sessions:
-            return {}
-        return of_table(sessions[0].case.equations, self.columns)
+        for form in self._forms:
+            if form.session is not None:
+                return of_table(form.session.case.equations, self.columns)
+        return {}
 
     def rows(
         self, numbers: Sequence[int], interrupt: Interrupt
@@ -515,41 +491,36 @@ class Runs:
         except InputError as error:
             reason = "; ".join(problem.text for problem in error.problems)
             return Row(grid.values(number), UNUSABLE, reason=reason)
-        own = session.system.columns.of_table
-        extremes, bars = Extremes(len(own)), self.work.error_bars
-        if self.work.kept is not None:
+        own, work = session.system.columns.of_table, self.work
+        extremes = Extremes(len(own))
+        if work.kept is not None:
             found = self._written(number, session, extremes, interrupt)
         else:
-            attempts = Attempts(extremes, interrupt, Clock(), error_bars=bars)
-            found = attempts.best(session)
+            bars = work.error_bars
+            found = Attempts(extremes, interrupt, Clock(), error_bars=bars).best(
+                session
+            )
         trajectory, bar = found.trajectory, found.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
-        if self.work.ends and not self._tried:
+        if work.ends and not self._tried and not self._forms[0].structure:
             self._tried = True
-            batch = Batch(session, self.work, len(self.columns))
-            if self._forms[0].structure:
-                batch.refusal = "a swept value changes the members of a family"
+            batch = Batch(session, work, len(self.columns))
             self.batch = None if batch.refusal else batch
         model, complete = session.case.equations.model, trajectory.outcome.complete
-        numbers = extremes.end[None] if self.work.ends else extremes.stacked
+        numbers = extremes.end[None] if work.ends else extremes.stacked
+        # What a run of other members has not is nan.
+        cells = np.full((len(numbers), len(self.columns)), np.nan)
+        cells[:, [self.columns.index(name) for name in own]] = numbers
         return Row(
             tuple(value_of(model, axis.name) for axis in grid.axes),
             trajectory.outcome.word,
             complete,
             None if isinstance(bar, str) else bar.relative,
             "" if complete else trajectory.reason,
-            self._placed(numbers, own),
+            cells,
             _mark(session),
         )
-
-    def _placed(self, numbers: Floats, own: Sequence[str]) -> Floats:
-        """Return numbers of a run in all columns; nan in those that it has not."""
-        if own == self.columns:
-            return numbers
-        found = np.full((len(numbers), len(self.columns)), np.nan)
-        found[:, [self.columns.index(name) for name in own]] = numbers
-        return found
 
     def _session(self, texts: Mapping[str, str]) -> Session:
         """Give the session of a run, compiled if need be."""
@@ -618,11 +589,9 @@ class Batch:
     def __init__(self, session: Session, work: Work, columns: int) -> None:
         self.session, self.grid, self.columns = session, work.grid, columns
         self.options = dict(work.options)
-        equations = session.case.equations
-        names = {axis.name for axis in self.grid.axes}
-        words = {
-            word for x in self.grid.axes for y in x.texts for word in _WORD.findall(y)
-        }
+        equations, axes = session.case.equations, self.grid.axes
+        names = {axis.name for axis in axes}
+        words = {word for x in axes for y in x.texts for word in _WORD.findall(y)}
         self._follow = equations.model.stated.depends_on(names) or bool(words & names)
         powers = names_in_exponents(equations, ())
         self.refusal = refusal(session)
@@ -653,19 +622,18 @@ class Batch:
 
     def _plain(self, numbers: Sequence[int]) -> Values:
         """Return values that nothing else follows."""
-        case, axes = self.session.case, self.grid.axes
+        case = self.session.case
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
         starts = np.repeat(start[None], len(numbers), 0)
-        names = case.equations.state
-        places = self.grid.at(np.array(numbers))
-        found = [np.array(a.values)[x] for a, x in zip(axes, places, strict=True)]
-        parameters = {}
-        for axis, values in zip(axes, found, strict=True):
+        parameters, swept = {}, []
+        for axis, places in self.grid.at(np.array(numbers)):
+            values = np.array(axis.values)[places]
+            swept.append(values)
             if axis.starts:
-                starts[:, names.index(axis.name)] = values
+                starts[:, case.equations.state.index(axis.name)] = values
             else:
                 parameters[axis.name] = values
-        return parameters, starts, np.array(found).T
+        return parameters, starts, np.array(swept).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
         """Return values as each run by itself binds them; nan where it has none."""

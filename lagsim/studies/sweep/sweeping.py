@@ -20,7 +20,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import unusable
-from lagsim.outputs import attempted
+from lagsim.outputs import Made, attempted
 from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
@@ -36,15 +36,13 @@ from lagsim.studies.sweep.runs import (
     rows_of,
     runs_of,
 )
-from lagsim.studies.workers import Died, processes, spread
+from lagsim.studies.workers import Died, Hired, processes, spread
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from lagsim.outputs import Made
-    from lagsim.studies.workers import Hired
 
 TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
 JOURNAL = "sweep.rows.jsonl"
@@ -172,8 +170,8 @@ def sweep(
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
     wanted |= hired is not processes
-    alone = most == 1 and hired is processes
-    for rows in _made(found, 0 if alone else most, wanted, hired, interrupt):
+    others = 0 if most == 1 and hired is processes else most
+    for rows in _made(found, others, wanted, hired, interrupt):
         found.rows.update(rows)
         if journal is not None:
             journal.add(rows)
@@ -228,25 +226,19 @@ def _shared(
         yield [(k, Row(found.grid.values(k), DIED, reason=why)) for k in lost]
 
 
-def _reported(found: Found) -> tuple[str, ...]:
-    """Return what is reported of each column, in this order."""
-    return ("end",) if found.work.ends else ("end", "min", "max")
-
-
 def header(found: Found) -> list[str]:
-    """Return the columns of sweep.csv."""
+    """Return the columns of sweep.csv: of the time its end alone."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
-    reported = [f"{column}.{x}" for column in columns for x in _reported(found)]
+    parts = ("end",) if found.work.ends else ("end", "min", "max")
+    reported = [f"{column}.{part}" for column in columns for part in parts]
     return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *reported, REASON]
 
 
 def cells(found: Found) -> Iterator[list[object]]:
     """Return the rows of sweep.csv in the order of the grid; None where nothing is."""
-    many = len(_reported(found))
-    nothing = [None] * (1 + many * (len(found.columns) - 1))
+    nothing = [None] * (len(header(found)) - len(found.grid.axes) - 4)
     for _, row in sorted(found.rows.items()):
-        # Of the time its end alone.
         numbers: list[Any] = nothing
         if row.numbers.size:
             time, *columns = row.numbers.T.tolist()
@@ -286,6 +278,7 @@ def document(found: Found) -> dict[str, Any]:
     forms = len({row.form for row in rows if row.numbers.size})
     note = f"the swept values change the equations: {forms} forms were "
     note += "compiled, which takes longer than one"
+    seed = found.grid.seed
     return {
         **head(found.model),
         "identity": mark(found),
@@ -302,7 +295,7 @@ def document(found: Found) -> dict[str, Any]:
             for axis in found.grid.axes
         ],
         **({"points": True} if found.grid.together else {}),
-        **({"seed": found.grid.seed} if found.grid.seed is not None else {}),
+        **({} if seed is None else {"seed": seed}),
         "runs": found.grid.runs,
         "complete": sum(row.complete for row in rows),
         "outcomes": dict(Counter(row.outcome for row in rows)),
