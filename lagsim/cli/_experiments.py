@@ -5,9 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._shared import coloured, counted, listed, progress_bar, show_json
+from lagsim.cli._shared import (
+    coloured,
+    commit,
+    counted,
+    drawn,
+    listed,
+    progress_bar,
+    show_json,
+)
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import commit, drawn
 from lagsim.errors import Problem
 from lagsim.outputs.table import table_of
 

@@ -84,115 +84,88 @@ def _heard(
     return Done(code, documents, printed.getvalue())
 
 
-class Batch:
-    """Several models, and what comes of them.
+def run_all(
+    paths: Sequence[str],
+    folder: Path,
+    job: Callable[..., Any],
+    sets: Sequence[str] | None,
+    options: Mapping[str, str],
+    jobs: int | None,
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run several models, each into its folder; return the worst exit code.
 
     Parameters
     ----------
     job
         Makes the job of one model: of its folder, documents and interrupt.
+
+    Raises
+    ------
+    InputError
+        Where two would write into one folder.
     """
+    overrides, names = assignments(sets), [Path(path).name for path in paths]
+    found, pieces, first = dict[int, Done](), dict[int, Piece](), dict[str, str]()
+    for k, path in enumerate(paths):
 
-    def __init__(
-        self,
-        paths: Sequence[str],
-        folder: Path | None,
-        job: Callable[..., Any],
-        *,
-        as_json: bool,
-        quiet: bool,
-    ) -> None:
-        self.paths, self.folder, self.job = paths, folder or Path("results"), job
-        self.as_json, self.quiet = as_json, quiet
-        self.names = [Path(path).name for path in paths]
-        self.found: dict[int, Done] = {}
-        self._reported = 0
+        def prepare(k: int = k, path: str = path) -> int:
+            text, file = text_of(path)
+            name = names[k] = read(text, file, overrides, options).name
+            into = folder / name
+            pieces[k] = Piece(text, file, into, overrides, options, job, as_json)
+            return 0
 
-    def run(
-        self, sets: Sequence[str] | None, options: Mapping[str, str], jobs: int | None
-    ) -> int:
-        """Run them; return the worst exit code.
+        heard = _heard(prepare, path, [], as_json=as_json)
+        if heard.code:
+            found[k] = heard
+        elif names[k] in first:
+            one = f"{first[names[k]]} and {path} have one name, `{names[k]}`, and so"
+            hint = "give one of them another `name`, or run them one by one with -o"
+            _report(found, paths)
+            raise unusable("one-name", f"{one} one folder", hint=hint)
+        else:
+            first[names[k]] = path
+    interrupt, numbers = Interrupt(), list(pieces)
+    with interrupt.noted(), progress_bar("models", quiet=quiet) as progress:
+        for k, result in spread(done, pieces.values(), jobs or cores(), interrupt):
+            found[numbers[k]] = _known(result, paths[numbers[k]])
+            if progress is not None:
+                progress(len(found) / len(paths))
+    _report(found, paths)
+    if as_json:
+        show_json([x for k in sorted(found) for x in found[k].documents[:1]])
+    elif not quiet:
+        say(_summary(found, names, folder))
+    if interrupt.signal is not None:
+        return 128 + interrupt.signal
+    return max(x.code for x in found.values())
 
-        Raises
-        ------
-        InputError
-            Where two would write into one folder.
-        """
-        pieces = self._pieces(assignments(sets), options)
-        interrupt, numbers = Interrupt(), list(pieces)
-        with interrupt.noted(), progress_bar("models", quiet=self.quiet) as progress:
-            for k, found in spread(done, pieces.values(), jobs or cores(), interrupt):
-                number, kept = numbers[k], found
-                if isinstance(kept, Died):
-                    died = Problem("failed", kept.reason, hint=self.paths[number])
-                    kept = Done(BUG, [errors_document([died])], kept.reason)
-                self._keep(number, kept)
-                if progress is not None:
-                    progress(len(self.found) / len(self.paths))
-        self._report(len(self.paths))
-        if self.as_json:
-            listed = [self.found[k].documents for k in sorted(self.found)]
-            show_json([document for own in listed for document in own[:1]])
-        elif not self.quiet:
-            say(self._summary())
-        if interrupt.signal is not None:
-            return 128 + interrupt.signal
-        return max(x.code for x in self.found.values())
 
-    def _pieces(
-        self, overrides: Mapping[str, str], options: Mapping[str, str]
-    ) -> dict[int, Piece]:
-        """Read the models, for their names; of those with faults that is all."""
-        pieces, first = dict[int, Piece](), dict[str, str]()
-        for k, path in enumerate(self.paths):
+def _known(result: Done | Died, path: str) -> Done:
+    if isinstance(result, Done):
+        return result
+    died = Problem("failed", result.reason, hint=path)
+    return Done(BUG, [errors_document([died])], result.reason)
 
-            def work(k: int = k, path: str = path) -> int:
-                text, file = text_of(path)
-                name = self.names[k] = read(text, file, overrides, options).name
-                pieces[k] = Piece(
-                    text, file, self.folder / name, overrides, options, self.job,
-                    self.as_json,
-                )  # fmt: skip
-                return 0
 
-            found = _heard(work, path, [], as_json=self.as_json)
-            if found.code:
-                self._keep(k, found)
-                continue
-            name = self.names[k]
-            if name in first:
-                one = f"{first[name]} and {path} have one name, `{name}`, and so one"
-                hint = "give one of them another `name`, or run them one by one with -o"
-                raise unusable("one-name", f"{one} folder", hint=hint)
-            first[name] = path
-        return pieces
+def _report(found: Mapping[int, Done], paths: Sequence[str]) -> None:
+    """Print what the models have printed, each with its name."""
+    for k in sorted(found):
+        if printed := found[k].printed.rstrip("\n"):
+            complain(f"{paths[k]}:")
+            complain(textwrap.indent(printed, "  "), again=True)
 
-    def _keep(self, number: int, found: Done) -> None:
-        """Keep what came of a model; report what is known of the first of them."""
-        self.found[number] = found
-        known = self._reported
-        while known in self.found:
-            known += 1
-        self._report(known)
 
-    def _report(self, end: int) -> None:
-        """Print what models before `end` have printed, each with its name, in order."""
-        for k in range(self._reported, end):
-            if k in self.found and self.found[k].printed:
-                text = textwrap.indent(self.found[k].printed.rstrip("\n"), "  ")
-                complain(f"{self.paths[k]}:")
-                complain(text, again=True)
-        self._reported = end
-
-    def _summary(self) -> str:
-        """Return a line for each model, and how many are done."""
-        rows: list[tuple[str, ...]] = [HEADS]
-        for k, name in enumerate(self.names):
-            rows.append((name, *_row(self.found.get(k))))
-        complete = sum(x.code == 0 for x in self.found.values())
-        head = coloured("done", "32" if complete == len(self.names) else "31")
-        head += f": {complete} of {len(self.names)} models, in {self.folder}/NAME"
-        return f"{head}\n{aligned(rows, lefts=2)}"
+def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:
+    """Return a line for each model, and how many are done."""
+    rows = [HEADS, *((name, *_row(found.get(k))) for k, name in enumerate(names))]
+    complete = sum(x.code == 0 for x in found.values())
+    head = coloured("done", "32" if complete == len(names) else "31")
+    head += f": {complete} of {len(names)} models, in {folder}/NAME"
+    return f"{head}\n{aligned(rows, lefts=2)}"
 
 
 def _row(found: Done | None) -> tuple[str, ...]:

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, aligned, coloured, counted, quiet, show_json
+from lagsim.cli._shared import (
+    JSON,
+    aligned,
+    coloured,
+    counted,
+    put_picture,
+    quiet,
+    show_json,
+)
 from lagsim.cli._streams import say
-from lagsim.cli._writing import put_picture
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, Problem
 from lagsim.studies.comparison import Deviation, Verdict, compare

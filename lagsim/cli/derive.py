@@ -9,9 +9,8 @@ from pathlib import Path
 import typer
 
 from lagsim.api.models import derive
-from lagsim.cli._shared import MODEL, SETS, assignments
+from lagsim.cli._shared import MODEL, SETS, assignments, put_file
 from lagsim.cli._streams import harmless, put
-from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem, visible
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode

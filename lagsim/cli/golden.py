@@ -10,9 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from lagsim.cli._faults import plain, reported
-from lagsim.cli._shared import JSON, coloured, counted, quiet, show_json
+from lagsim.cli._shared import (
+    JSON,
+    coloured,
+    counted,
+    put_file,
+    put_picture,
+    quiet,
+    show_json,
+    writing,
+)
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
-from lagsim.cli._writing import put_file, put_picture, writing
 from lagsim.cli.compare import DIFFERS, differing, headline, judgement, notes
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import counted, quiet
+from lagsim.cli._shared import counted, put_picture, quiet
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import put_picture
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay

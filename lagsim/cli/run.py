@@ -24,6 +24,7 @@ from lagsim.cli._shared import (
     Picture,
     assignments,
     coloured,
+    commit,
     counted,
     listed,
     output_folder,
@@ -35,7 +36,6 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
-from lagsim.cli._writing import commit
 from lagsim.codes import failure
 from lagsim.errors import Place, pointed, unusable
 from lagsim.mechanics.constraints import Kind
@@ -161,10 +161,12 @@ def command(
         strict,
     )  # fmt: skip
     if len(models) > 1:
-        from lagsim.cli._several import Batch
+        from lagsim.cli._several import run_all
 
-        batch = Batch(models, folder, partial(Job, wish), as_json=as_json, quiet=quiet)
-        return batch.run(sets, options, jobs)
+        return run_all(
+            models, folder or RESULTS, partial(Job, wish), sets, options, jobs,
+            as_json=as_json, quiet=quiet,
+        )  # fmt: skip
     documents: list[Any] | None = [] if as_json else None
     job = Job(wish, folder, documents=documents)
     # The processor time so far is close to what starting and importing took.

@@ -9,9 +9,8 @@ import orjson
 import typer
 
 from lagsim import files
-from lagsim.cli._shared import JSON, aligned, counted, show_json
+from lagsim.cli._shared import JSON, aligned, counted, put_file, put_picture, show_json
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import put_file, put_picture
 from lagsim.errors import InputError, Problem, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST

@@ -24,9 +24,9 @@ from lagsim.cli._shared import (
     quiet,
     show_json,
     table,
+    writing,
 )
 from lagsim.cli._streams import say
-from lagsim.cli._writing import writing
 from lagsim.cli.run import ERROR_BAR, with_settings
 from lagsim.errors import LagsimError, unusable
 from lagsim.files import content
