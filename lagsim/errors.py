@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from lagsim.codes.row import Row
 
@@ -170,3 +171,26 @@ def unusable(
 ) -> InputError:
     """Give the error of input with one fault."""
     return InputError([Problem(code, text, place, hint)])
+
+
+class Problems(list[Problem]):
+    """Faults that are found one after the other, and reported all at once."""
+
+    def add(
+        self, code: str, text: str, place: Place | None = None, hint: str = ""
+    ) -> None:
+        """Add a fault."""
+        self.append(Problem(code, text, place, hint))
+
+    @contextlib.contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Take the faults that are raised, and go on."""
+        try:
+            yield
+        except InputError as error:
+            self += error.problems
+
+    def refuse(self) -> None:
+        """Raise the error of all faults, if there are any."""
+        if self:
+            raise InputError(self)

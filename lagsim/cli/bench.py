@@ -8,29 +8,27 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._experiments import (
-    Measured,
-    csv,
-    experiment,
-    headline,
-    left_out,
-    numbers,
-)
 from lagsim.cli._faults import reported
 from lagsim.cli._shared import (
     FORMAT,
     JSON,
     SETS,
+    Measured,
     Picture,
     assignments,
     coloured,
+    csv,
+    experiment,
+    headline,
+    left_out,
     listed,
+    numbers,
     output_folder,
     quiet,
     show_json,
     table,
 )
-from lagsim.errors import InputError, LagsimError, Problem, unusable
+from lagsim.errors import LagsimError, Problem, Problems, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
@@ -50,7 +48,7 @@ from lagsim.studies.bench.work_precision import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.cli._experiments import Measure, Progress
+    from lagsim.cli._shared import Measure, Progress
     from lagsim.run.interrupt import Interrupt
 
 TABLE, MANIFEST = "work_precision.csv", "work_precision.json"
@@ -165,7 +163,7 @@ def _wish(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> Wish:
     """Return what the options ask for."""
-    problems: list[Problem] = []
+    problems = Problems()
     chosen = None
     if methods is not None:
         chosen = tuple(name.strip() for name in methods.split(","))
@@ -180,15 +178,14 @@ def _wish(
     seconds = BUDGET if budget is None else budget
     if not 0.0 < seconds < float("inf"):
         text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
-        problems.append(Problem("usage", text))
+        problems.add("usage", text)
     wish = Wish(chosen, between, _between("--steps", steps, problems), seconds)
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     return wish
 
 
 def _between(
-    option: str, text: str | None, problems: list[Problem]
+    option: str, text: str | None, problems: Problems
 ) -> tuple[float, float] | None:
     """Return the two numbers above 0 of A:B, the larger first."""
     if text is None:

@@ -20,7 +20,7 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import say
 from lagsim.codes import failure, number
-from lagsim.errors import InputError, Problem
+from lagsim.errors import Problems
 from lagsim.studies.comparison import Deviation, Verdict, compare
 from lagsim.studies.tables import Table, read_results
 
@@ -90,7 +90,7 @@ def _tolerances(
 ) -> tuple[float | None, float | None]:
     """Read the tolerances; refuse what is no number, or negative."""
     values: list[float | None] = []
-    problems = []
+    problems = Problems()
     for option, text in (("--rtol", rtol), ("--atol", atol)):
         try:
             value = None if text is None else float(text)
@@ -98,10 +98,9 @@ def _tolerances(
             value = math.nan
         if value is not None and not 0.0 <= value < math.inf:
             message = f"{option} {text}: a number of at least 0 is expected"
-            problems.append(Problem("usage", message, hint=f"such as {option} 1e-9"))
+            problems.add("usage", message, hint=f"such as {option} 1e-9")
         values.append(value)
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     return values[0], values[1]
 
 
@@ -110,12 +109,12 @@ def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> s
     assert verdict.rows is not None
     size = f"{counted(len(verdict.rows.golden), 'row')}, "
     size += counted(len(verdict.worst), "column")
-    head = headline(verdict, "differ", f"{' and '.join(names)}, {size} compared")
+    head = verdict_line(verdict, "differ", f"{' and '.join(names)}, {size} compared")
     worst = differing(verdict) or _listing(verdict.worst[:3])
     return "\n".join([head, *(f"  {remark}" for remark in remarks), *worst])
 
 
-def headline(verdict: Verdict, differs: str, what: str) -> str:
+def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
     """Return the verdict on a line; `differs` is the word for one that failed."""
     if verdict.passed:
         return f"{coloured('same', '32')}: {what}"

@@ -11,7 +11,7 @@ import typer
 from lagsim.api.models import derive
 from lagsim.cli._shared import MODEL, SETS, assignments, put_file
 from lagsim.cli._streams import harmless, put
-from lagsim.errors import InputError, Problem, visible
+from lagsim.errors import Problem, Problems, visible
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode
 
@@ -78,11 +78,11 @@ def _refuse(
         Format.text: ("ascii", "substitute", "solve", "gauss", "expand"),
         Format.python: (),
     }.get(form, ("substitute", "solve", "gauss", "expand"))
-    problems = [
+    problems = Problems(
         Problem("usage", f"--{name} means nothing with --format {form.value}")
         for name, given in options.items()
         if given and name not in meant
-    ]
+    )
     why = ""
     if output is not None and output.is_dir():
         why = "it is a folder"
@@ -91,9 +91,8 @@ def _refuse(
     elif output is not None and output.resolve() == Path(model).resolve():
         why = "it is the model"
     if why:
-        problems.append(Problem("output-file", f"{output} cannot be written: {why}"))
-    if problems:
-        raise InputError(problems)
+        problems.add("output-file", f"{output} cannot be written: {why}")
+    problems.refuse()
 
 
 def _print(content: bytes) -> None:

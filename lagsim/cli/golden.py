@@ -21,9 +21,9 @@ from lagsim.cli._shared import (
     writing,
 )
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
-from lagsim.cli.compare import DIFFERS, differing, headline, judgement, notes
+from lagsim.cli.compare import DIFFERS, differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import LagsimError, Problems
 from lagsim.model.reader import read_file
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as junit_document
@@ -147,7 +147,7 @@ def _task(path: str, folder: Path | None) -> _Task:
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
     """Refuse models whose goldens would be the same files."""
     first: dict[tuple[Path, str], str] = {}
-    problems = []
+    problems = Problems()
     for task in tasks:
         path, name, folder = task.path, task.name, task.folder
         if isinstance(task.model, LagsimError):
@@ -157,9 +157,8 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
             text = f"{other} and {path} are both named `{name}`, and would share "
             text += f"one golden in {folder}"
             hint = "give one of them another `name`; nothing was run"
-            problems.append(Problem("one-name", text, hint=hint))
-    if problems:
-        raise InputError(problems)
+            problems.add("one-name", text, hint=hint)
+    problems.refuse()
 
 
 def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
@@ -190,7 +189,7 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
     compared = f"{model.name}, {counted(len(stored.rows), 'row')} compared"
-    shown = [headline(verdict, "differs", compared + _horizon(stored)), *lines]
+    shown = [verdict_line(verdict, "differs", compared + _horizon(stored)), *lines]
     if verdict.passed:
         return _Answer(0, found, shown)
     text = f"{model.name} differs from its golden: {_worst(verdict)}"

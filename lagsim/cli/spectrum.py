@@ -11,7 +11,7 @@ import typer
 from lagsim import files
 from lagsim.cli._shared import JSON, aligned, counted, put_file, put_picture, show_json
 from lagsim.cli._streams import complain, say
-from lagsim.errors import InputError, Problem, did_you_mean, unusable
+from lagsim.errors import Problem, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of
@@ -34,13 +34,12 @@ def command(
 ) -> int:  # fmt: skip
     """List the frequencies in a column, and their amplitudes."""
     hint = "the ending of the name gives the format: .png, .svg, .pdf or .csv"
-    problems = [
+    problems = Problems(
         Problem("usage", f"{file}: no such format", hint=hint)
         for file in output or ()
         if file.suffix not in ENDINGS
-    ]
-    if problems:
-        raise InputError(problems)
+    )
+    problems.refuse()
     found = _spectrum(result, column)
     for file in output or ():
         if file.suffix == ".csv":

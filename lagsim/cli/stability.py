@@ -10,29 +10,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import typer
 
-from lagsim.cli._experiments import (
-    Measured,
-    csv,
-    experiment,
-    headline,
-    left_out,
-    numbers,
-)
 from lagsim.cli._shared import (
     FORMAT,
     JSON,
     MODEL,
     SETS,
+    Measured,
     Picture,
     aligned,
     assignments,
     counted,
+    csv,
+    experiment,
+    headline,
+    left_out,
     listed,
+    numbers,
     output_folder,
     quiet,
     table,
 )
-from lagsim.errors import InputError, Problem, unusable
+from lagsim.errors import InputError, Problem, Problems, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
@@ -44,7 +42,7 @@ from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.cli._experiments import Progress
+    from lagsim.cli._shared import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
 
@@ -133,7 +131,7 @@ def _check_parameter(model: Model, name: str | None) -> None:
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
     """Return what the options ask for."""
-    problems: list[Problem] = []
+    problems = Problems()
     names = None
     if methods is not None:
         names = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
@@ -144,18 +142,17 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     if steps is not None:
         between = different("--steps", steps, example="--steps 0.01:1")
     if between is not None and between[0] <= 0.0:
-        problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
+        problems.add("usage", f"--steps {steps}: steps are above 0")
     name: str | None = None
     values = None
     if vary:
         if vary[1:]:
             text = "--vary is given more than once: one parameter varies at a time"
-            problems.append(Problem("usage", text))
+            problems.add("usage", text)
         name, _, after = vary[0].partition("=")
         name = name.strip()
         values = different(f"--vary {name}", after, example="--vary K=10:1000")
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     return Wish(names, between, name, values)
 
 

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._experiments import Measured, experiment
 from lagsim.cli._shared import (
     JOBS,
     JSON,
     MODEL,
     NO_PLOTS,
     SETS,
+    Measured,
     assignments,
     coloured,
     counted,
+    experiment,
     output_folder,
     quiet,
     show_json,
@@ -45,7 +46,7 @@ from lagsim.studies.workers import Hired, cores, machines, processes
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.cli._experiments import Progress
+    from lagsim.cli._shared import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from functools import cached_property, partial
 from itertools import pairwise, zip_longest
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -175,8 +175,12 @@ class Balance(NamedTuple):
     @property
     def label(self) -> str:
         """Its name in messages."""
-        of = f" of {', '.join(self.names)}" if self.names else ""
-        return f"energy - work{of}"
+        return f"energy - work{self.of}"
+
+    @property
+    def of(self) -> str:
+        """Whose it is, in messages; "" of the whole."""
+        return f" of {', '.join(self.names)}" if self.names else ""
 
     @property
     def part(self) -> float:
@@ -186,10 +190,8 @@ class Balance(NamedTuple):
 
 def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
     """Return the balance of each group; none where the energy is no sum over some."""
-    e, g, n = equations, equations.graph, len(equations.q)
-    if n < 2 or len(monitor.passed) < 2:
-        return []
-    found = groups(e)
+    e, g = equations, equations.graph
+    found = groups(e) if len(e.q) > 1 and len(monitor.passed) > 1 else []
     if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):
         return []
     energies, forms = (shared(e, found, x)[0] for x in (e.energy, e.kinetic_form))
@@ -197,20 +199,18 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     group_of = {x[j]: k for k, many in enumerate(found)
                 for x in (e.q, e.velocities) for j in many}  # fmt: skip
     cone = g.cone(nodes)
-    owners = owners_of(g, cone, group_of)
-    for k, both in enumerate(zip(energies, forms, strict=True)):
-        if any(owners[node] not in (k, NOBODY) for node in both):
-            return []
+    owners, own = owners_of(g, cone, group_of), 2 * [*range(len(found))]
+    if any(owners[x] not in (k, NOBODY) for k, x in zip(own, nodes, strict=True)):
+        return []
     most = min(MOST_ROWS, int(MOST_OPERATIONS / len(cone)))
     stride = -(-len(monitor.passed) // max(most, 2))
     rows, worked = monitor.passed[::stride], monitor.worked[::stride]
-    moving = dict(zip(("t", *e.state), rows.T, strict=True))
-    fixed = {p.name: p.value for p in e.model.parameters}
-    values = evaluate_rows(g, nodes, fixed | moving, len(rows))
-    each, kinetic = values[: len(found)], values[len(found) :]
+    known: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
+    known |= dict(zip(("t", *e.state), rows.T, strict=True))
+    each, kinetic = np.split(evaluate_rows(g, nodes, known, len(rows)), 2)
     fastest = np.max(np.abs(kinetic), axis=1)
-    for speeds in _between(e.velocities, moving, monitor.extents):
-        more = evaluate_rows(g, forms, fixed | moving | speeds, len(rows))
+    for speeds in _between(e.velocities, known, monitor.extents):
+        more = evaluate_rows(g, forms, known | speeds, len(rows))
         fastest = np.fmax(fastest, np.max(more, axis=1))
     rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - monitor.balance[::stride]
     # What stands in no group depends on time alone, and is in `work` as it is.
@@ -263,10 +263,9 @@ def _between(
 def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
     """Return the error of an energy by errors (2 n,) of the state at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
-    known = row[1 : 1 + len(equations.state)].tolist()
-    state = zip_longest(known, errors.tolist(), fillvalue=0.0)
-    values |= {"t": (float(row[0]), 0.0)}
-    values |= dict(zip(equations.state, state, strict=False))
+    names, off = ("t", *equations.state), [0.0, *errors.tolist()]
+    state = zip_longest(row[: len(names)].tolist(), off, fillvalue=0.0)
+    values |= dict(zip(names, state, strict=False))
     ((_, error),) = evaluate_with_error(equations.graph, [node], values)
     return float(error)
 
@@ -310,12 +309,10 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None
-    changes = np.diff(kept) - jumped
-    size = float(np.max(sizes))
+    changes, size = np.diff(kept) - jumped, float(np.max(sizes))
     if np.ptp(sizes) <= HALF_OF_DIGITS * size < np.inf:
         changes -= size * np.round(changes / size)
-    rest = np.concatenate([[0.0], np.cumsum(changes)]) + kept[0]
-    return np.asarray(rest)
+    return np.asarray(np.concatenate([[0.0], np.cumsum(changes)]) + kept[0])
 
 
 class Energy:
@@ -332,18 +329,15 @@ class Energy:
         # Of a choice the condition, of an angle or a quotient what changes its sign, of
         # the others the value.
         inner = {**CUT, "if": 0}
-        self.switches = [
-            g.args[n][inner[g.ops[n]]] if g.ops[n] in inner else n for n in found
-        ]
-        self.cut = {k for k, n in enumerate(found) if g.ops[n] in CUT}
+        ops = [g.ops[n] for n in found]
+        pairs = [*zip(found, ops, strict=True)]
+        self.switches = [g.args[n][inner[op]] if op in inner else n for n, op in pairs]
+        self.cut = [op in CUT for op in ops]
 
     def sides(self, state: Floats) -> list[float]:
         """Tell on which side of each switch a state is."""
-        values = self._values(self.switches, state)
-        return [
-            math.copysign(1.0, x) if k in self.cut else float(x)
-            for k, x in enumerate(values)
-        ]
+        values = zip(self._values(self.switches, state), self.cut, strict=True)
+        return [math.copysign(1.0, x) if cut else float(x) for x, cut in values]
 
     def jump(self, a: Floats, b: Floats, least: float) -> float:
         """Give by how much the energy jumps between two states, on the straight way.
@@ -362,8 +356,8 @@ class Energy:
                     low = middle
                 else:
                     high = middle
-            sides = (self._values([self.energy], a + y * (b - a)) for y in (low, high))
-            before, after = (float(x[0]) for x in sides)
+            ends = (self._values([self.energy], a + y * (b - a)) for y in (low, high))
+            (before,), (after,) = ends
             size = max(abs(before), abs(after))
             if not abs(after - before) <= max(least, ENERGY_ROUNDOFF * size):
                 found += after - before
@@ -378,29 +372,24 @@ class Energy:
 def about_inputs(run: Evidence) -> list[Caution]:
     """Return warnings on inputs that have no effect, and on a changed start."""
     case, plan = run.session.case, run.plan
-    examined, settings, name = case.examined, case.settings, plan.method
-    found = []
-    if examined.changes:
-        moved = ", ".join(
-            f"{name} from {old!r} to {new!r}"
-            for name, (old, new) in examined.changes.items()
-        )
-        text = f"the run starts from the nearest exact state: {moved}"
-        found.append(Caution("start-changed", text))
-    if plan.step is None and settings.step is not None:
-        text = f"`step` has no effect: {name} chooses its steps"
-        found.append(Caution("step-unused", text))
-    for key, _ in settings.options:
-        if key not in options_of(name):
-            text = f"`{key}` has no effect: {name} has no such parameter"
-            found.append(Caution("option-unused", text))
-    if plan.rtol is None and (settings.rtol, settings.atol) != (None, None):
-        text = f"tolerances have no effect: {name} takes fixed steps"
-        found.append(Caution("tolerance-unused", text))
-    if plan.formulation != "baumgarte" and settings.gain is not None:
-        text = f"`gain` has no effect: the formulation is {plan.formulation}"
-        found.append(Caution("gain-unused", text))
-    return found
+    changes, settings, name = case.examined.changes, case.settings, plan.method
+    moved = (f"{x} from {old!r} to {new!r}" for x, (old, new) in changes.items())
+    others = [key for key, _ in settings.options if key not in options_of(name)]
+    tolerances = (settings.rtol, settings.atol) != (None, None)
+    penalty = plan.formulation == "baumgarte"
+    found = [
+        (changes, "start-changed",
+         f"the run starts from the nearest exact state: {', '.join(moved)}"),
+        (plan.step is None and settings.step is not None, "step-unused",
+         f"`step` has no effect: {name} chooses its steps"),
+        *((True, "option-unused",
+           f"`{key}` has no effect: {name} has no such parameter") for key in others),
+        (plan.rtol is None and tolerances, "tolerance-unused",
+         f"tolerances have no effect: {name} takes fixed steps"),
+        (settings.gain is not None and not penalty, "gain-unused",
+         f"`gain` has no effect: the formulation is {plan.formulation}"),
+    ]  # fmt: skip
+    return [Caution(code, text) for applies, code, text in found if applies]
 
 
 # So many columns are named one by one; the others are counted.
@@ -658,9 +647,9 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
     rest = without_jumps(run.equations, balance)
     if rest is not None:
         drifts = rest - rest[0]
-        change = gained(rest)
-        if plan.rtol is not None:
-            change = float(drifts[np.argmax(np.abs(drifts))])
+        change = float(drifts[np.argmax(np.abs(drifts))])
+        if plan.rtol is None:
+            change = gained(rest)
         if not abs(change) > least:
             return []
         since = float(balance.rows[np.argmax(np.abs(drifts) > least), 0])
@@ -669,9 +658,8 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
     reached, how = "from", "a tighter rtol"
     if plan.rtol is None:
         reached, how = "by", "a shorter step"
-    of = f" of {', '.join(balance.names)}" if balance.names else ""
     text = (
-        f"the motion{of} has {way} energy that no force explains, "
+        f"the motion{balance.of} has {way} energy that no force explains, "
         f"{abs(change) / balance.in_play:.2g} of the energy in play {reached} t = "
         f"{when:.6g}"
     )

@@ -19,7 +19,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Place, Problem, unusable
+from lagsim.errors import InputError, Place, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
 from lagsim.mechanics.equations import Equations, Instant
@@ -427,16 +427,15 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """Refuse columns that are not finite, or have no finite bound."""
-    problems = []
+    problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
         # Where a row has no value, bounds may have none anywhere.
         wrong = next((~ok for x in both if not (ok := np.isfinite(x)).all()), None)
         if wrong is not None:
             t = rows[np.argmax(wrong), 0]
             text = f"`{name}` has no finite value, or no bound, at t = {t:.6g}"
-            problems.append(Problem("not-finite", text, hint=LEAVE_OUT))
-    if problems:
-        raise InputError(problems)
+            problems.add("not-finite", text, hint=LEAVE_OUT)
+    problems.refuse()
 
 
 def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Problem, did_you_mean, unusable
+from lagsim.errors import Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
@@ -64,15 +64,12 @@ def read(folders: Sequence[Path]) -> list[Shown]:
     """
     records: list[Mapping[str, Any]] = []
     tables: list[Table] = []
-    problems: list[Problem] = []
+    problems = Problems()
     for folder in folders:
-        try:
+        with problems.gathered():
             records.append(_record(folder))
             tables.append(read_results(folder))
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     labels = _labels(folders, records)
     found = zip(labels, folders, records, tables, strict=True)
     return [Shown(*each) for each in found]
@@ -178,7 +175,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
             return found[:MOST_COLUMNS]
         what = "these results have no coordinate in common"
         raise unusable("no-column", what, hint="name columns: --columns x")
-    problems = []
+    problems = Problems()
     for run in runs:
         for name in names:
             if name == "t" or name not in run.table.columns:
@@ -189,9 +186,8 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
                 what = f"{run.folder} has no column `{name}`"
                 if name == "t":
                     what = "the column `t` is what the others are drawn against"
-                problems.append(Problem("no-column", what, hint=hint))
-    if problems:
-        raise InputError(problems)
+                problems.add("no-column", what, hint=hint)
+    problems.refuse()
     return list(dict.fromkeys(names))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rest import lowest
-from lagsim.errors import InputError, LagsimError, Problem, unusable
+from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation, Mode, modes
@@ -367,21 +367,21 @@ def methods_for(
         raise unusable("no-stability", UNSTEADY, hint=INSTEAD)
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
-    problems = []
+    problems = Problems()
     kind = structure(case.equations)
     for name in wish.methods or names():
         adaptive = bool(method_named(name).ADAPTIVE)
         reason = method_refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
-            problems.append(Problem("method-refused", text))
+            problems.add("method-refused", text)
             refused.append({"method": name, "reason": reason})
         elif adaptive and wish.name is None:
             text = (
                 f"`{name}` chooses its steps: it has no stability limit on a given step"
             )
             hint = "use --vary to see how its work changes with a parameter"
-            problems.append(Problem("adaptive-method", text, hint=hint))
+            problems.add("adaptive-method", text, hint=hint)
         else:
             found[adaptive].append(name)
     if wish.methods is not None and problems:

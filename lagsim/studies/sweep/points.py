@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim import files
-from lagsim.errors import InputError, Problem, unusable
+from lagsim.errors import InputError, Problem, Problems, unusable
 from lagsim.native.elementary import log
 from lagsim.studies.sweep.runs import Axis, Grid, grid_of, refuse_many
 
@@ -104,18 +104,15 @@ def drawn(model: Model, sample: Sample) -> Grid:
     ------
     InputError
     """
-    problems, values = [], dict[str, list[float | str]]()
+    problems, values = Problems(), dict[str, list[float | str]]()
     refuse_many(sample.runs)
     for place, (name, text) in enumerate(sample.given):
         if name in values:
-            problems.append(Problem("usage", f"{name} is given twice", hint=EXAMPLE))
-        try:
+            problems.add("usage", f"{name} is given twice", hint=EXAMPLE)
+        with problems.gathered():
             uniform = _uniform(sample.seed, place, sample.runs)
             values[name] = [*_distributed(model, name, text, uniform).tolist()]
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     grid = grid_of(model, values, together=True)
     axes = (x._replace(drawn=dict(sample.given)[x.name]) for x in grid.axes)
     return grid._replace(axes=tuple(axes), seed=sample.seed)

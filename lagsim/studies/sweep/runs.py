@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
-from lagsim.errors import InputError, LagsimError, Problem, did_you_mean, unusable
+from lagsim.errors import InputError, LagsimError, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.methods.parts.state import DONE as ENDED
@@ -178,21 +178,18 @@ def grid_of(
     ------
     InputError
     """
-    problems: list[Problem] = []
+    problems = Problems()
     axes = []
     for name, values in given.items():
         texts = [x if isinstance(x, str) else repr(float(x)) for x in values]
-        try:
+        with problems.gathered():
             axes.append(Axis.of(model, name, texts))
-        except InputError as error:
-            problems += error.problems
         if not texts:
-            problems.append(Problem("usage", f"{name} has no values", hint=EXAMPLE))
+            problems.add("usage", f"{name} has no values", hint=EXAMPLE)
         if name in (OUTCOME, COMPLETE, ERROR, REASON):
             text = f"`{name}` cannot be swept: sweep.csv has a column of that name"
-            problems.append(Problem("usage", text, hint="give it another name"))
-    if problems:
-        raise InputError(problems)
+            problems.add("usage", text, hint="give it another name")
+    problems.refuse()
     grid = Grid(tuple(axes), together)
     if together and len({*grid.shape}) > 1:
         text = f"the names have {', '.join(map(str, grid.shape))} values"
@@ -217,21 +214,18 @@ def parsed(model: Model, arguments: Iterable[str]) -> Grid:
     InputError
     """
     given: dict[str, list[str]] = {}
-    problems = []
+    problems = Problems()
     for argument in arguments:
         name, equals, values = (part.strip() for part in argument.partition("="))
         if not (name and equals and values):
             text = f"{argument}: a name and its values are expected"
-            problems.append(Problem("usage", text, hint=EXAMPLE))
+            problems.add("usage", text, hint=EXAMPLE)
         elif name in given:
-            problems.append(Problem("usage", f"{name} is given twice"))
+            problems.add("usage", f"{name} is given twice")
         else:
-            try:
+            with problems.gathered():
                 given[name] = _values(model, name, values)
-            except InputError as error:
-                problems += error.problems
-    if problems:
-        raise InputError(problems)
+    problems.refuse()
     return grid_of(model, given)
 
 
