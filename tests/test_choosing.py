@@ -4,6 +4,7 @@ import importlib
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -100,10 +101,10 @@ def test_every_bound_of_time_has_patience():
     assert not found, found
 
 
+@cache
 def sources():
-    for path in sorted((ROOT / "tests").rglob("*.py")):
-        if path != Path(__file__):
-            yield path.relative_to(ROOT), path.read_text("utf-8")
+    paths = sorted({*(ROOT / "tests").rglob("*.py")} - {Path(__file__)})
+    return [(path.relative_to(ROOT), path.read_text("utf-8")) for path in paths]
 
 
 def pytest_of(folder, text, marked="", **environment):

@@ -227,6 +227,7 @@ def test_scenes_follow_from_their_seed():
     assert scene_of("same-1").text() != scene.text()
 
 
+@pytest.mark.slow
 def test_a_touch_of_a_bumper_within_a_step_is_seen():
     """At x = -0.02 a bumper of w = 141 is met at u = 0.002, and left at u."""
     u, w = 0.002, 20000**0.5

@@ -16,6 +16,8 @@ from lagsim.mechanics.equations import derive
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method, names
 from lagsim.model.reader import read
+from tests.invariance.same import CHANGES, EPS, Sizes
+from tests.invariance.transforms import document
 from tests.studies.judged import barred
 from tests.support import MODELS, run, simulate
 from tests.sympy_oracle import Oracle
@@ -242,44 +244,26 @@ def test_scenes_by_chance_against_scipy(seed):
     assert pytest.approx(np.array(s_dot), abs=1e-8) == motion.rates.T
 
 
-SCENE = """
-parameters: {{m: {m}, K: {K}, tau: {tau}, V: {V}, T: {T}}}
-coordinates: {{x: {{}}{more}}}
-states: {{s: {{rate: (x - V*(t - {begin}) - s)/tau}}, h: {{rate: "-sign(h - s)*{a}"}}}}
-energy: {{kinetic: m*x_dot^2/2{bulk}, potential: K*(x - V*(t - {begin}))^2/2}}
-forces: {{x: -m*s/T^2 - m*h/T^2/3}}
-initial: {{x: {L}, x_dot: V, s: 0, h: 0{at}}}
-simulation: {{start: {begin}, duration: {end}, output_step: {step}, method: dop853}}
+# A spring, a filter that feeds back, and a follower that slides.
+FOLLOWER = """
+coordinates: {x: {}}
+states: {s: {rate: (x - s)/0.3}, h: {rate: -sign(h - s)/2}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+forces: {x: -s - h/3}
+initial: {x: 1, s: 0, h: 0}
+simulation: {duration: 3, output_step: 1/16, method: dop853}
 """
 
 
-def scene(L=1.0, T=1.0, m=1.0, begin=0.0, V=0.0, more="", bulk="", at=""):
-    """A spring, a filter that feeds back, and a follower that slides, in some units."""
-    return simulate(SCENE.format(
-        m=m, K=4 * m / T**2, tau=0.3 * T, V=V, T=T, L=L, begin=begin, end=3 * T,
-        step=T / 16, a=L / T / 2, more=more, bulk=bulk, at=at,
-    ))  # fmt: skip
-
-
-CHANGES = {
-    "length": {"L": 1e-7}, "time": {"T": 1e5}, "mass": {"m": 1e9},
-    "later": {"begin": 64.0}, "boost": {"V": 3.0},
-    "bystander": {"more": ", y: {}", "bulk": "+1e9*y_dot^2", "at": ", y: 0, y_dot: 7"},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("change", CHANGES)
-def test_the_same_motion_in_other_units_and_places(change):
-    base, options = scene(), CHANGES[change]
-    found = scene(**options)
-    L, T = options.get("L", 1.0), options.get("T", 1.0)
-    begin = options.get("begin", 0.0)
-    moved = options.get("V", 0.0) * (found.t - begin)
-    assert (found["x"] - moved) / L == pytest.approx(base["x"], abs=2e-10)
-    for name in ("s", "h"):
-        assert found[name] / L == pytest.approx(base[name], abs=2e-10)
-    times = [(x.time - begin) / T for x in found.events]
-    assert times == pytest.approx([x.time for x in base.events], abs=1e-9)
+@pytest.mark.parametrize("word", CHANGES)
+def test_the_same_motion_in_other_words(word):
+    changed = CHANGES[word].put(document(FOLLOWER), Sizes(1.0, 2.0, 3.0))
+    base, found = simulate(FOLLOWER), simulate(changed.text())
+    bound = 2e-10 + 100.0 * EPS * CHANGES[word].rounding
+    for name in ("x", "s", "h"):
+        assert found[name] == pytest.approx(base[name], abs=bound)
+    times = [(e.time - changed.shift) * changed.scale for e in found.events]
+    assert times == pytest.approx([e.time for e in base.events], abs=5.0 * bound)
     assert len(times) == 2
 
 

@@ -113,11 +113,15 @@ def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(me
     assert not found.trajectory.choices
 
 
+SHIPPED = {path.stem for path in MODELS.glob("*.yaml") if "chain" not in path.stem}
+
+
 @pytest.mark.parametrize("rtol", ["1e-3", "1e-8"])
 @pytest.mark.parametrize(
     "name",
-    sorted(path.stem for path in MODELS.glob("*.yaml") if "chain" not in path.stem),
-)
+    [*sorted(SHIPPED - {"quadruped"}),
+     pytest.param("quadruped", marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_no_shipped_model_is_stiff(name, rtol):
     found = run(name, rtol=rtol)
     assert not found.trajectory.choices

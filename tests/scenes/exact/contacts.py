@@ -185,14 +185,18 @@ def turning(first, turn):
         push = (first + t) * np.array([math.cos(angle), math.sin(angle)])
         return [*speeds, *(push - BOUND * speeds / np.hypot(*speeds))]
 
-    def at_the_end(names, t):
+    @functools.cache
+    def last():
         start = [*(way * after**3 / 6), *(way * after**2 / 2)]
         states = solve_ivp(
             rates, (begins + after, END), start, method="Radau", rtol=1e-11, atol=1e-17
         ).y[:, -1]
-        ends = dict(zip(("x", "y", "x_dot", "y_dot"), states, strict=True))
-        last = np.arange(len(t)) == len(t) - 1
-        return {q: np.where(last, ends[q], np.nan) for q in names}
+        return dict(zip(("x", "y", "x_dot", "y_dot"), states, strict=True))
+
+    def at_the_end(names, t):
+        ends = last()
+        final = np.arange(len(t)) == len(t) - 1
+        return {q: np.where(final, ends[q], np.nan) for q in names}
 
     return at_the_end
 
