@@ -6,6 +6,7 @@ M q'' = f + A^T lam,    A q'' = b,    M v' along A^T brings a state back onto g 
 from __future__ import annotations
 
 import itertools
+import operator
 from typing import Any
 
 import numpy as np
@@ -113,29 +114,48 @@ class Mechanics(Sided):
         """Give the change of velocity (n,) after which its constraints stay met."""
         return self._solved(self._drift([t], y, p))[0]
 
-    def _solved(self, numbers):
+    def _solved(self, x):
         """Solve M a = f + A^T lam, A a = b, of M, A, b and perhaps f in one list."""
         n, m = len(self.q), len(self.constraints)
-        M, A, b, f = np.split(np.array(numbers, Long), np.cumsum([n * n, m * n, m]))
-        A, f = A.reshape(m, n), np.resize(f, (n, 1)) if len(f) else np.zeros((n, 1))
-        X = eliminated(np.hstack([M.reshape(n, n), A.T, f]))
-        X, z = X[:, :m], X[:, m]
-        lam = eliminated(np.column_stack([A @ X, b - A @ z]))[:, 0]
-        return z + X @ lam, lam
+        A = [x[n * (n + k) : n * (n + k + 1)] for k in range(m)]
+        b, f = x[n * (n + m) :][:m], x[n * (n + m) + m :] or [Long(0)] * n
+        X = [[*x[n * i : n * (i + 1)], *(row[i] for row in A), f[i]] for i in range(n)]
+        *moved, a = eliminated(X)
+        if not m:
+            return np.array(a), np.zeros(0, Long)
+        S = [[*(dot(row, y) for y in moved), b[k] - dot(row, a)]
+             for k, row in enumerate(A)]  # fmt: skip
+        (lam,) = eliminated(S)
+        a = [z + dot(lam, pushes) for z, *pushes in zip(a, *moved, strict=True)]
+        return np.array(a), np.array(lam)
 
 
-def eliminated(K):
-    """Solve K (n, n + k), a positive matrix and its right sides: (n, k).
+def dot(x, y):
+    return sum(map(operator.mul, x, y))
 
-    By Gauss without exchanges, as L D L^T would.
+
+def eliminated(rows):
+    """Solve n rows (n + k) of a positive matrix and its right sides: k columns (n,).
+
+    By Gauss without exchanges, as L D L^T would; in place.
     """
-    n = len(K)
-    for k in range(n):
-        K[k + 1 :] -= np.outer(K[k + 1 :, k] / K[k, k], K[k])
-    X = K[:, n:]
-    for k in reversed(range(n)):
-        X[k] = (X[k] - K[k, k + 1 : n] @ X[k + 1 :]) / K[k, k]
-    return X
+    n = len(rows)
+    if n == 1:
+        return [[x / rows[0][0]] for x in rows[0][1:]]
+    for k, pivot in enumerate(rows):
+        for row in rows[k + 1 :]:
+            if row[k]:
+                factor = row[k] / pivot[k]
+                for j in range(k + 1, len(row)):
+                    row[j] -= factor * pivot[j]
+    columns = []
+    for j in range(n, len(rows[0])):
+        found: list[Any] = []
+        for k in range(n - 1, -1, -1):
+            row = rows[k]
+            found.insert(0, (row[j] - dot(row[k + 1 : n], found)) / row[k])
+        columns.append(found)
+    return columns
 
 
 class _Printer(StrPrinter):
