@@ -11,7 +11,9 @@ import pytest
 
 import lagsim
 from lagsim.language.names import rate_of
-from tests.hunt.test_triples import BOUND, FEATURES, ROUNDING, drawn, scene
+from tests.hunt.test_triples import FEATURES, MIXED, drawn
+from tests.scenes.pairs.scene import motion, scene
+from tests.scenes.pairs.test_physical import BOUND, ROUNDING
 
 
 def away(times, result):
@@ -28,10 +30,8 @@ def interpolated(features, result, bound, later):
         np.testing.assert_array_equal(again[name][::-1], result[name][rows], name)
     between = away(result.t[:-1] + 0.37 * np.diff(result.t), result)
     found = result.at(between)
-    for k, f in enumerate(features, 1):
-        for name, x in f.motion(between - later).items():
-            told = found[name.replace("$", str(k))]
-            assert told == pytest.approx(x, abs=bound), name
+    for name, x in motion(*features, t=between - later).items():
+        assert found[name] == pytest.approx(x, abs=bound), name
 
 
 def swept(model, result):
@@ -67,7 +67,7 @@ def derived(model, result):
 
 def studied(features, words):
     """Hold the studies of a scene against its run, see above."""
-    model = lagsim.load(f"name: triple\n{scene(features, **words)}")
+    model = lagsim.load(scene(*features, **MIXED, **words))
     result = lagsim.simulate(model)
     later = words.get("later", 0.0)
     size = max(words.get("far", 1), 2 * words.get("speed", 1), later)

@@ -10,50 +10,21 @@ tries.
 
 import os
 import random
-import re
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import Rotation
 
-import lagsim
-from tests.scenes.pairs.physical import FRAGMENTS, _brake
+from tests.scenes.pairs.physical import FRAGMENTS, Fragment, _brake
+from tests.scenes.pairs.test_physical import moves
 
-MIX = np.eye(3) - 2.0 * np.outer([1, -0.7, 0.4], [1, -0.7, 0.4]) / 1.65
-# What is rounded: places and times that are so much larger than the motion.
+REFLECTION = np.eye(3) - 2.0 * np.outer([1, -0.7, 0.4], [1, -0.7, 0.4]) / 1.65
+MIXED = {
+    "coupled": True, "mix": [[repr(x) for x in row] for row in REFLECTION.tolist()],
+    "names": ("u1", "u2", "u3"),
+}  # fmt: skip
 WORDS = ({}, {"far": 1e3}, {"speed": 1e2}, {"later": 1e4}, {"heavy": 1e6})
-BOUND = 1e-9
-ROUNDING = 300 * 2.0**-52
-REDUNDANT = {"redundant", "multipliers-not-unique"}
-
-
-class Feature(NamedTuple):
-    """As a `Fragment`; `sections` : of the file -> its entries. Names end in `$`."""
-
-    name: str
-    start: tuple[str, str]
-    motion: Any
-    sections: dict[str, dict[str, str]]
-    kinetic: str = "x$_dot^2/2"
-    potential: str = "0"
-    end: float = 2.0
-    until: str = ""
-
-
-def known(f):
-    """Give a fragment of pairs as a feature."""
-    initial = {k: a for k, (a, _) in f.more.items()}
-    initial |= {f"{k}_dot": b for k, (_, b) in f.more.items()}
-    sections = {
-        "coordinates": dict.fromkeys(f.more, "{}"), "initial": initial,
-        "forces": {k: f'"{x}"' for k, x in f.forces.items()}, "modes": f.modes,
-        "constraints": f.constraints, "events": f.events,
-    }  # fmt: skip
-    return Feature(
-        f.name, f.start, f.motion, sections, f.kinetic, f.potential, f.end, f.until
-    )
 
 
 def ring(t):
@@ -117,10 +88,10 @@ CORNERS = [[float(ring(np.zeros(1))[f"p$.{k}.{c}"][0]) for c in "xy"] for k in (
 SPEEDS = [[0.3 - 1.1 * y, 1.1 * x] for x, y in CORNERS]
 FLAT = "(x$_dot^2 + z$_dot^2)/2"
 FEATURES = (
-    *(known(f) for f in FRAGMENTS if f.name not in ("many coordinates", "elimination")),
-    Feature(
+    *(f for f in FRAGMENTS if f.name not in ("many coordinates", "elimination")),
+    Fragment(
         "ring", ("1/sqrt(3)", "0.3"), ring,
-        {
+        sections={
             "coordinates": {"y$": "{}", "p$(2..3)": "{components: xy}"},
             "definitions": {"v$(1)": "vec(x$, y$)", "v$(i = 2..3)": "p$(i)"},
             "constraints": {
@@ -131,11 +102,11 @@ FEATURES = (
                 "p$_dot(2..3)": str(SPEEDS),
             },
         },
-        "sum(i = 1..3, dot(v$_dot(i), v$_dot(i)))/2",
+        kinetic="sum(i = 1..3, dot(v$_dot(i), v$_dot(i)))/2",
     ),
-    Feature(
+    Fragment(
         "quaternion", ("0.1", "0.3"), top,
-        {
+        sections={
             "parameters": {"J$": "[1, 1, 2]"},
             "coordinates": {f"p{k}$": "{}" for k in range(4)},
             "frames": {"top$": "{quaternion: [p0$, p1$, p2$, p3$]}"},
@@ -143,36 +114,36 @@ FEATURES = (
             "initial": {"p0$": "1", "p1$": "0", "p2$": "0", "p3$": "0",
                         "w$": "[0.7, 0, 2]"},
         },
-        "x$_dot^2/2 + spin(J$, w$)",
+        kinetic="x$_dot^2/2 + spin(J$, w$)",
     ),
-    Feature(
+    Fragment(
         "planar brake", ("0.1", "1.2"), braked,
-        {
+        sections={
             "coordinates": {"z$": "{}"}, "initial": {"z$": "0.2", "z$_dot": "0.9"},
             "constraints": {"pad$": "{relation: [x$_dot = 0, z$_dot = 0], limit: 1}"},
         },
-        FLAT,
+        kinetic=FLAT,
     ),
-    Feature(
+    Fragment(
         "slider", ("0", "2"), slider,
-        {
+        sections={
             "coordinates": {"s$": "{}"}, "initial": {"s$": "0"},
             "constraints": {"rubs$": "{relation: s$_dot = 0, limit: 1}"},
         },
         potential="2*(x$ - s$)^2",
     ),
-    Feature(
+    Fragment(
         "table and clock", ("0.3", "-0.2"), clock,
-        {
+        sections={
             "tables": {"f$": f"{{points: {POINTS}, interpolation: linear}}"},
             "modes": {"k$": "0"},
             "events": {"tick$": "{every: 0.5, set: {k$: k$ + 1}}"},
             "forces": {"x$": '"k$*f$(t)"'},
         },
     ),
-    Feature(
+    Fragment(
         "members in contact", ("1", "-1.5"), bounced,
-        {
+        sections={
             "coordinates": {"z$": "{}"}, "states": {"s$": "{rate: -s$}"},
             "definitions": {"h$(1)": "x$", "h$(2)": "z$"},
             "constraints": {
@@ -180,84 +151,18 @@ FEATURES = (
             },
             "initial": {"z$": "0.5", "z$_dot": "-1", "s$": "0.7"},
         },
-        FLAT,
+        kinetic=FLAT,
     ),
-    Feature(
+    Fragment(
         "latch", ("0", "1.2"), latched,
-        {
+        sections={
             "coordinates": {"z$": "{}"}, "initial": {"z$": "0"}, "modes": {"h$": "0"},
             "events": {"grab$": "{at: x$ - z$ >= 0.6, set: {h$: 1}}"},
             "constraints": {"hook$": "{relation: x$ - z$ = 0.6, when: h$ > 0}"},
         },
-        FLAT,
+        kinetic=FLAT,
     ),
 )  # fmt: skip
-
-
-def scene(features, far=0.0, speed=0.0, later=0.0, heavy=0.0):
-    """Give the file of three features in other words, see `WORDS`."""
-    sections: dict[str, dict[str, str]] = {"definitions": {}, "coordinates": {}}
-    initial, ends = {}, [f.until for f in features]
-    for k in (1, 2, 3):
-        row = " + ".join(f"({x!r})*u{j}" for j, x in enumerate(MIX[k - 1].tolist(), 1))
-        sections["definitions"][f"x{k}"] = f"{row} - {far!r} - {speed!r}*(t - t0)"
-        sections["coordinates"][f"u{k}"] = "{}"
-        for part, added in enumerate((far, speed)):
-            of = zip(MIX[:, k - 1].tolist(), features, strict=True)
-            sums = " + ".join(f"({x!r})*({g.start[part]} + {added!r})" for x, g in of)
-            initial[f"u{k}" + "_dot" * part] = sums
-    for k, f in enumerate(features, 1):
-        for section, entries in f.sections.items():
-            for key, text in entries.items():
-                told = text.replace("$", str(k))
-                if section not in ("tables", "parameters"):
-                    told = re.sub(r"(?<![\w.])t\b(?!\()", "(t - t0)", told)
-                sections.setdefault(section, {})[key.replace("$", str(k))] = told
-    sections["initial"] = initial | sections.get("initial", {})
-    sections.setdefault("parameters", {})["t0"] = repr(later)
-    energies = [
-        " + ".join(f"({getattr(f, key).replace('$', str(k))})"
-                   for k, f in enumerate(features, 1))
-        for key in ("kinetic", "potential")
-    ]  # fmt: skip
-    if heavy:
-        sections["coordinates"]["by"], sections["initial"]["by"] = "{}", "0"
-        energies[0] += f" + {heavy!r}*by_dot^2/2"
-        sections["initial"]["by_dot"] = "1"
-    sections["energy"] = dict(zip(("kinetic", "potential"), energies, strict=True))
-    until = "".join(
-        f', until: "{x.replace("$", str(k))}"' for k, x in enumerate(ends, 1) if x
-    )
-    lines = [
-        f"{name}:\n" + "".join(f"  {key}: {text}\n" for key, text in entries.items())
-        for name, entries in sections.items()
-        if entries
-    ]
-    settings = f"start: t0, duration: 2, output_step: 0.05{until}"
-    return "".join(lines) + f"simulation: {{{settings}}}\n"
-
-
-def moves(features, words):
-    """Hold a scene against the closed forms: all rows, its end, its energy."""
-    text = scene(features, **words)
-    result = lagsim.simulate(lagsim.load(text), error_bar="never")
-    assert result.complete, result.reason
-    size = max(words.get("far", 1), 2 * words.get("speed", 1), words.get("later", 1))
-    bound = BOUND + ROUNDING * size
-    t = result.t - words.get("later", 0.0)
-    assert t[-1] == pytest.approx(min(f.end for f in features), abs=bound)
-    for k, f in enumerate(features, 1):
-        for name, x in f.motion(t).items():
-            assert result[name.replace("$", str(k))] == pytest.approx(x, abs=bound), (
-                name
-            )
-    warned = {w.code for w in result.warnings} - {"start-changed"}  # by rounding
-    assert warned == (
-        REDUNDANT if any(f.name == "redundant" for f in features) else set()
-    )
-    work = result["work"] if "work" in result.columns else 0.0
-    scale = max(1.0, float(np.max(result["kinetic"])))
-    assert np.ptp(result["energy"] - work) < 10.0 * bound * scale
 
 
 def drawn(seed, count):
@@ -273,7 +178,7 @@ def drawn(seed, count):
 
 @pytest.mark.parametrize("f", FEATURES[-7:], ids=lambda f: f.name)
 def test_a_feature_beside_two_others(f):
-    moves([f, FEATURES[0], FEATURES[3]], {})
+    moves(f, FEATURES[0], FEATURES[3], **MIXED)
 
 
 @pytest.mark.nightly
@@ -281,4 +186,4 @@ def test_a_feature_beside_two_others(f):
 def test_a_nights_triples_move_as_each_alone(seed):
     count = int(os.environ.get("HUNT_TRIPLES", "60"))
     for features, words in drawn(seed, count):
-        moves(features, words)
+        moves(*features, **MIXED, **words)

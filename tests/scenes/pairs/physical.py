@@ -26,6 +26,7 @@ class Fragment(NamedTuple):
     transformed where two fragments are coupled.
     `more` : name -> (start, rate) of the other coordinates.
     `motion` : t (rows,) -> name -> positions (rows,), by closed form.
+    `sections` : of the file, what else they have: name -> text.
     """
 
     name: str
@@ -41,6 +42,26 @@ class Fragment(NamedTuple):
     until: str = ""
     formulation: str = ""
     end: float = DURATION
+    sections: dict[str, dict[str, str]] = {}  # noqa: RUF012
+
+    def written(self, k):
+        """Give sections of the file, with names and texts of the k-th fragment."""
+        initial = {name: value for name, (value, _) in self.more.items()}
+        initial |= {f"{name}_dot": rate for name, (_, rate) in self.more.items()}
+        plain = {
+            "coordinates": dict.fromkeys(self.more, "{}"), "initial": initial,
+            "forces": {name: f'"{text}"' for name, text in self.forces.items()},
+            "constraints": self.constraints, "modes": self.modes, "events": self.events,
+        }  # fmt: skip
+        return {
+            section: {
+                name.replace("$", str(k)): text.replace("$", str(k))
+                for name, text in (
+                    plain.get(section, {}) | self.sections.get(section, {})
+                ).items()
+            }
+            for section in plain | self.sections
+        }
 
 
 def _parabola(t, at, x, v, a):

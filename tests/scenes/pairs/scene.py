@@ -6,7 +6,7 @@ Every pair that is not in `REFUSED` is run against its closed form.
 from __future__ import annotations
 
 import itertools
-import json
+import re
 import zlib
 
 from tests.scenes.pairs.physical import FRAGMENTS
@@ -32,73 +32,72 @@ REFUSED = {
 }
 
 
-def _quoted(items):
-    return "\n".join(f"  {name}: {text}" for name, text in items.items()) or "  {}"
+# The first coordinates of two fragments as sums and differences of two others.
+HALVED = (("1/sqrt(2)", "1/sqrt(2)"), ("1/sqrt(2)", "-1/sqrt(2)"))
 
 
-def scene(*fragments, coupled=False, extra=""):
-    """Give the model file of fragments.
+def scene(
+    *fragments, coupled=False, mix=HALVED, names="uw", far=0.0, speed=0.0, later=0.0,
+    heavy=0.0, extra="",
+):  # fmt: skip
+    """Give the model file of fragments, side by side or coupled.
 
-    Coupled, the first coordinates x1 and x2 of two fragments are definitions,
-    (u + w)/sqrt(2) and (u - w)/sqrt(2) of coordinates u and w: the motion of x1 and x2
-    stays as it is, but no expression is one fragment's alone.
+    Coupled, the first coordinates x1, x2, ... are definitions by others, whose names
+    are given: `mix` is an orthogonal matrix of texts, so that the motion of x1, x2, ...
+    stays as it is, but no expression is one fragment's alone. These others may be far
+    away, in a moving frame; the clock may be late, and a heavy body beside it all.
     """
-    coordinates, initial = {}, {}
-    forces: dict[str, str] = {}
-    constraints: dict[str, str] = {}
-    modes: dict[str, str] = {}
-    events: dict[str, str] = {}
-    sums: tuple[list[str], list[str]] = ([], [])
-    untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
+    sections: dict[str, dict[str, str]] = {
+        "parameters": {"t0": repr(later)}, "coordinates": {}, "definitions": {},
+        "initial": {},
+    }  # fmt: skip
     for k, f in enumerate(fragments, 1):
-
-        def own(text, k=k):
-            return text.replace("$", str(k))
-
-        starts = dict(f.more) if coupled else {"x$": f.start, **f.more}
-        for name, (value, rate) in starts.items():
-            coordinates[own(name)] = "{}"
-            initial[own(name)] = value
-            initial[f"{own(name)}_dot"] = rate
-        forces |= {own(n): json.dumps(own(text)) for n, text in f.forces.items()}
-        constraints |= {own(n): own(text) for n, text in f.constraints.items()}
-        modes |= {own(n): own(text) for n, text in f.modes.items()}
-        events |= {own(n): own(text) for n, text in f.events.items()}
-        sums[0].append(own(f.kinetic))
-        sums[1].append(own(f.potential))
-    definitions = {}
-    if coupled:
-        (a, a_dot), (b, b_dot) = (f.start for f in fragments)
-        coordinates = {"u": "{}", "w": "{}", **coordinates}
-        definitions = {"x1": "(u + w)/sqrt(2)", "x2": "(u - w)/sqrt(2)"}
-        for name, sign in (("u", "+"), ("w", "-")):
-            initial[name] = f"({a} {sign} ({b}))/sqrt(2)"
-            initial[f"{name}_dot"] = f"({a_dot} {sign} ({b_dot}))/sqrt(2)"
-    until = "".join(f', until: "{u}"' for u in untils if u)
-    formulation = "".join(
-        {f", formulation: {f.formulation}": 0 for f in fragments if f.formulation}
+        if coupled:
+            sums = (f"({c})*{q}" for c, q in zip(mix[k - 1], names, strict=True))
+            moved = f" - {far!r} - {speed!r}*(t - t0)" if far or speed else ""
+            sections["definitions"][f"x{k}"] = " + ".join(sums) + moved
+        own = names[k - 1] if coupled else f"x{k}"
+        sections["coordinates"][own] = "{}"
+        for part, added in enumerate((far, speed)):
+            start = f.start[part]
+            if coupled:
+                rows = zip(mix, fragments, strict=True)
+                start = " + ".join(
+                    f"({row[k - 1]})*({g.start[part]} + {added!r})" for row, g in rows
+                )
+            sections["initial"][own + "_dot" * part] = start
+    for k, f in enumerate(fragments, 1):
+        for section, entries in f.written(k).items():
+            timed = section not in ("tables", "parameters")
+            sections.setdefault(section, {}).update(
+                (name, _since(text) if timed and later else text)
+                for name, text in entries.items()
+            )
+    kinetic, potential = (
+        " + ".join(f"({x.replace('$', str(k))})" for k, x in enumerate(texts, 1))
+        for texts in ([f.kinetic for f in fragments], [f.potential for f in fragments])
     )
-    duration = 2
-    return f"""
-coordinates:
-{_quoted(coordinates)}
-definitions:
-{_quoted(definitions)}
-energy:
-  kinetic: {" + ".join(sums[0])}
-  potential: {" + ".join(sums[1])}
-forces:
-{_quoted(forces)}
-constraints:
-{_quoted(constraints)}
-modes:
-{_quoted(modes)}
-events:
-{_quoted(events)}
-initial:
-{_quoted(initial)}
-simulation: {{duration: {duration}, output_step: {STEP}{until}{formulation}}}
-{extra}"""
+    if heavy:
+        sections["coordinates"]["by"] = "{}"
+        sections["initial"] |= {"by": "0", "by_dot": "1"}
+        kinetic += f" + {heavy!r}*by_dot^2/2"
+    sections["energy"] = {"kinetic": kinetic, "potential": potential}
+    settings = {f", formulation: {f.formulation}": 0 for f in fragments}
+    settings.pop(", formulation: ", None)
+    untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
+    more = "".join([*(f', until: "{u}"' for u in untils if u), *settings])
+    lines = [
+        f"{name}:\n" + "".join(f"  {key}: {text}\n" for key, text in entries.items())
+        for name, entries in sections.items()
+        if entries
+    ]
+    run = f"start: t0, duration: 2, output_step: {STEP}{more}"
+    return "".join(lines) + f"simulation: {{{run}}}\n{extra}"
+
+
+def _since(text):
+    """Let a text count the time from the start."""
+    return re.sub(r"(?<![\w.])t\b(?!\()", "(t - t0)", text)
 
 
 def motion(*fragments, t):

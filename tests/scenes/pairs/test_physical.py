@@ -9,6 +9,8 @@ from tests.scenes.pairs.physical import BY_NAME
 from tests.scenes.pairs.scene import PAIRS, REFUSED, WAYS, motion, part_of, scene
 
 BOUND = 1e-9
+# Of places and times that are so much larger than the motion.
+ROUNDING = 300 * 2.0**-52
 TOLD = {"redundant", "multipliers-not-unique"}
 
 
@@ -20,19 +22,25 @@ def _cases():
             yield pytest.param(*pair, way, id=name, marks=marks)
 
 
-def moves(*fragments, **composition):
+def moves(*fragments, **words):
     """Hold a scene against its closed form: all rows, its end, its energy."""
-    model = lagsim.load(scene(*fragments, **composition))
+    model = lagsim.load(scene(*fragments, **words))
     result = lagsim.simulate(model, error_bar="never")
     assert result.complete, result.reason
     told = TOLD if any(f.name == "redundant" for f in fragments) else set()
-    assert {w.code for w in result.warnings} == told
+    three = len(fragments) > 2  # of which a start may change, by rounding
+    warned = {w.code for w in result.warnings}
+    assert warned - ({"start-changed"} if three else set()) == told
+    far, speed, later = (words.get(x, 0.0) for x in ("far", "speed", "later"))
+    bound = BOUND + ROUNDING * max(far, 2 * speed, later)
+    t = result.t - later
     end = min(f.end for f in fragments)
-    assert result.t[-1] == pytest.approx(end, abs=BOUND)
-    for name, x in motion(*fragments, t=result.t).items():
-        assert result[name] == pytest.approx(x, abs=BOUND), name
+    assert t[-1] == pytest.approx(end, abs=bound)
+    for name, x in motion(*fragments, t=t).items():
+        assert result[name] == pytest.approx(x, abs=bound), name
     work = result["work"] if "work" in result.columns else 0.0
-    assert np.ptp(result["energy"] - work) < BOUND
+    size = 10.0 * max(1.0, float(np.max(result["kinetic"]))) if three else 1.0
+    assert np.ptp(result["energy"] - work) < bound * size
 
 
 @pytest.mark.parametrize("name", list(BY_NAME))
