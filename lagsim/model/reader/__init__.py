@@ -28,7 +28,6 @@ from lagsim.model.model import (
     Model,
 )
 from lagsim.model.nodes import (
-    Broken,
     Entry,
     Mapping,
     Node,
@@ -69,7 +68,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.model.expansion import Expansion
-    from lagsim.model.expansion.scope import Scope
     from lagsim.model.model import Mismatch, Settings, Table
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
@@ -172,7 +170,6 @@ class File:
     ) -> None:
         self.file = file
         self._given = node = _in_place(root, faults)
-        self.scope: Scope | None = None
         self.expansion: Expansion | None = None
         reading, broken = None, set[str]()
         top = fields(node, "the file", SECTIONS, faults, node.place)
@@ -186,8 +183,8 @@ class File:
             node = Mapping(tuple(meant), node.place)
             built_in = (*RESERVED, SLIP_SPEED, APPROACH_SPEED)
             written = Expansion(node, overrides, faults.add, is_unit, graph, built_in)
-            node, reading, self.scope = written.node, written.plain, written.scope
-            broken, self.expansion = written.broken, written
+            node, reading, broken = written.node, written.plain, written.broken
+            self.expansion = written
             top = replace(top, found={k.text: (k, v) for k, v in entries_of(node)})
         self.node, self.root, self.top = node, node.place, top
         for section, one, keys in (
@@ -209,7 +206,10 @@ class File:
         self._expressions = x.read
         self._units: list[list[Mismatch]] = []
         self.options = options
-        self._check_version()
+        version = top.text("lagsim")
+        if "lagsim" in top and version != FORMAT_VERSION:
+            text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
+            faults.add("format-version", text, top.at("lagsim"))
         self.name = self._name()
         sections = (
             names.section(top.value(key), f"`{key}`", kind, faults)
@@ -226,8 +226,10 @@ class File:
         self.initial = top.found.get("initial")
         names.started |= {key.text for key, _ in entries_of(top.value("initial"))}
         self.simulation = top.below("simulation", SIMULATION)
-        self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
-        self.instead = {k: t for k, t in overrides.items() if k not in self.starting}
+        meanings = {name: names.meaning(name) for name in overrides}
+        starting = {k for k, m in meanings.items() if m and m.kind in STARTED}
+        self.starting = {k: t for k, t in overrides.items() if k in starting}
+        self.instead = {k: t for k, t in overrides.items() if k not in starting}
 
     def read(self, sha256: str) -> Model:
         """Give the model.
@@ -237,13 +239,17 @@ class File:
         InputError
             With every fault.
         """
-        top, x = self.top, self.x
-        functions = self._functions()
-        numbers = values.Parameters(x, self.instead)
-        parameters = numbers.read(self.parameters, self.modes)
+        top, x, made = self.top, self.x, self.expansion
+        functions: tuple[Table, ...] = ()
+        if self.tables:
+            from lagsim.model.reader.tables import read_tables
+
+            functions = read_tables(self.tables, x, self.file)
+        read = values.Parameters(x, self.instead).read
+        parameters = read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
-        for name, at in (self.expansion.moving if self.expansion else {}).items():
+        for name, at in (made.moving if made else {}).items():
             if name in x.definitions and x.definitions[name].level > Level.POSITION:
                 text = "the place of a body, or an angle, must not depend on "
                 text += x.definitions[name].level.text
@@ -263,18 +269,20 @@ class File:
         scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
-        if self.expansion and self.expansion.silent and not len(x.faults):
-            key = self.expansion.silent[0]
+        if made and made.silent and not len(x.faults):
+            key = made.silent[0]
             text = f"the range of `{key.text}` depends on itself"
             x.faults.add("expression-range", text, key)
         x.faults.raise_if_any()
-        self._check_tables()
+        for name in self.names.tables.keys() - self.names.called:
+            text = f"nothing uses the table `{name}`"
+            hint = f"write `{name}(...)` where it is meant, or leave the table out"
+            x.faults.add("unused-table", text, self.names.places[name], hint)
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
         x.read = []
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
-        scope, units = self.scope, self.expansion.units if self.expansion else ()
-        named = scope.used | scope.structural if scope else words(self.node)
+        named = made.scope.used | self.structural() if made else words(self.node)
         return Model(
             name=self.name,
             file=self.file,
@@ -283,9 +291,12 @@ class File:
             parameters=parameters,
             unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
             events=events,
-            gimbals=self._gimbals(),
-            quaternions=frozenset(key.text for key, _ in units),
-            idle=tuple(self.expansion.idle) if self.expansion else (),
+            gimbals=tuple(
+                Gimbal(frame, x.build(lock), tuple(map(x.build, angles)))
+                for frame, lock, angles in (made.gimbals if made else ())
+            ),
+            quaternions=frozenset(key.text for key, _ in (made.units if made else ())),
+            idle=tuple(made.idle) if made else (),
             places={**self.names.places, **places},
             coordinates=coordinates,
             states=states,
@@ -304,21 +315,6 @@ class File:
             source=source,
         )
 
-    def _functions(self) -> tuple[Table, ...]:
-        if not self.tables:
-            return ()
-        from lagsim.model.reader.tables import read_tables
-
-        return read_tables(self.tables, self.x, self.file)
-
-    def _check_tables(self) -> None:
-        """Report tables that no expression calls."""
-        names = self.x.names
-        for name in names.tables.keys() - names.called:
-            text = f"nothing uses the table `{name}`"
-            hint = f"write `{name}(...)` where it is meant, or leave the table out"
-            self.x.faults.add("unused-table", text, names.places[name], hint)
-
     def mismatches(self, model: Model) -> list[Mismatch]:
         """Give the units of the file that do not fit, found once."""
         if not self._units:
@@ -330,14 +326,6 @@ class File:
             self._expressions.clear()
         return self._units[0]
 
-    def _gimbals(self) -> tuple[Gimbal, ...]:
-        """Build the frames by three angles."""
-        given, build = self.expansion.gimbals if self.expansion else [], self.x.build
-        return tuple(
-            Gimbal(name, build(lock), tuple(map(build, angles)))
-            for name, lock, angles in given
-        )
-
     def _check_names(self) -> None:
         faults = self.x.faults
         check_columns(self.names, faults)
@@ -347,15 +335,6 @@ class File:
             place = self.top.place_of("coordinates")
             hint = "such as coordinates: {theta: {unit: rad}}"
             faults.add("missing-key", "the file has no coordinates", place, hint)
-
-    def _check_version(self) -> None:
-        node = self.top.value("lagsim")
-        if node is None or isinstance(node, Broken):
-            return
-        version = self.top.text("lagsim")
-        if version != FORMAT_VERSION:
-            text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
-            self.x.faults.add("format-version", text, node)
 
     def _name(self) -> str:
         node, faults = self.top.value("name"), self.x.faults
@@ -420,7 +399,7 @@ class File:
 
     def structural(self) -> set[str]:
         """Give the parameters on which ranges and subscripts depend."""
-        return self.scope.structural if self.scope else set()
+        return self.expansion.scope.structural if self.expansion else set()
 
     def settings(self, options: MappingType[str, str]) -> Settings:
         """Give the settings, see `Model.settings`."""
@@ -536,12 +515,6 @@ def _letter(name: str) -> str:
     return "a line break" if "\n" in name else "a tab"
 
 
-def _starts(name: str, names: Names) -> bool:
-    """Tell whether a name has a start value, not a parameter's."""
-    meaning = names.meaning(name)
-    return meaning is not None and meaning.kind in STARTED
-
-
 def _check_roots(model: Model, found: Model) -> None:
     """Refuse multipliers that are those of other relations than the separated ones."""
     g = model.graph
@@ -596,25 +569,17 @@ def _is_stranger(name: str) -> bool:
 def _take_out(top: dict[str, Entry], faults: Faults) -> None:
     """Take sections that stand inside of sections out of these."""
     for section, (head, value) in [*top.items()]:
-        kept = []
-        for entry in entries_of(value):
-            key = entry[0]
-            if key.text in top or not _is_nested(section, *entry):
-                kept.append(entry)
+        for entry in entries_of(value) if section in SECTIONS else ():
+            key, node = entry
+            own = _OWN.isdisjoint(name.text for name, _ in entries_of(node))
+            nested = key.text in SECTIONS.keys() - top.keys() and own
+            if not (nested and isinstance(node, Mapping)) or has_key(section, key.text):
                 continue
             text = f"the section `{key.text}` is inside `{section}`"
             faults.add("misplaced-key", text, key, belongs(key.text))
             top[key.text] = entry
-        if isinstance(value, Mapping):
-            top[section] = head, value._replace(entries=tuple(kept))
-
-
-def _is_nested(section: str, key: Scalar, node: Node) -> bool:
-    """Tell whether a section stands inside another."""
-    if not {section, key.text} <= SECTIONS.keys() or not isinstance(node, Mapping):
-        return False
-    own = not _OWN.isdisjoint(name.text for name, _ in node.entries)
-    return not own and not has_key(section, key.text)
+            kept = (e for e in entries_of(top[section][1]) if e is not entry)
+            top[section] = head, Mapping(tuple(kept), value.place)
 
 
 def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:

@@ -653,7 +653,8 @@ class Expressions:
             return True
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
-                self._refuse_unknown(used, scalar, most)
+                among = list(self.known) if most is Level.NUMBER else None
+                self.refuse_unknown(used, scalar, among, output=most is Level.OUTPUT)
             return False
         kind, base = meaning
         if kind.level > most:
@@ -682,8 +683,18 @@ class Expressions:
             return not silent and self.refuse(used, scalar, code, text, hint)
         return node is not None
 
-    def _refuse_unknown(self, used: Name, scalar: Scalar, most: Level) -> None:
-        """Refuse a name that means nothing; once where a hint is of several names."""
+    def refuse_unknown(
+        self,
+        used: Name,
+        scalar: Scalar,
+        among: Collection[str] | None,
+        *,
+        output: bool = False,
+    ) -> None:
+        """Refuse a name that means nothing; once where a hint is of several names.
+
+        `among`: see `Names.unknown`; `output`: accelerations may stand there.
+        """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)
         if self.faults.is_known("unknown-name", place):
@@ -697,14 +708,13 @@ class Expressions:
         if hint and (scalar, hint) == self._last_hint:
             return
         self._last_hint = scalar, hint
-        among = list(self.known) if most is Level.NUMBER else None
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
         if hint.startswith("write "):
             hint = self.meant(scalar) or hint
         if not hint and not hints.spelt_call(name, ""):
             hint = self.meant(scalar)
-        if not hint and most is Level.OUTPUT:
+        if not hint and output:
             hint = f"define `{shortened(name)}` in `definitions`"
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
         self.refuse(used, scalar, "unknown-name", text, hint)

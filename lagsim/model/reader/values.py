@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
     from lagsim.model.model import Table
-    from lagsim.model.reader.expressions import Expressions, Meaning, Rule
+    from lagsim.model.reader.expressions import Expressions, Rule
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
@@ -69,11 +69,8 @@ def _value_entry(
     if not isinstance(node, Mapping):
         return node, "", ""
     found = fields(node, what, VALUE, x.faults, key.place)
-    value = found.value("value")
-    if value is None:
-        hint = belongs(key.text) or "write {value: ..., unit: ...}"
-        x.faults.add("missing-key", f"{what} has no `value`", key, hint)
-        value = Broken(key.place)
+    found.needs("value", belongs(key.text) or "write {value: ..., unit: ...}")
+    value = found.value("value") or Broken(key.place)
     return value, found.text("unit"), found.text("description")
 
 
@@ -91,24 +88,20 @@ class Definitions:
             text = x.text(expression, what, parse, beside=expression is node)
             if text is not None:
                 self._texts[name] = text
-        self._uses = {name: self._used(name) for name in self._about}
+        # The definitions that each names, at their first place; the level of others.
+        self._uses: dict[str, dict[str, Name]] = {name: {} for name in self._about}
+        levels = dict.fromkeys(self._about, Level.POSITION)
+        for name, (_, parsed) in self._texts.items():
+            for used in parsed.names:
+                kind, base = x.names.meaning(used.text) or (Kind.PI, "")
+                levels[name] = max(levels[name], kind.level)
+                if kind in OF_DEFINITIONS and base in self._about:
+                    self._uses[name].setdefault(base, used)
         self._order = self._in_order()
         self._report_cycles()
-        self._find_levels()
-
-    def _named(self, name: str) -> list[tuple[Name, Meaning]]:
-        """Give the names in a definition that mean something."""
-        parsed = [self._texts[name][1]] if name in self._texts else []
-        names = ((n, self.x.names.meaning(n.text)) for p in parsed for n in p.names)
-        return [(name, meaning) for name, meaning in names if meaning]
-
-    def _used(self, name: str) -> dict[str, Name]:
-        """Give the definitions that one names, each at its first place."""
-        found: dict[str, Name] = {}
-        for used, (kind, base) in self._named(name):
-            if kind in OF_DEFINITIONS and base in self._about:
-                found.setdefault(base, used)
-        return found
+        for name in self._order:
+            below = (x.definitions[used].level for used in self._uses[name])
+            x.definitions[name] = Resolved(None, max((levels[name], *below)))
 
     def _in_order(self) -> list[str]:
         """Give the definitions, each after those it uses; cycles are left out."""
@@ -137,9 +130,9 @@ class Definitions:
             if name in path:
                 cycle = path[path.index(name) :]
                 at = cycle.index(min(cycle, key=position.__getitem__))
-                self._report_cycle(cycle[at:] + cycle[:at])
+                self._report(cycle[at:] + cycle[:at])
 
-    def _report_cycle(self, cycle: list[str]) -> None:
+    def _report(self, cycle: list[str]) -> None:
         scalar, at = self._texts[cycle[0]][0], self._uses[cycle[0]][(cycle * 2)[1]]
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
         about = f"the definition `{cycle[0]}` depends on itself: "
@@ -147,29 +140,17 @@ class Definitions:
         place = scalar.place_of_name(at.text, at.offset)
         self.x.faults.add("cycle", about, place)
 
-    def _find_levels(self) -> None:
-        """Enter what each definition depends on, by the names in it."""
-        known = self.x.definitions
-        for name in self._order:
-            levels = [meaning.kind.level for _, meaning in self._named(name)]
-            levels += [known[used].level for used in self._uses[name]]
-            known[name] = Resolved(None, max((Level.POSITION, *levels)))
-
     def build(self, *levels: Level) -> None:
         """Build the definitions of some levels, those of positions first."""
         known = self.x.definitions
         for level in levels:
+            most = max(level, Level.VELOCITY)
             for name in self._order:
-                if known[name].level is level:
-                    known[name] = Resolved(self._node(name, level), level)
-
-    def _node(self, name: str, level: Level) -> int | None:
-        if name not in self._texts:
-            return None
-        scalar, parsed = self._texts[name]
-        what, most = f"the definition `{name}`", max(level, Level.VELOCITY)
-        sound = self.x.check(parsed.names, scalar, what, most)
-        return self.x.build(parsed) if sound else None
+                if known[name].level is not level or name not in self._texts:
+                    continue
+                scalar, parsed = self._texts[name]
+                if self.x.check(parsed.names, scalar, f"the definition `{name}`", most):
+                    known[name] = Resolved(self.x.build(parsed), level)
 
     def read(self, *, hidden: bool = False) -> tuple[Definition, ...]:
         """Give the sound definitions in the order of the file, or those it implies."""
@@ -195,7 +176,7 @@ class Unfolded(Graph):
     """
 
     def __init__(self) -> None:
-        self.numbers: dict[str, Value] = {}
+        self.numbers = {"pi": (math.pi, UNIT_ROUNDOFF * math.pi)}
         super().__init__()
 
     def constant(self, x: float) -> int:
@@ -218,13 +199,7 @@ class Unfolded(Graph):
         (kind, number, _), *more = parsed.postfix
         if not more and kind == "number":
             return float(number), 0.0
-        node = parsed.build(
-            self,
-            lambda name: (
-                self.constant(math.pi) if name == "pi" else self.variable(name)
-            ),
-            tables,
-        )
+        node = parsed.build(self, self.variable, tables)
         values = ChainMap(self.numbers, known)
         value, error = evaluate_with_error(self, [node], values)[0]
         alone = all(kind in ("number", "neg") for kind, *_ in parsed.postfix)
@@ -259,15 +234,16 @@ class _Numbers:
 
         The value, with its error, must be finite; `beside`: see `Expressions.text`.
         """
-        found = self.x.text(node, what, parse, beside=beside)
-        if found is None or not self.x.check_by(rule, found[1].names, found[0]):
+        x, found = self.x, self.x.text(node, what, parse, beside=beside)
+        if (
+            found is None
+            or not x.check_by(rule, found[1].names, found[0])
+            or not wanted
+        ):
             return None
-        if not wanted:
-            return None
-        tables = self.x.names.tables
-        value = self._unfolded.value_with_error(found[1], self.known, tables)
-        sound = self.x.is_finite(value[0], what, found[0].place)
-        return (found[0], value) if sound else None
+        scalar, parsed = found
+        value = self._unfolded.value_with_error(parsed, self.known, x.names.tables)
+        return (scalar, value) if x.is_finite(value[0], what, scalar.place) else None
 
 
 class Parameters(_Numbers):
@@ -348,11 +324,8 @@ class Initial(_Numbers):
         section, node = entry
         given = entries(node, "`initial`", x.faults)
         stated = {key.text for key, _ in given}
-        given += [
-            (argument(SET, name), text)
-            for name, text in self._instead.items()
-            if name not in stated
-        ]
+        more = ((k, text) for k, text in self._instead.items() if k not in stated)
+        given += [(argument(SET, name), text) for name, text in more]
         self.known = {**x.known, **x.modes}
         self._above: set[str] = set()  # keys so far, sound or not
         self._all = {key.text for key, _ in given}
@@ -522,25 +495,18 @@ class Initial(_Numbers):
             return True
         meaning, code = names.meaning(name), "not-a-start-value"
         if meaning is None:
-            if names.is_faulty(name) or not names.complete:
-                return False
-            known = [n for n in self.known if n in names.variables]
-            text, hint = names.unknown(name, self.x.faults, known)
-            if hint.startswith("write "):
-                hint = self.x.meant(scalar) or hint
-            hint = hint or f"give `{name}` a value in `parameters`"
-            code = "unknown-name"
-        elif name in self._above or meaning.kind in (Kind.PARAMETER, Kind.MODE):
+            if not names.is_faulty(name) and names.complete:
+                known = [n for n in self.known if n in names.variables]
+                self.x.refuse_unknown(used, scalar, known)
+            return False
+        if name in self._above or meaning.kind in (Kind.PARAMETER, Kind.MODE):
             return False  # faulty itself, and reported
-        else:
-            hint = "a start value may use parameters and the start values above it"
-            text = f"`{name}` is {meaning.kind.text} without a start value above this "
-            text += "line"
-            if name in self._all:
-                code = "later-initial"
-                text = f"the start value of `{name}` is not given above this line"
-            elif meaning.kind not in STARTED:
-                text = f"a start value cannot use `{name}`, {meaning.kind.text}"
+        hint = "a start value may use parameters and the start values above it"
+        text = f"`{name}` is {meaning.kind.text} without a start value above this line"
+        if name in self._all:
+            code = "later-initial"
+            text = f"the start value of `{name}` is not given above this line"
+        elif meaning.kind not in STARTED:
+            text = f"a start value cannot use `{name}`, {meaning.kind.text}"
         found = hints.matching(scalar.text, used.offset, parsed=True)
-        hint = found[2] if found else hint
-        return self.x.refuse(used, scalar, code, text, hint)
+        return self.x.refuse(used, scalar, code, text, found[2] if found else hint)
