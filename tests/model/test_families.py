@@ -280,6 +280,15 @@ unknown-interpolation | cannot be `no` |
 unknown-key | did you mean `points` |
     definitions: {s(1..3): x}¶scene: {points: {o: [0, 0]}, links: [{⟪point⟫: [o, o]}]}
 expression-syntax | a value is expected | definitions: {s(i = 1..3): (i*⟪)⟫}
+expression-syntax | `s` takes its subscripts | definitions: {s(1..3): x, a: s(⟪)⟫}
+expression-syntax | `vec` takes 2 or 3 arguments |
+    definitions: {s(1..3): x, a: "vec(0, ⟪)⟫"}
+expression-syntax | `sum` takes a range and | definitions: {a: "sum(i = 1..3, ⟪)⟫"}
+# what refers to its own family, too
+expression-unknown-function | no function or family `ssin` |
+    definitions: {s(0): x, s(i = 1..3): s(i-1) + ⟪ssin⟫(x)}
+expression-subscript | `x` is none | definitions: {s(0): x, s(i = 1..3): s(⟪x⟫)}
+expression-component | a number has | definitions: {s(0): x, s(1..3): s(0) + x⟪.y⟫}
 # vectors
 expression-size | found 2 and 3 | definitions: {a: [x, y], b: [x, y, 1], c: a ⟪+⟫ b}
 expression-size | found 2 and 1 | definitions: {a: [x, y], c: a ⟪-⟫ 1}

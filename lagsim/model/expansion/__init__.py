@@ -477,8 +477,15 @@ class Expansion:
         parser: Callable[[str], Any] = parse
         if section == "constraints":
             parser = parse_relation
-        size = self.scope.size(node.text, parser, one.members[0][0])
-        one.family.broken |= size < 1 and section in _SIZED
+        text, first = (node.text, parser), one.members[0][0]
+        size = self.scope.size(*text, first)
+        if size < 1 and section in _SIZED:
+            try:
+                self.scope.values(*text, first)
+            except ExpressionError as fault:
+                one.family.broken = True
+                if self.scope.size(*text, first) < 0:  # the reader passes it over
+                    self.fault(fault, node)
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:

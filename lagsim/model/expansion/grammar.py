@@ -133,31 +133,34 @@ class _Extended(Parser):
     def _close(self, token: Token) -> bool:
         top = self.pending[-1] if self.pending else None
         self._name_frame(top)
-        if (
-            not top
-            or not top.call
-            or (top.op in FUNCTIONS and not isinstance(top, _Over))
-        ):
+        known = top is None or (top.op in FUNCTIONS and not isinstance(top, _Over))
+        if top is None or known or not top.call:
             return super()._close(token)
         self.pending.pop()
         op = top.op
         payload: int | Inner = top.arity
         if isinstance(top, _Over):
             if top.begin < 0:
-                text = f"`{top.op}` takes a range and an expression"
+                text = f"`{op}` takes a range and an expression"
                 raise top.token.fault(text, _RANGE, "range")
             op, payload = "over", Inner(2, top.index, self._cut(top.begin))
         elif top.op not in OF_VECTORS:
             op = "member"
         elif top.arity not in OF_VECTORS[top.op]:
-            counts = " or ".join(map(str, OF_VECTORS[top.op]))
-            text = f"`{top.op}` takes {counts} arguments, found {top.arity}"
+            text = f"`{op}` takes {self._count(op)}, found {top.arity}"
             raise top.token.fault(text, "", "arity")
         elif isinstance(top, _OfFrame):
             payload = Inner(top.arity - 1, "", top.frame)
         self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
         self._value(top.token, op, payload)
         return False
+
+    def _count(self, function: str) -> str:
+        if function in FUNCTIONS:
+            return super()._count(function)
+        if counts := OF_VECTORS.get(function):
+            return " or ".join(map(str, counts)) + " arguments"
+        return "a range and a term" if function in OVER_RANGES else "its subscripts"
 
 
 _HEAD = ["open", "name", "relation"]
