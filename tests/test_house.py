@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 75_310
-LINES_OF_TESTS = 57_190
+LINES = 75_240
+LINES_OF_TESTS = 57_200
 
 
 def lines(folder):
