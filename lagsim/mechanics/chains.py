@@ -170,10 +170,10 @@ def chains(
         The square of one velocity is that of a sum where its factor depends on these.
     """
     cone = g.cone([lagrangian])
-    degrees = dict(zip(cone, map(_degree, g.degrees(cone, names)), strict=True))
-    whole = g.degree(lagrangian, names)
-    if whole is None or max(whole, default=0) > 2:
+    powers = g.degrees(cone, names)
+    if powers[-1] is None or max(powers[-1], default=0) > 2:
         return None
+    degrees = dict(zip(cone, map(_degree, powers), strict=True))
     try:
         products = _products(g, cone, degrees)
         uses = Counter(a for pair in products for a in set(pair))
