@@ -350,7 +350,8 @@ def decompose_sparse(
             if width == 2:
                 change += abs(imaginary - own[1])
             largest = max(largest, change)
-        if not LEAST_PIVOT * largest < magnitude(width, own) < OVERFLOW:
+        size = magnitude(width, own)
+        if not LEAST_PIVOT * largest < size < OVERFLOW:
             return 0
         for k in range(first, end):
             take(width, x[width * int(columns[k]) :], K[width * k :])

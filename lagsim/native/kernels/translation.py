@@ -107,6 +107,7 @@ _ARITHMETIC: Final[dict[type[ast.operator], str]] = {
     ast.Add: "add",
     ast.Sub: "sub",
     ast.Mult: "mul",
+    ast.Div: "div",
 }
 # Of integers, and of floats.
 _COMPARISONS: Final[dict[type[ast.cmpop], tuple[str, str]]] = {
@@ -391,33 +392,22 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op("float", f"fneg double {value.text}")
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
-        return self._arithmetic(node, self._number(node.left), node.op, node.right)
-
-    def _arithmetic(
-        self, node: ast.AST, left: Value, op: ast.operator, operand: ast.expr
-    ) -> Value:
-        """Translate `left op operand`."""
-        right = self._number(operand)
-        if isinstance(op, ast.FloorDiv | ast.Mod):
-            return self._floored(node, left, op, operand)
-        if isinstance(op, ast.Pow | ast.Div):
+        left, right = self._number(node.left), self._number(node.right)
+        if isinstance(node.op, ast.FloorDiv | ast.Mod):
+            return self._floored(node, left)
+        if isinstance(node.op, ast.Pow | ast.Div):
             left = self._cast(left, "float", node)
-            right = self._cast(right, "float", node)
         (left, right), kind = self._common(node, left, right)
-        if isinstance(op, ast.Pow):
+        if isinstance(node.op, ast.Pow):
             return self._function("pow", left, right)
-        if isinstance(op, ast.Div):
-            return self._op(kind, f"fdiv double {left.text}, {right.text}")
-        if type(op) not in _ARITHMETIC:
+        if type(node.op) not in _ARITHMETIC:
             raise self.error(node)
-        name = ("" if kind == "int" else "f") + _ARITHMETIC[type(op)]
+        name = ("f" if kind == "float" else "") + _ARITHMETIC[type(node.op)]
         return self._op(kind, f"{name} {LLVM[kind]} {left.text}, {right.text}")
 
-    def _floored(
-        self, node: ast.AST, left: Value, op: ast.operator, operand: ast.expr
-    ) -> Value:
+    def _floored(self, node: ast.BinOp, left: Value) -> Value:
         """Translate `//` or `%`, which Python rounds down."""
-        divisor = self.integer(operand)
+        divisor = self.integer(node.right)
         a = self._cast(left, "int", node).text
         if divisor <= 0:
             raise self.error(node, "has no positive divisor")
@@ -425,24 +415,19 @@ class _Function(Folding, ast.NodeVisitor):
         less = self._op("bool", f"icmp slt i64 {plain}, 0").text
         more = self._op("int", f"add i64 {plain}, {divisor}").text
         rest = self._op("int", f"select i1 {less}, i64 {more}, i64 {plain}")
-        if isinstance(op, ast.Mod):
+        if isinstance(node.op, ast.Mod):
             return rest
         whole = self._op("int", f"sub i64 {a}, {rest.text}").text
         return self._op("int", f"sdiv i64 {whole}, {divisor}")
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        rest = list(zip(node.ops, node.comparators, strict=True))
-        return self._chain(node, self._number(node.left), rest)
-
-    def _chain(
-        self, node: ast.Compare, left: Value, rest: list[tuple[ast.cmpop, ast.expr]]
-    ) -> Value:
-        (op, operand), *later = rest
-        right = self._number(operand)
-        first = self._compared(node, op, left, right)
-        if not later:
+        """Translate comparisons; what stands in the middle is evaluated twice."""
+        (op, *ops), (operand, *operands) = node.ops, node.comparators
+        first = self._compared(node, op, self._number(node.left), self._number(operand))
+        if not ops:
             return first
-        return self._lazily(first, lambda: self._chain(node, right, later), until=False)
+        rest = ast.copy_location(ast.Compare(operand, ops, operands), node)
+        return self._chosen(node, first, rest, ast.Constant(False))
 
     def _compared(
         self, node: ast.AST, op: ast.cmpop, left: Value, right: Value
@@ -455,41 +440,30 @@ class _Function(Folding, ast.NodeVisitor):
         text = f"{relation} {LLVM[kind]} {left.text}, {right.text}"
         return self._op("bool", text)
 
-    def _lazily(
-        self, first: Value, second: Callable[[], Value], *, until: bool
-    ) -> Value:
-        """Translate `second` for where `first` is not `until`, else the result."""
-        place = self._allocate("b", "bool")
-        more, end = self._name("more"), self._name("end")
-        self._put(first, place)
-        self._branch(first, *((end, more) if until else (more, end)))
-        self._begin(more)
-        self._put(second(), place)
-        self._jump(end)
-        self._begin(end)
-        return self._get("bool", place)
-
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
-        until = isinstance(node.op, ast.Or)
+        is_or = isinstance(node.op, ast.Or)
         # Operands known to decide nothing are left out.
-        operands = [v for v in node.values if self.fold(v) is not (not until)]
-        return self._operands(operands, until=until)
-
-    def _operands(self, operands: list[ast.expr], *, until: bool) -> Value:
-        first = self._converted(operands[0], "bool")
-        if len(operands) == 1:
-            return first
-        return self._lazily(
-            first, lambda: self._operands(operands[1:], until=until), until=until
-        )
+        first, *rest = [v for v in node.values if self.fold(v) is not (not is_or)]
+        test = self._converted(first, "bool")
+        if not rest:
+            return test
+        known = ast.Constant(is_or)
+        later = ast.copy_location(ast.BoolOp(node.op, rest), node)
+        return self._chosen(node, test, *((known, later) if is_or else (later, known)))
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
         known = self.fold(node.test)
         if known is not None:
             return self.expression(node.body if known else node.orelse)
         test = self._converted(node.test, "bool")
+        return self._chosen(node, test, node.body, node.orelse)
+
+    def _chosen(
+        self, node: ast.expr, test: Value, yes: ast.expr, no: ast.expr
+    ) -> Value:
+        """Translate one of two expressions, of the kind that the first one has."""
         kept, found = self.lines, []
-        for branch in (node.body, node.orelse):
+        for branch in (yes, no):
             self.lines = []
             found.append((self.expression(branch), self.lines))
         self.lines, kind = kept, found[0][0].kind
@@ -599,7 +573,7 @@ class _Function(Folding, ast.NodeVisitor):
     def visit_Assign(self, node: ast.Assign) -> None:
         [first, *others] = node.targets
         if self._is_stretch(first) and not others:
-            self._spread(first, lambda _: self._converted(node.value, "float"))
+            self._spread(first, node.value)
             return
         sources = [node.value]
         if isinstance(node.value, ast.Tuple):
@@ -613,36 +587,20 @@ class _Function(Folding, ast.NodeVisitor):
                 self._store(single, value)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        target = node.target
-        if isinstance(target, ast.Name):
-            present = ast.copy_location(ast.Name(target.id, ast.Load()), target)
-            now = self._number(present)
-            value = self._arithmetic(node, now, node.op, node.value)
-            self._store_name(node, target.id, value)
-            return
+        """Translate `a += b` as `a = a + b`."""
+        node.target.ctx = ast.Load()
+        value = ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)
+        self.visit_Assign(ast.Assign([node.target], value))
 
-        # The place is found once and read before the right side is evaluated.
-        def changed(place: str) -> Value:
-            now = self._get("float", place)
-            value = self._arithmetic(node, now, node.op, node.value)
-            return self._cast(value, "float", node)
-
-        if self._is_stretch(target):
-            self._spread(target, changed)
-        else:
-            place = self._place(target)
-            self._put(changed(place), place)
-
-    def _spread(self, target: ast.Subscript, value: Callable[[str], Value]) -> None:
-        """Store in each element of a stretch the value for its place."""
+    def _spread(self, target: ast.Subscript, value: ast.expr) -> None:
+        """Store in each element of a stretch the value for it."""
         begin = self._element(target)
         start, stop = self._bounds(target)
         count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
 
         def store(k: Value, _after: str, following: str) -> None:
             self.element = k.text
-            place = self._address(begin, k.text)
-            self._put(value(place), place)
+            self._put(self._converted(value, "float"), self._address(begin, k.text))
             self.element = ""
             self._jump(following)
 
