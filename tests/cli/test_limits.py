@@ -48,9 +48,24 @@ def sparse(path, size):
         file.truncate(size)
 
 
-def test_a_model_file_has_a_size(lagsim, tmp_path):
-    sparse(tmp_path / "model.yaml", limits.MODEL_BYTES + 1)
-    refused(lagsim("check", "model.yaml"), "more than 16 MiB, which is the limit")
+# Files that are too large, by how much they may have; and where they are given.
+SIZES = [
+    ("model.yaml", "MODEL_BYTES", "check model.yaml", "more than 16 MiB, which is the"),
+    ("a.csv", "TABLE_BYTES", "compare a.csv a.csv", "the limit of 4 GiB"),
+    ("a.npz", "TABLE_BYTES", "compare a.npz a.npz", "the limit of 4 GiB"),
+    (
+        "run.json",
+        "DOCUMENT_BYTES",
+        "overlay .",
+        "it has more than 256 MiB, which",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "limit", "line", "told"), SIZES)
+def test_a_file_has_a_size(lagsim, tmp_path, name, limit, line, told):
+    sparse(tmp_path / name, getattr(limits, limit) + 1)
+    refused(lagsim(*line.split()), told)
 
 
 def test_standard_input_has_an_end(lagsim, monkeypatch):
@@ -82,27 +97,20 @@ def test_the_mass_matrix_has_a_size(lagsim, write, monkeypatch):
     refused(lagsim("check", write(text)), "has 9 entries", "the limit is 8")
 
 
-@pytest.mark.parametrize("name", ["large.csv", "large.npz"])
-def test_a_table_has_a_size(lagsim, tmp_path, name):
-    sparse(tmp_path / name, limits.TABLE_BYTES + 1)
-    refused(lagsim("compare", name, name), "the limit of 4 GiB")
-
-
-def test_a_packed_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["bomb.npz", "bomb.parquet"])
+def test_a_packed_table_has_the_size_of_what_is_in_it(
+    lagsim, tmp_path, monkeypatch, name
+):
     monkeypatch.setattr(limits, "TABLE_BYTES", 100_000)
-    np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(20_000))
-    assert (tmp_path / "bomb.npz").stat().st_size < 10_000
-    assert zipfile.is_zipfile(tmp_path / "bomb.npz")
-    refused(lagsim("compare", "bomb.npz", "bomb.npz"), "the limit of 97.7 KiB")
-
-
-def test_a_parquet_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeypatch):
-    pyarrow = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(limits, "TABLE_BYTES", 100_000)
-    parquet.write_table(pyarrow.table({"t": np.zeros(20_000)}), tmp_path / "b.parquet")
-    assert (tmp_path / "b.parquet").stat().st_size < 10_000
-    refused(lagsim("compare", "b.parquet", "b.parquet"), "the limit of 97.7 KiB")
+    if name == "bomb.npz":
+        np.savez_compressed(tmp_path / name, t=np.zeros(20_000))
+        assert zipfile.is_zipfile(tmp_path / name)
+    else:
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(pyarrow.table({"t": np.zeros(20_000)}), tmp_path / name)
+    assert (tmp_path / name).stat().st_size < 10_000
+    refused(lagsim("compare", name, name), "the limit of 97.7 KiB")
 
 
 def test_a_line_of_a_table_has_a_size(lagsim, tmp_path, monkeypatch):
@@ -112,12 +120,6 @@ def test_a_line_of_a_table_has_a_size(lagsim, tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "LONGEST_LINE", 2000)
     (tmp_path / "long.csv").write_text("t,x\n1,2\n3," + "4" * 5000)
     refused(lagsim("compare", "long.csv", "long.csv"), "a line has more than 1.95 KiB")
-
-
-def test_a_document_has_a_size(lagsim, tmp_path, monkeypatch):
-    monkeypatch.setattr(limits, "DOCUMENT_BYTES", 1 << 20)
-    sparse(tmp_path / "run.json", (1 << 20) + 1)
-    refused(lagsim("overlay", tmp_path), "it has more than 1 MiB, which is the limit")
 
 
 LONG = MODEL.replace("duration: 1}", "duration: 1e5, output_step: 0.1}")

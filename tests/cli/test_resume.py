@@ -244,20 +244,23 @@ KEPT = f"{KEPT} rocking-block slack-string sliding-ladder stick-slip cart-pole h
 KEPT = f"{KEPT} failing/pulse failing/square-wave failing/graze"
 
 
-@pytest.mark.parametrize("name", KEPT.split())
-def test_runs_with_every_kind_of_event_can_be_kept(lagsim, monkeypatch, name):
-    can_be_kept(lagsim, monkeypatch, name)
+BY_METHODS = [
+    ("kepler", ("--method", name, "--duration", "3", *step))
+    for name in METHODS.split()
+    for step in [() if name in ("radau", "dop853", "taylor") else ("--step", "0.005")]
+]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS.split())
-def test_runs_by_every_method_can_be_kept(lagsim, monkeypatch, method):
-    step = () if method in ("radau", "dop853", "taylor") else ("--step", "0.005")
-    more = ("--method", method, "--duration", "3", *step)
-    can_be_kept(lagsim, monkeypatch, "kepler", *more)
-
-
-def can_be_kept(lagsim, monkeypatch, name, *more):
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        *((name, ()) for name in KEPT.split()),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in BY_METHODS),
+    ],
+)
+def test_runs_with_every_kind_of_event_by_every_method_can_be_kept(
+    lagsim, monkeypatch, name, more
+):
     """Of a class that is not declared a run would begin anew; this one would fail."""
     kept = []
 
