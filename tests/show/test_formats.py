@@ -255,6 +255,7 @@ def test_what_a_law_may_take_away_is_not_conserved(law):
     assert kept(small(text.replace(", LAW", ""))).keys() == {(), ("y",)}
 
 
+INSIDE = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
 LONG = """\
 name: long
 parameters: {m: 1, k: 2}
@@ -270,8 +271,7 @@ simulation: {duration: 1}
 
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_long_equations_break_where_they_are_one_term(ascii_only):
-    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
-    text = as_text(small(LONG.replace("NUMBERS", f"200 + {inside}")),
+    text = as_text(small(LONG.replace("NUMBERS", f"200 + {INSIDE}")),
                    ascii_only=ascii_only)  # fmt: skip
     for line in text.splitlines():
         shown = [c for c in line if not unicodedata.combining(c)]
@@ -294,8 +294,7 @@ def test_long_terms_of_latex_break(name):
 
 
 def test_a_denominator_of_latex_longer_than_a_line_is_stacked():
-    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
-    sought = LONG.replace("sqrt(NUMBERS)", f"th1/(200 + {inside})")
+    sought = LONG.replace("sqrt(NUMBERS)", f"th1/(200 + {INSIDE})")
     document = as_latex(small(sought))
     check(document)
     lines = re.split(r"\n|\\\\|\\begin\{gathered\}", document)
@@ -307,8 +306,7 @@ def test_a_denominator_of_latex_longer_than_a_line_is_stacked():
 
 
 def test_a_factor_of_latex_longer_than_a_line_keeps_its_power():
-    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
-    sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {inside})^7.5")
+    sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {INSIDE})^7.5")
     document = as_latex(small(sought))
     check(document)
     for power in ("15", "13"):  # in V, and in its slopes

@@ -9,6 +9,7 @@ from lagsim.outputs.figure import content
 from lagsim.studies.spectrum import LEAST_ROWS, spectrum
 from lagsim.tolerances import SAME_ROW
 from tests.outputs.drawn import noted
+from tests.small_scenes import scene
 
 STEP = 0.02
 SINES = {1.2345: 1.5, 4.444: 0.2, 2.718: 1e-3}
@@ -121,12 +122,9 @@ def test_what_has_no_spectrum_is_told(change, told):
 
 
 def test_a_result_has_the_spectrum_of_its_columns():
-    result = lagsim.simulate(lagsim.load("""
-coordinates: {x: {unit: m}}
-energy: {kinetic: x_dot^2/2, potential: 2*x^2}
-initial: {x: 1e-6}
-simulation: {duration: 60, output_step: 0.05}
-"""), error_bar="never")  # fmt: skip
+    text = scene("x: 1e-6", "2*x^2", coordinates="x: {unit: m}")
+    asked = {"duration": 60, "output_step": 0.05, "error_bar": "never"}
+    result = lagsim.simulate(lagsim.load(text), **asked)
     found = result.spectrum("x_dot")
     [peak] = found.peaks
     assert peak.frequency == pytest.approx(1 / np.pi, abs=1e-4)

@@ -86,7 +86,8 @@ SPOILT = [
 
 
 def test_spoilt_energy():
-    sound = {str(options): run(SWING, **options) for _, options, *_ in SPOILT}
+    asked = {str(options): options for _, options, *_ in SPOILT}
+    sound = {name: run(SWING, **options) for name, options in asked.items()}
     for size, options, error, expected, refuted in SPOILT:
         case = size, options
         found = spoilt(sound[str(options)], "energy", bump(size))

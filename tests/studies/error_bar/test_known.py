@@ -6,22 +6,8 @@ import numpy as np
 import pytest
 
 from lagsim.errors import LagsimError
-from tests.small_scenes import held_pendulum, oscillator, pendulum, swing
+from tests.small_scenes import held_pendulum, oscillator, pendulum, scene, swing
 from tests.studies.judged import barred
-
-_ONE = """
-coordinates: {{x: {{}}}}
-energy: {{kinetic: {kinetic}*x_dot^2/2, potential: {potential}}}
-{forces}
-initial: {{{start}}}
-simulation: {{duration: {duration}, output_step: {step}}}
-"""
-_ORBIT = """
-coordinates: {{x: {{}}, y: {{}}}}
-energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: -1/sqrt(x^2 + y^2)}}
-initial: {{x: {near!r}, y: 0, x_dot: 0, y_dot: {speed!r}}}
-simulation: {{duration: {duration}, output_step: {step}}}
-"""
 
 
 def column(f):
@@ -34,11 +20,9 @@ def lasting(duration, step):
 
 def one(potential, start, solution, duration, step, force="", kinetic="1"):
     """Give the text of a scene of one coordinate, and its values (k, 1)."""
-    forces = f'forces: {{x: "{force}"}}' if force else ""
-    text = _ONE.format(
-        kinetic=kinetic, potential=potential, forces=forces, start=start,
-        duration=duration, step=step,
-    )  # fmt: skip
+    forces = {"forces": f'x: "{force}"'} if force else {}
+    lasts = lasting(duration, step)
+    text = scene(start, potential, f"{kinetic}*x_dot^2/2", simulation=lasts, **forces)
     return text, column(solution)
 
 
@@ -54,8 +38,9 @@ def orbit(e, duration, step):
         return np.column_stack([x, y])
 
     near, speed = 1 - e, math.sqrt((1 + e) / (1 - e))
-    text = _ORBIT.format(near=near, speed=speed, duration=duration, step=step)
-    return text, solution
+    start = f"x: {near!r}, y: 0, x_dot: 0, y_dot: {speed!r}"
+    lasts = lasting(duration, step)
+    return scene(start, "-1/sqrt(x^2 + y^2)", simulation=lasts), solution
 
 
 def relaxed(t, k=1e4, c=2e4):
@@ -154,10 +139,10 @@ def test_told_within_a_factor_30(name, options):
 def test_told_within_a_factor_30_on_nearly_all_scenes():
     """In 95 % of the cases; and never told less than a thousandth."""
     counted = good = 0
-    for name, scene in KNOWN.items():
+    for name, known in KNOWN.items():
         for options in ASKED:
             try:
-                _, told, true = told_and_true(*scene, options)
+                _, told, true = told_and_true(*known, options)
             except LagsimError:
                 assert options.get("method") == "taylor"  # no series for loops
                 continue
@@ -178,26 +163,19 @@ def test_steps_at_the_stability_bound_are_not_repeated_in_the_same_steps():
 @pytest.mark.parametrize("rtol", ["1e-6", "1e-11"])
 def test_a_series_that_takes_one_step(rtol):
     # A polynomial of the third degree: one step, without error, and a repeat in many.
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: -x*t}
-initial: {x: 0, x_dot: 1}
-simulation: {duration: 3, output_step: 1, method: taylor}
-"""
-    kept, bar = barred(text, rtol=rtol)
+    lasts = "duration: 3, output_step: 1, method: taylor"
+    kept, bar = barred(scene("x: 0, x_dot: 1", "-x*t", simulation=lasts), rtol=rtol)
     t = kept.rows[:, 0]
     assert np.max(np.abs(kept.rows[:, 1] - t - t**3 / 6)) < 1e-14
     assert 0.0 < bar.relative < 1e-14
     assert bar.scales == pytest.approx([3 + 27 / 6], rel=1e-9)
 
 
-PULSE = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: 0}
-forces: {x: "exp(-((t - 50)/0.05)^2)"}
-initial: {x: 0}
-simulation: {duration: 100, output_step: 0.1}
-"""
+PULSE = scene(
+    "x: 0",
+    forces='x: "exp(-((t - 50)/0.05)^2)"',
+    simulation="duration: 100, output_step: 0.1",
+)
 
 
 def test_a_pulse_that_one_step_passes_over_is_told():
