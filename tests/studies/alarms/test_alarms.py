@@ -224,12 +224,9 @@ def test_a_thousandth_is_told_and_less_is_not(step, told):
     assert (GAINED in codes(run(text, method="euler", step=step))) == told
 
 
-STIFF = """\
-coordinates: {{x: {{}}, u: {{}}}}
-energy: {{kinetic: (x_dot^2 + u_dot^2)/2, potential: (x^2 + 1e6*u^2)/2}}
-initial: {{x: 1, u: {u}}}
-simulation: {{duration: 2, output_step: 0.05}}
-"""
+def stiff(u):
+    lasts = "duration: 2, output_step: 0.05"
+    return scene(f"x: 1, u: {u}", "(x^2 + 1e6*u^2)/2", simulation=lasts)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +235,7 @@ simulation: {{duration: 2, output_step: 0.05}}
 )  # fmt: skip
 def test_a_fast_mode_with_some_energy(u, told):
     options = {"method": "generalized-alpha", "step": 0.01, "spectral_radius": 0.5}
-    assert (DAMPED in codes(run(STIFF.format(u=u), **options))) == told
+    assert (DAMPED in codes(run(stiff(u), **options))) == told
 
 
 # Two rods of a double pendulum; it is chaotic when let go from high up.
@@ -387,19 +384,12 @@ def test_angles_at_the_pole_are_one_where_a_constraint_leaves_one(held, turn, to
 
 # What a method without events leaves of constraints
 
-FALLING = """\
-coordinates: {{y: {{}}{names}}}
-energy: {{kinetic: {mass}*y_dot^2/2{kinetic}, potential: {mass}*9.81*y}}
-constraints: {{floor: {{relation: y >= {floor}, restitution: 0}}}}
-initial: {{y: {start}{initial}}}
-simulation: {{duration: 1.5, output_step: {every}}}
-"""
 
-
-def falling(unit=1.0, mass=1.0, every=0.01, floor="0", names="", kinetic="", more=""):
-    return FALLING.format(
-        mass=mass, every=every, floor=floor, start=unit, names=names,
-        kinetic=kinetic, initial=more,
+def falling(unit=1.0, mass=1.0, every=0.01, floor="0", kinetic="", more=""):
+    return scene(
+        f"y: {unit}{more}", f"{mass}*9.81*y", f"{mass}*y_dot^2/2{kinetic}",
+        constraints=f"floor: {{relation: y >= {floor}, restitution: 0}}",
+        simulation=f"duration: 1.5, output_step: {every}",
     )  # fmt: skip
 
 
@@ -425,9 +415,7 @@ def test_on_a_floor_that_rises():
     ("floor", "speeds", "closing"), [("0", 4.43, 4.43), ("2*t", 0.5, 2.5)],
 )  # fmt: skip
 def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing):
-    fast = falling(
-        names=", x: {}", kinetic=" + x_dot^2", more=", x: 0, x_dot: 1e6", floor=floor
-    )
+    fast = falling(kinetic=" + x_dot^2", more=", x: 0, x_dot: 1e6", floor=floor)
     found = run(fast, method="moreau", step=0.02)
     depth = -np.min(found["missed.floor"])
     assert depth > 1e-4
@@ -450,21 +438,17 @@ EQUALITIES = {
     "sin(a)*x_dot = cos(a)*z_dot": ("x_dot: 0.8*{u}, a_dot: 1.5", 1.2, False),
     "x_dot^2 + z_dot^2 = {u}^2": ("x_dot: {u}", 2.0, False),
 }
-HELD_ROW = """\
-coordinates: {{x: {{}}, z: {{}}, a: {{}}}}
-energy:
-  kinetic: {mass}*(x_dot^2 + z_dot^2)/2 + {mass}*({unit})^2*a_dot^2/2
-  potential: {mass}*{unit}*z
-constraints: {{row: "{row}"}}
-initial: {{x: {x}, z: 0, a: 0, {start}}}
-simulation: {{duration: 2, output_step: 0.05}}
-"""
 
 
 def held(row, start, unit=1.0, mass=1.0):
-    text = {"row": row.format(u=unit), "start": start.format(u=unit)}
     x = unit if row.startswith("x^2") else 0.0
-    return HELD_ROW.format(**text, x=x, unit=unit, mass=mass)
+    places = f"{mass}*(x_dot^2 + z_dot^2)/2"
+    return scene(
+        f"x: {x}, z: 0, a: 0, {start.format(u=unit)}", f"{mass}*{unit}*z",
+        f"{places} + {mass}*({unit})^2*a_dot^2/2",
+        constraints=f'row: "{row.format(u=unit)}"',
+        simulation="duration: 2, output_step: 0.05",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("step", [0.01, 1e-3])

@@ -191,14 +191,6 @@ def test_what_drifts_loosely_off_its_constraint_is_not_judged():
 # Groups that touch no other
 
 # A pendulum of 1 J, and beside it an oscillator of 50 kJ, or more.
-PENDULUM_BESIDE = """
-parameters: {{M: {M}}}
-coordinates: {{x: {{}}, z: {{}}}}
-energy: {{kinetic: x_dot^2/2 + M*z_dot^2/2, potential: "1 - cos(x) + M*z^2/2{more}"}}
-{forces}
-initial: {{x: 1, z: 1}}
-simulation: {{start: {start}, duration: 10, output_step: 0.01}}
-"""
 BALL = scene(
     "y: 1, z: 1",
     "9.81*y + M*z^2/2",
@@ -217,8 +209,12 @@ ROD_BESIDE = scene(
 )
 
 
-def beside(M=1e5, more="", forces="", start=0.0):
-    return PENDULUM_BESIDE.format(M=M, more=more, forces=forces, start=start)
+def beside(M=1e5, more="", start=0.0, **forces):
+    return scene(
+        "x: 1, z: 1", f"1 - cos(x) + M*z^2/2{more}", "x_dot^2/2 + M*z_dot^2/2",
+        parameters=f"M: {M}", **forces,
+        simulation=f"start: {start}, duration: 10, output_step: 0.01",
+    )  # fmt: skip
 
 
 def faster(found, name, speed, since):
@@ -237,13 +233,13 @@ def shown(found):
 SCENES = [
     beside(),
     beside(M=1e9, start=1e3),
-    beside(forces="forces: {x: -0.1*x_dot}"),
-    beside(forces="forces: {x: 0.3*sin(t)}"),
-    beside(forces="forces: {z: 1e3*sin(t)}"),
+    beside(forces="x: -0.1*x_dot"),
+    beside(forces="x: 0.3*sin(t)"),
+    beside(forces="z: 1e3*sin(t)"),
     beside(more=" + x*sin(2*t)/10"),
-    beside(forces="forces: {x: -0.1*x_dot, z: 1e3*sin(t)}"),
-    beside(forces="forces: {x: 0.3*sin(t), z: -1e3*z_dot}", M=1e7, start=-50),
-    beside(more=" + x*sin(2*t)/10 + sin(3*t)", forces="forces: {z: -z_dot}"),
+    beside(forces="x: -0.1*x_dot, z: 1e3*sin(t)"),
+    beside(forces="x: 0.3*sin(t), z: -1e3*z_dot", M=1e7, start=-50),
+    beside(more=" + x*sin(2*t)/10 + sin(3*t)", forces="z: -z_dot"),
     ROD_BESIDE,
 ]
 
@@ -341,13 +337,13 @@ def test_the_energy_in_play_is_that_between_rows_too(step, more):
 
 # Energies whose expression jumps
 
-TURNING = """
-parameters: {{k: {k}, X: {X}}}
-coordinates: {{x: {{}}, y: {{}}}}
-energy: {{kinetic: "k*(x_dot^2 + y_dot^2)/2", potential: "{potential}"}}
-initial: {{x: X + 1, y: 0.1, y_dot: 1}}
-simulation: {{duration: 10}}
-"""
+
+def turning(potential, k=1.0, X=0.0):
+    start, kinetic = "x: X + 1, y: 0.1, y_dot: 1", "k*(x_dot^2 + y_dot^2)/2"
+    values, lasts = f"k: {k}, X: {X}", "duration: 10"
+    return scene(start, potential, kinetic, parameters=values, simulation=lasts)
+
+
 PULL = " + k*((x - X)^2 + y^2)/2"
 CUT = [
     "k*0.4*atan2(y, x - X)",
@@ -366,7 +362,7 @@ def told(found):
 @pytest.mark.parametrize("potential", CUT)
 def test_a_cut_is_no_energy_gained(potential, k, X):
     """Round the cut `energy` changes by k 0.4 2 pi a turn, as a multiple of it."""
-    found = run(TURNING.format(k=k, X=X, potential=potential + PULL))
+    found = run(turning(potential + PULL, k, X))
     steps = (found["energy"] - found["energy"][0]) / (0.8 * np.pi * k)
     assert np.max(np.abs(steps)) > 0.5
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
@@ -376,7 +372,7 @@ def test_a_cut_is_no_energy_gained(potential, k, X):
 def test_turns_that_rows_do_not_resolve_are_jumps_of_one_size():
     """Some 6 turns from one row to the next; energy changes by whole jumps."""
     potential = "0.4*atan2(y, x)" + PULL
-    text = TURNING.format(k=1, X=0, potential=potential)
+    text = turning(potential)
     found = run(text, duration="400", output_step="40")
     steps = np.diff(found["energy"]) / (0.8 * np.pi)
     assert np.max(np.abs(steps)) > 2.5
@@ -392,13 +388,6 @@ STEPS = {
     "k*(x - X)^2/2 + 0.4*k*atan(1/(x - X))": 0.4 * np.pi,
     "k*(x - X)^2/2 - 0.4*k*atan((x - X)^(-1))": -0.4 * np.pi,
 }
-LINE = """
-parameters: {{k: {k}, X: {X}, a: -k/3}}
-coordinates: {{x: {{}}{more}}}
-energy: {{kinetic: "k*x_dot^2/2{kinetic}", potential: "{potential}"}}
-initial: {{x: X - 1, x_dot: 0.9{starts}}}
-simulation: {{duration: 5}}
-"""
 
 
 @pytest.mark.parametrize(("k", "X"), [(1.0, 0.0), (1e6, 3.0), (1e-6, -40.0)])
@@ -406,12 +395,11 @@ simulation: {{duration: 5}}
 @pytest.mark.parametrize("potential", STEPS)
 def test_a_step_of_the_potential_is_no_energy_gained(potential, k, X, beside):
     """The velocity goes on through it, and energy changes by the step."""
-    words = {
-        "more": ", z: {}" if beside else "",
-        "kinetic": " + 1e3*k*z_dot^2/2" if beside else "",
-        "starts": ", z: 0, z_dot: 1" if beside else "",
-    }
-    found = run(LINE.format(k=k, X=X, potential=potential, **words))
+    start, kinetic = "x: X - 1, x_dot: 0.9", "k*x_dot^2/2"
+    if beside:
+        start, kinetic = f"{start}, z: 0, z_dot: 1", f"{kinetic} + 1e3*k*z_dot^2/2"
+    values = f"k: {k}, X: {X}, a: -k/3"
+    found = run(scene(start, potential, kinetic, parameters=values), duration=5)
     jump = STEPS[potential]
     past = found["x"] > X
     if jump is not None:
@@ -423,7 +411,7 @@ def test_a_step_of_the_potential_is_no_energy_gained(potential, k, X, beside):
 
 def test_a_step_that_loses_energy_beside_a_cut_it_never_meets_is_its_own():
     """An angle that is continuous on the way is no excuse for a drift."""
-    text = TURNING.format(k=1, X=30, potential="0.4*atan2(y, x)" + PULL)
+    text = turning("0.4*atan2(y, x)" + PULL, X=30)
     found = run(text, method="euler", step="0.05")
     [text] = told(found)
     assert "error of euler" in text
@@ -431,7 +419,7 @@ def test_a_step_that_loses_energy_beside_a_cut_it_never_meets_is_its_own():
 
 def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
     """Euler's energy grows by (1 + h^2) a step, whatever the angle adds."""
-    text = TURNING.format(k=1, X=0, potential="0.4*atan2(y, x)" + PULL)
+    text = turning("0.4*atan2(y, x)" + PULL)
     found = run(text, method="euler", step="0.01")
     [code] = [c.code for c in cautions(found) if c.code.startswith("energy-")]
     assert code == "energy-gained"
@@ -440,7 +428,7 @@ def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
 
 
 def test_the_sides_of_an_angle_are_those_of_its_cut():
-    found = run(TURNING.format(k=1, X=0, potential="atan2(y, x)"), duration="0.1")
+    found = run(turning("atan2(y, x)"), duration="0.1")
     energy = Energy(found.equations, found.equations.energy)
     above, below = np.array([[0, -1, s, 0, 0] for s in (1e-3, -1e-3)])
     right = np.array([0, 1, 1e-3, 0, 0])
