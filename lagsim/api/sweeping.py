@@ -15,7 +15,7 @@ from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.points import Sample, drawn, of_file
+from lagsim.studies.sweep.points import drawn, of_file
 from lagsim.studies.sweep.runs import Found, grid_of
 from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
 from lagsim.studies.sweep.sweeping import sweep as make
@@ -201,7 +201,7 @@ def sweep(
         if not (type(seed) is int and 0 <= seed < 2**64):
             raise ValueError(f"seed={seed!r:.60}: 0 to 2^64 - 1 is expected")
         if sample is not None and N is not None:
-            grid = drawn(read, Sample(tuple(sample.items()), N, seed))
+            grid = drawn(read, sample.items(), N, seed)
         elif isinstance(points, (str, Path)):
             grid = of_file(read, Path(points))
         else:

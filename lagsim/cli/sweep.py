@@ -38,7 +38,7 @@ from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
 from lagsim.studies.sweep.points import EXAMPLE as SAMPLED
-from lagsim.studies.sweep.points import drawn, of_file, parsed_sample
+from lagsim.studies.sweep.points import drawn, of_file
 from lagsim.studies.sweep.runs import EXAMPLE, INADMISSIBLE, Axis, Found, Grid, parsed
 from lagsim.studies.sweep.sweeping import CHART, JOURNAL, MANIFEST, TABLE, Journal
 from lagsim.studies.workers import Hired, cores, machines, processes
@@ -161,7 +161,8 @@ def _grid(
         return of_file(read, points)
     if count is None:
         return parsed(read, values)
-    return drawn(read, parsed_sample(sample, count, seed))
+    pairs = ([x.strip() for x in text.split("=", 1)] for text in sample)
+    return drawn(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
 
 
 def _known(found: Found, folder: Path) -> Any:

@@ -11,7 +11,7 @@ table is not lost.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -71,15 +71,6 @@ class _Samples:
         return np.concatenate(self._blocks).T
 
 
-class Brackets(NamedTuple):
-    """Stretches (k,) with one crossing each, the values at both ends."""
-
-    lo: Floats
-    hi: Floats
-    at_lo: Floats
-    at_hi: Floats
-
-
 def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
     """Rows (k, columns) of each section of a run, with the columns of its table.
 
@@ -101,8 +92,8 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
             nothing = float(NOTHING * np.max(terms, initial=0.0))
             clear = np.abs(g) > nothing
             dense = _with_dips(session, name, t[clear], g[clear], nothing)
-            brackets = _crossings(*dense, section.direction)
-            found[section.name] = _located(session, brackets, name)
+            stretches = _crossings(*dense, section.direction)
+            found[section.name] = _located(session, *stretches, name)
     for section in asked:
         if section.every is not None:
             found[section.name] = rows_at(session, _strobe(session, made, section))
@@ -187,43 +178,36 @@ def _with_dips(
     return t[order], g[order]
 
 
-def _crossings(t: Floats, g: Floats, direction: str) -> Brackets:
-    """Stretches in which g (k,), nowhere 0, changes its sign."""
+def _crossings(t: Floats, g: Floats, direction: str) -> tuple[Floats, Floats]:
+    """Give the ends of stretches (k, 2) with one crossing each, and g there, not 0."""
     change = np.flatnonzero(g[:-1] * g[1:] < 0.0)
     rises = g[change + 1] > 0.0
     change = change[{"up": rises, "down": ~rises}.get(direction, rises | ~rises)]
-    return Brackets(t[change], t[change + 1], g[change], g[change + 1])
+    both = change[:, None] + [0, 1]
+    return t[both], g[both]
 
 
-def _located(session: Session, brackets: Brackets, name: int) -> Floats:
+def _located(session: Session, ends: Floats, values: Floats, name: int) -> Floats:
     """Rows (k, columns) at crossings, by regula falsi and, where that lags, halves."""
-    lo, hi, at_lo, at_hi = (x.copy() for x in brackets)
-    rows = np.full((len(lo), len(session.system.columns.names)), np.nan)
-    open_, width = np.arange(len(lo)), np.inf * (hi - lo + 1.0)
+    sizes, jumps = np.max(np.abs(values), axis=1), ends[:, 0] == ends[:, 1]
+    rows = np.full((len(ends), len(session.system.columns.names)), np.nan)
+    open_, width = np.arange(len(ends)), np.full(len(ends), np.inf)
     for _ in range(PASSES):
         if not len(open_):
             break
-        a, b = lo[open_], hi[open_]
+        (a, b), (at_a, at_b) = ends[open_].T, values[open_].T
         with np.errstate(all="ignore"):
-            time = b - at_hi[open_] * (b - a) / (at_hi[open_] - at_lo[open_])
+            time = b - at_b * (b - a) / (at_b - at_a)
         slow = ~((time >= a) & (time <= b)) | (b - a > 0.5 * width[open_])
         time = np.where(slow, 0.5 * (a + b), time)
         width[open_] = b - a
         now = rows_at(session, time)
-        rows[open_] = now
-        value = now[:, name]
-        below = value * at_lo[open_] > 0.0
-        for k, x, y, low in zip(open_, time, value, below, strict=True):
-            if low:
-                lo[k], at_lo[k] = x, y
-            else:
-                hi[k], at_hi[k] = x, y
+        rows[open_], value = now, now[:, name]
+        side = np.where(value * at_a > 0.0, 0, 1)
+        ends[open_, side], values[open_, side] = time, value
         near = 4.0 * np.spacing(np.abs(time))
-        done = (value == 0.0) | (hi[open_] - lo[open_] <= near)
-        done |= ~np.isfinite(value)
-        open_ = open_[~done]
-    sizes = np.maximum(np.abs(brackets.at_lo), np.abs(brackets.at_hi))
-    jumps = brackets.hi == brackets.lo
+        done = (value == 0.0) | (np.ptp(ends[open_], axis=1) <= near)
+        open_ = open_[~(done | ~np.isfinite(value))]
     small = np.abs(rows[:, name]) <= SMALL * sizes
     return np.asarray(rows[small | jumps])
 

@@ -15,7 +15,7 @@ import csv
 import io
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,14 +33,6 @@ if TYPE_CHECKING:
 
 EXAMPLE = "such as --sample K=normal(25.6, 0.5) --sample theta=uniform(0, 1) -N 500"
 _DRAWN = re.compile(r"(normal|uniform)\s*\((.*),(.*)\)", re.DOTALL)
-
-
-class Sample(NamedTuple):
-    """Distributions by name, in this order; how often they are drawn, and the seed."""
-
-    given: tuple[tuple[str, str], ...]
-    runs: int
-    seed: int = 0
 
 
 def of_file(model: Model, path: Path) -> Grid:
@@ -97,31 +89,29 @@ def _number(cell: str) -> float:
     return math.nan
 
 
-def drawn(model: Model, sample: Sample) -> Grid:
-    """Draw a sample.
+def drawn(
+    model: Model, given: Iterable[tuple[str, str]], runs: int, seed: int = 0
+) -> Grid:
+    """Draw so many values of each name, of the distribution that it is given with.
 
     Raises
     ------
     InputError
     """
     problems, values = Problems(), dict[str, list[float | str]]()
-    refuse_many(sample.runs)
-    for place, (name, text) in enumerate(sample.given):
+    distributions = {}
+    refuse_many(runs)
+    for place, (name, text) in enumerate(given):
         if name in values:
             problems.add("usage", f"{name} is given twice", hint=EXAMPLE)
+        distributions[name] = text
         with problems.gathered():
-            uniform = _uniform(sample.seed, place, sample.runs)
+            uniform = _uniform(seed, place, runs)
             values[name] = [*_distributed(model, name, text, uniform).tolist()]
     problems.refuse()
     grid = grid_of(model, values, together=True)
-    axes = (x._replace(drawn=dict(sample.given)[x.name]) for x in grid.axes)
-    return grid._replace(axes=tuple(axes), seed=sample.seed)
-
-
-def parsed_sample(arguments: Iterable[str], count: int, seed: int) -> Sample:
-    """Take arguments `name=normal(mean, deviation)` apart."""
-    pairs = (argument.partition("=") for argument in arguments)
-    return Sample(tuple((a.strip(), b.strip()) for a, _, b in pairs), count, seed)
+    axes = (axis._replace(drawn=distributions[axis.name]) for axis in grid.axes)
+    return grid._replace(axes=tuple(axes), seed=seed)
 
 
 def _uniform(seed: int, place: int, count: int) -> Floats:
