@@ -74,7 +74,7 @@ class Accelerations:
             text += "and when depends on what happened before"
             raise LagsimError(text)
         self._equations, self._name = e, model.name
-        self._numbers = {p.name: p.value for p in model.parameters}
+        self._numbers = model.parameter_values
         entries = dict(e.mass_entries)
         for r, row in enumerate(e.rows, len(e.q)):
             entries |= {(r, i): node for i, node in row.A.entries.items()}

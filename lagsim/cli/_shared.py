@@ -36,23 +36,33 @@ class Picture(Enum):
     PDF = "pdf"
 
 
+def flag(name: str, text: str) -> Any:
+    """Return an option that is given or not, with its help."""
+    return typer.Option(False, name, help=text)
+
+
+def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
+    """Return an option with a value, None by default, with its help."""
+    return typer.Option(None, *names, metavar=metavar, help=text, **more)
+
+
 # Arguments and options of several commands, each with its default.
 MODEL: Any = typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
 MODELS: Any = typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
-SETS: Any = typer.Option(
-    None, "--set", metavar="NAME=EXPR",
-    help="Another value of a parameter, or another start value; may be repeated.",
-)  # fmt: skip
-JOBS: Any = typer.Option(
-    None, "-j", "--jobs", metavar="N", min=1,
-    help="Number of processes; default one for each core.",
-)  # fmt: skip
+SETS: Any = option(
+    "NAME=EXPR",
+    "Another value of a parameter, or another start value; may be repeated.",
+    "--set",
+)
+JOBS: Any = option(
+    "N", "Number of processes; default one for each core.", "-j", "--jobs", min=1
+)
 FORMAT: Any = typer.Option(
     Picture.PNG, "--format", help="Format of pictures; svg and pdf for print."
 )
-NO_PLOTS: Any = typer.Option(False, "--no-plots", help="No pictures.")
-JSON: Any = typer.Option(False, "--json", help="Print one JSON document on stdout.")
-STRICT: Any = typer.Option(False, "--strict", help="Exit 1 if there are warnings.")
+NO_PLOTS: Any = flag("--no-plots", "No pictures.")
+JSON: Any = flag("--json", "Print one JSON document on stdout.")
+STRICT: Any = flag("--strict", "Exit 1 if there are warnings.")
 
 
 def quiet(text: str = "Print nothing unless it fails.") -> Any:
@@ -62,7 +72,7 @@ def quiet(text: str = "Print nothing unless it fails.") -> Any:
 
 def output_folder(text: str) -> Any:
     """Return the option `-o DIR`, with its help."""
-    return typer.Option(None, "-o", "--output", metavar="DIR", help=text)
+    return option("DIR", text, "-o", "--output")
 
 
 def _show_version(asked: bool) -> None:
@@ -76,9 +86,7 @@ def ask_version(
         False, "--version", help="Show the version and stop.", callback=_show_version,
         is_eager=True,
     ),
-    traceback: bool = typer.Option(
-        False, "--traceback", help="Print the traceback of a bug in lagsim."
-    ),
+    traceback: bool = flag("--traceback", "Print the traceback of a bug in lagsim."),
 ) -> None:  # fmt: skip
     """From energies to motion: simulate a system written down as T and V."""
 

@@ -23,6 +23,7 @@ from lagsim.cli._shared import (
     left_out,
     listed,
     numbers,
+    option,
     output_folder,
     quiet,
     show_json,
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
     from lagsim.cli._shared import Measure, Progress
     from lagsim.run.interrupt import Interrupt
 
+    Document = dict[str, Any]
+
 TABLE, MANIFEST = "work_precision.csv", "work_precision.json"
 # Of curves that there was no time for so many are named; the JSON has all.
 MOST_NAMES = 4
@@ -68,20 +71,16 @@ def command(
         "Output folder; default results/NAME/bench; DIR/NAME for several models."
     ),
     sets: list[str] | None = SETS,
-    methods: str | None = typer.Option(
-        None, metavar="A,B",
-        help="Only these methods; scipy's solvers are scipy:DOP853 and so on.",
+    methods: str | None = option(
+        "A,B", "Only these methods; scipy's solvers are scipy:DOP853 and so on."
     ),
-    tolerances: str | None = typer.Option(
-        None, metavar="A:B", help="Range of rtol, in decades; default 1e-3:1e-13."
+    tolerances: str | None = option(
+        "A:B", "Range of rtol, in decades; default 1e-3:1e-13."
     ),
-    steps: str | None = typer.Option(
-        None, metavar="A:B",
-        help="Range of steps of fixed-step methods; each is half of the one before.",
+    steps: str | None = option(
+        "A:B", "Range of steps of fixed-step methods; each is half of the one before."
     ),
-    budget: float | None = typer.Option(
-        None, metavar="SECONDS", help="Time limit for each model; default 180."
-    ),
+    budget: float | None = option("SECONDS", "Time limit for each model; default 180."),
     form: Picture = FORMAT,
     as_json: bool = JSON,
     quiet: bool = quiet(),
@@ -143,8 +142,8 @@ def _drawn_again(
 
 
 def _written(
-    document: dict[str, Any],
-    shown: Sequence[Mapping[str, Any]],
+    document: Document,
+    shown: Sequence[Document],
     form: str,
     summary: Callable[[str], str],
 ) -> Measured:
@@ -197,7 +196,7 @@ def _between(
     return found and (found[1], found[0])
 
 
-def _summary(document: Mapping[str, Any], files: str) -> str:
+def _summary(document: Document, files: str) -> str:
     """Return the closing lines."""
     rows, reference = document["rows"], document["reference"]
     counts = (len(rows), "solve"), (len(curves(rows)), "method")
@@ -211,7 +210,7 @@ def _summary(document: Mapping[str, Any], files: str) -> str:
     return headline(document, *counts) + "\n" + table(lines)
 
 
-def _time(document: Mapping[str, Any]) -> str:
+def _time(document: Document) -> str:
     """Return the time spent, and the curves that there was no time for."""
     cut = curves(row for row in document["rows"] if row["outcome"] == OUT_OF_TIME)
     budget = document["budget"]
@@ -224,7 +223,7 @@ def _time(document: Mapping[str, Any]) -> str:
     return f"{text}: not enough to finish {named}; --budget allows more"
 
 
-def _point(row: Mapping[str, Any]) -> str:
+def _point(row: Document) -> str:
     auto = ", what auto takes" if row["chosen"] else ""
     return (
         f"error {row['error']:.1e} in {row['seconds'] * 1e3:.3g} ms: {row['method']} "

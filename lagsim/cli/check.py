@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import typer
-
 from lagsim.cli._faults import reported
 from lagsim.cli._shared import (
     JSON,
@@ -13,6 +11,7 @@ from lagsim.cli._shared import (
     SETS,
     STRICT,
     assignments,
+    flag,
     quiet,
     refused,
     show_json,
@@ -28,9 +27,7 @@ from lagsim.run.session import check
 def command(
     models: list[str] = MODELS,
     sets: list[str] | None = SETS,
-    repair: bool = typer.Option(
-        False, "--repair", help="Print the nearest admissible state."
-    ),
+    repair: bool = flag("--repair", "Print the nearest admissible state."),
     as_json: bool = JSON,
     quiet: bool = quiet("Print nothing for admissible starts."),
     strict: bool = STRICT,

@@ -14,6 +14,7 @@ from lagsim.cli._shared import (
     aligned,
     coloured,
     counted,
+    option,
     put_picture,
     quiet,
     show_json,
@@ -40,17 +41,16 @@ def command(
     new: Path = typer.Argument(
         metavar="NEW", help="The result to be compared with it: a CSV file or a folder."
     ),
-    rtol: str | None = typer.Option(
-        None, metavar="X",
-        help="Allowed difference relative to a column's scale; default: one unit in "
-        "the last place.",
+    rtol: str | None = option(
+        "X",
+        "Allowed difference relative to a column's scale; default: one unit in the "
+        "last place."
     ),
-    atol: str | None = typer.Option(
-        None, metavar="X",
-        help="Allowed absolute difference, added to that; default 0.",
+    atol: str | None = option(
+        "X", "Allowed absolute difference, added to that; default 0."
     ),
-    plot: Path | None = typer.Option(
-        None, metavar="FILE", help="Draw the columns that differ most into a PNG file."
+    plot: Path | None = option(
+        "FILE", "Draw the columns that differ most into a PNG file."
     ),
     as_json: bool = JSON,
     quiet: bool = quiet(
@@ -91,14 +91,14 @@ def _tolerances(
     """Read the tolerances; refuse what is no number, or negative."""
     values: list[float | None] = []
     problems = Problems()
-    for option, text in (("--rtol", rtol), ("--atol", atol)):
+    for name, text in (("--rtol", rtol), ("--atol", atol)):
         try:
             value = None if text is None else float(text)
         except ValueError:
             value = math.nan
         if value is not None and not 0.0 <= value < math.inf:
-            message = f"{option} {text}: a number of at least 0 is expected"
-            problems.add("usage", message, hint=f"such as {option} 1e-9")
+            message = f"{name} {text}: a number of at least 0 is expected"
+            problems.add("usage", message, hint=f"such as {name} 1e-9")
         values.append(value)
     problems.refuse()
     return values[0], values[1]

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from lagsim.api.models import derive
-from lagsim.cli._shared import MODEL, SETS, assignments, put_file
+from lagsim.cli._shared import MODEL, SETS, assignments, flag, option, put_file
 from lagsim.cli._streams import harmless, put
 from lagsim.errors import Problem, Problems, visible
 from lagsim.model.reader import read_file
@@ -31,24 +31,17 @@ def command(
     form: Format = typer.Option(
         Format.text, "--format", help="Format of the equations."
     ),
-    ascii_only: bool = typer.Option(
-        False, "--ascii", help="Write the text in ASCII, as in model files."
+    ascii_only: bool = flag("--ascii", "Write the text in ASCII, as in model files."),
+    substitute: bool = flag("--substitute", "Replace parameters by their numbers."),
+    solve: bool = flag(
+        "--solve", "Solve for the accelerations, even if the result is long."
     ),
-    substitute: bool = typer.Option(
-        False, "--substitute", help="Replace parameters by their numbers."
+    gauss: bool = flag("--gauss", "Add Gauss's principle."),
+    expand: bool = flag(
+        "--expand",
+        "Write the definitions of the file out, even if the result is long."
     ),
-    solve: bool = typer.Option(
-        False, "--solve",
-        help="Solve for the accelerations, even if the result is long.",
-    ),
-    gauss: bool = typer.Option(False, "--gauss", help="Add Gauss's principle."),
-    expand: bool = typer.Option(
-        False, "--expand",
-        help="Write the definitions of the file out, even if the result is long.",
-    ),
-    output: Path | None = typer.Option(
-        None, "-o", "--output", metavar="FILE", help="Write to a file."
-    ),
+    output: Path | None = option("FILE", "Write to a file.", "-o", "--output"),
 ) -> int:  # fmt: skip
     """Derive the equations of motion, symbolically."""
     options = {"substitute": substitute, "solve": solve, "gauss": gauss}

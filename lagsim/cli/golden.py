@@ -14,6 +14,8 @@ from lagsim.cli._shared import (
     JSON,
     coloured,
     counted,
+    flag,
+    option,
     put_file,
     put_picture,
     quiet,
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.studies.comparison import Verdict
 
+    Document = dict[str, Any]
+
 SUITE = "lagsim golden"
 
 
@@ -52,20 +56,14 @@ def command(
     models: list[str] = typer.Argument(
         metavar="MODEL...", help="Model files; - is standard input."
     ),
-    folder: Path | None = typer.Option(
-        None, "--dir", metavar="DIR",
-        help="Folder of the goldens; default golden/ beside each model.",
+    folder: Path | None = option(
+        "DIR", "Folder of the goldens; default golden/ beside each model.", "--dir"
     ),
-    update: bool = typer.Option(
-        False, "--update", help="Store new goldens, and replace old ones."
+    update: bool = flag("--update", "Store new goldens, and replace old ones."),
+    plots: Path | None = option(
+        "DIR", "Draw the columns that differ most: DIR/NAME.png."
     ),
-    plots: Path | None = typer.Option(
-        None, metavar="DIR",
-        help="Draw the columns that differ most: DIR/NAME.png.",
-    ),
-    junit: Path | None = typer.Option(
-        None, metavar="FILE", help="Write a report in JUnit XML for CI servers."
-    ),
+    junit: Path | None = option("FILE", "Write a report in JUnit XML for CI servers."),
     as_json: bool = JSON,
     quiet: bool = quiet("Print only differences and faults."),
 ) -> int:  # fmt: skip
@@ -94,7 +92,7 @@ def command(
     if as_json:
         documents = [answer.document for answer in answers if answer.document]
         faults = [fault for answer in answers for fault in answer.faults]
-        content: dict[str, Any] = {"pass": code == 0, "models": documents}
+        content: Document = {"pass": code == 0, "models": documents}
         show_json(content | ({"errors": faults} if faults else {}))
     return code
 
@@ -116,7 +114,7 @@ class _Answer(NamedTuple):
     """The exit code of a model, and what is reported of it."""
 
     code: int
-    document: dict[str, Any] | None
+    document: Document | None
     lines: Sequence[str] = ()
     # Kind, code and text of a failure, for JUnit.
     why: tuple[str, str, str] = ("", "", "")
@@ -125,7 +123,7 @@ class _Answer(NamedTuple):
 
 
 def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
-    found: list[dict[str, Any]] = []
+    found: list[Document] = []
     code = reported(error, found if as_json else None, path)
     document = next((x for x in found if "errors" not in x), None)
     if document is not None:  # of an inadmissible start
@@ -202,7 +200,7 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
 def _store(case: Case, folder: Path) -> _Answer:
     model = case.equations.model
     golden, base = measure(case)
-    found: dict[str, Any] = {"model": model.name, "file": model.file}
+    found: Document = {"model": model.name, "file": model.file}
     if not base.trajectory.outcome.complete:
         text = f"no golden of {model.name}: {base.trajectory.reason}"
         failed = failure("incomplete")

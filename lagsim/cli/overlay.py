@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import counted, put_picture, quiet
+from lagsim.cli._shared import counted, option, put_picture, quiet
 from lagsim.cli._streams import complain, say
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.outputs import animation
@@ -27,13 +27,14 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def command(
     folders: list[Path] = typer.Argument(metavar="DIR...", help="Folders of results."),
-    output: Path | None = typer.Option(
-        None, "-o", "--output", metavar="FILE",
-        help="A page (.html) or a picture (.png, .svg, .pdf); default "
-        "results/overlay.html and .png.",
+    output: Path | None = option(
+        "FILE",
+        "A page (.html) or a picture (.png, .svg, .pdf); default results/overlay.html "
+        "and .png.",
+        "-o", "--output"
     ),
-    columns: str | None = typer.Option(
-        None, metavar="A,B", help="Columns of the picture; default the coordinates."
+    columns: str | None = option(
+        "A,B", "Columns of the picture; default the coordinates."
     ),
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip

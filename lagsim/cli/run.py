@@ -26,6 +26,7 @@ from lagsim.cli._shared import (
     coloured,
     commit,
     counted,
+    flag,
     listed,
     output_folder,
     progress_bar,
@@ -70,6 +71,8 @@ if TYPE_CHECKING:
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.drawing import Draw
     from lagsim.studies.restart import Restart
+
+    Document = dict[str, Any]
 
 
 # The keys of `simulation` that commands take: placeholder and help.
@@ -140,17 +143,11 @@ def command(
     table: Format = typer.Option(
         Format.CSV, help="Format of the table: trajectory.csv and so on."
     ),
-    units: bool = typer.Option(
-        False, "--units", help="A line of units below the header of CSV."
-    ),
+    units: bool = flag("--units", "A line of units below the header of CSV."),
     no_plots: bool = NO_PLOTS,
     form: Picture = FORMAT,
-    animate: bool = typer.Option(
-        False, "--animate", help="Write the page animation.html."
-    ),
-    resume: bool = typer.Option(
-        False, "--resume", help="Continue an interrupted run."
-    ),
+    animate: bool = flag("--animate", "Write the page animation.html."),
+    resume: bool = flag("--resume", "Continue an interrupted run."),
     as_json: bool = JSON,
     quiet: bool = quiet(),
     strict: bool = STRICT,
@@ -254,7 +251,7 @@ class Job:
                     session = case.ready(clock=self.clock)
             return self._made(session, {**options, "set": {**overrides}})
 
-    def _made(self, session: Session, wishes: Mapping[str, Any]) -> int:
+    def _made(self, session: Session, wishes: Document) -> int:
         """Run a session into its folder; return the exit code."""
         wish, model = self.wish, session.case.equations.model
         folder = self.folder or RESULTS / model.name
@@ -308,7 +305,7 @@ class Job:
 
     def _write(
         self, found: Attempt, results: Results, writer: Writer
-    ) -> tuple[dict[str, Any], OSError | None]:
+    ) -> tuple[Document, OSError | None]:
         """Write what was found; return the record, and what kept a file out."""
         wish, lost, full = self.wish, False, found.fault
         try:
@@ -342,7 +339,7 @@ class Job:
         return document, full
 
     def _draw_all(
-        self, found: Attempt, results: Results, document: dict[str, Any]
+        self, found: Attempt, results: Results, document: Document
     ) -> OSError | None:
         """Add page and pictures; return what kept one from being written.
 
@@ -371,9 +368,7 @@ class Job:
             document["files"] = [*results.names, MANIFEST]
         return None
 
-    def _code(
-        self, found: Attempt, document: Mapping[str, Any], full: OSError | None
-    ) -> int:
+    def _code(self, found: Attempt, document: Document, full: OSError | None) -> int:
         """Return the exit code; report what a signal or `--strict` has cost."""
         interrupt = self.interrupt
         if full:
@@ -393,9 +388,7 @@ class Job:
         annotate(ERROR, line.removeprefix("lagsim: "), model.file)
         return 1
 
-    def _report(
-        self, found: Attempt, document: Mapping[str, Any], folder: Path
-    ) -> None:
+    def _report(self, found: Attempt, document: Document, folder: Path) -> None:
         if not document["complete"]:
             failed = document["failure"]
             numbered = f" [{failed['number']}]" if failed else ""
@@ -440,9 +433,7 @@ def _keep(
         run.tick = tick
 
 
-def _cut_short(
-    writer: Writer, made: Attempt, full: OSError, *, lost: bool
-) -> dict[str, Any]:
+def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> Document:
     """Return what run.json holds of a run whose results did not fit on the disk.
 
     `lost`: not even the table did.
@@ -473,7 +464,7 @@ COUNTED = ("impact", "contact", "release", "stick", "slip", "switch", "event")
 MOST_NAMES = 2
 
 
-def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
+def summary(made: Attempt, document: Document, folder: Path) -> str:
     """Return the closing lines of the run that `document`, its run.json, records."""
     colour = "32" if document["complete"] else "31"
     head = (
@@ -544,7 +535,7 @@ def _named(events: Sequence[Event]) -> str:
     return ", ".join(counted(number, noun) for number, noun in numbers if number)
 
 
-def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
+def _accuracy(document: Document) -> tuple[str, str]:
     if document["step"] is not None:
         return "step", f"{document['step']:g}"
     atol = document["atol"]
@@ -572,7 +563,7 @@ def _error(bar: Estimate | str) -> str:
     return text
 
 
-def _work(document: Mapping[str, Any]) -> str:
+def _work(document: Document) -> str:
     seconds = document["timings"]
     return (
         f"{counted(document['steps'], 'step')}, {document['rejections']} rejected, "

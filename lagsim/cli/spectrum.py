@@ -9,7 +9,15 @@ import orjson
 import typer
 
 from lagsim import files
-from lagsim.cli._shared import JSON, aligned, counted, put_file, put_picture, show_json
+from lagsim.cli._shared import (
+    JSON,
+    aligned,
+    counted,
+    option,
+    put_file,
+    put_picture,
+    show_json,
+)
 from lagsim.cli._streams import complain, say
 from lagsim.errors import Problem, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint
@@ -26,9 +34,10 @@ def command(
         metavar="RESULT", help="Folder of a run, or its table."
     ),
     column: str = typer.Argument(metavar="COLUMN", help="The column to analyse."),
-    output: list[Path] | None = typer.Option(
-        None, "-o", "--output", metavar="FILE",
-        help="A picture (.png, .svg, .pdf) or all amplitudes (.csv); may be repeated.",
+    output: list[Path] | None = option(
+        "FILE",
+        "A picture (.png, .svg, .pdf) or all amplitudes (.csv); may be repeated.",
+        "-o", "--output"
     ),
     as_json: bool = JSON,
 ) -> int:  # fmt: skip

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import typer
 
 from lagsim.cli._shared import (
     FORMAT,
@@ -26,6 +25,7 @@ from lagsim.cli._shared import (
     left_out,
     listed,
     numbers,
+    option,
     output_folder,
     quiet,
     table,
@@ -40,13 +40,12 @@ from lagsim.studies.bench.stability import Wish
 from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from lagsim.cli._shared import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
 
-    Record = Mapping[str, Any]
+    Document = dict[str, Any]
+
 
 TABLE, MANIFEST = "stability.csv", "stability.json"
 # So many coordinates of an equilibrium, and of a mode, are named.
@@ -59,17 +58,14 @@ def command(
         "Output folder; default results/NAME/stability."
     ),
     sets: list[str] | None = SETS,
-    methods: str | None = typer.Option(
-        None, metavar="A,B", help="Only these methods; default all that apply."
+    methods: str | None = option("A,B", "Only these methods; default all that apply."),
+    steps: str | None = option(
+        "A:B", "Range of steps; default around the predicted stability limits."
     ),
-    steps: str | None = typer.Option(
-        None, metavar="A:B",
-        help="Range of steps; default around the predicted stability limits.",
-    ),
-    vary: list[str] | None = typer.Option(
-        None, metavar="NAME=A:B",
-        help="Vary a parameter: maps over it and the step; for methods that choose "
-        "their steps, their work.",
+    vary: list[str] | None = option(
+        "NAME=A:B",
+        "Vary a parameter: maps over it and the step; for methods that choose their "
+        "steps, their work."
     ),
     form: Picture = FORMAT,
     as_json: bool = JSON,
@@ -156,7 +152,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     return Wish(names, between, name, values)
 
 
-def _summary(document: Record, files: str) -> str:
+def _summary(document: Document, files: str) -> str:
     """Return the closing lines."""
     methods = sum(map(len, document["methods"].values()))
     head = headline(document, (methods, "method"))
@@ -172,14 +168,14 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
-def _values(document: Record) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
+def _values(document: Document) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
     """Return the eigenvalues at the start, and along the motion."""
     found = document["eigenvalues"]
     pairs = (np.array(found[key], float) for key in ("at_start", "along"))
     return [x.reshape(-1, 2) @ [1.0, 1j] for x in pairs]
 
 
-def _borders(document: Record) -> list[str]:
+def _borders(document: Document) -> list[str]:
     """Return the borders of each method, in h and in the fastest period."""
     borders, span = document["borders"], document["runs"]["duration"]
     if not borders:
@@ -197,7 +193,7 @@ def _borders(document: Record) -> list[str]:
     return _aligned(rows)
 
 
-def _predicted(border: Record) -> str:
+def _predicted(border: Document) -> str:
     """Return the predictions: one where both are alike."""
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
@@ -206,7 +202,7 @@ def _predicted(border: Record) -> str:
     return first if first == second else f"{first} at the start, {second} on the way"
 
 
-def _over_parameter(document: Record) -> list[str]:
+def _over_parameter(document: Document) -> list[str]:
     """Return the borders at the ends of the parameter's range, and the work."""
     name, values = document["vary"]["name"], document["vary"]["values"]
     borders = {
@@ -233,7 +229,7 @@ def _over_parameter(document: Record) -> list[str]:
     return _aligned(rows)
 
 
-def _eigenvalues(document: Record) -> list[tuple[str, str]]:
+def _eigenvalues(document: Document) -> list[tuple[str, str]]:
     """Return them in short: fastest, slowest, damping."""
     if unknown := document["eigenvalues"]["unknown"]:
         return [("eigenvalues", f"none: {unknown}")]
@@ -267,7 +263,7 @@ def _complex(value: complex) -> str:
     return f"{value.real:.4g} ± {abs(value.imag):.4g}i"
 
 
-def _modes(document: Record) -> list[str]:
+def _modes(document: Document) -> list[str]:
     """Return the equilibrium and the modes about it."""
     at = document["equilibrium"]
     if at is None:

@@ -21,6 +21,8 @@ from lagsim.cli._shared import (
     coloured,
     counted,
     experiment,
+    flag,
+    option,
     output_folder,
     quiet,
     show_json,
@@ -73,36 +75,28 @@ def command(
         "list; each may be an expression.",
         autocompletion=_names,
     ),
-    points: Path | None = typer.Option(
-        None, metavar="FILE.csv",
-        help="Instead of a grid, the runs of a table: a column for each name.",
+    points: Path | None = option(
+        "FILE.csv", "Instead of a grid, the runs of a table: a column for each name."
     ),
-    sample: list[str] | None = typer.Option(
-        None, metavar="NAME=normal(M, S)|NAME=uniform(A, B)",
-        help="Instead of a grid, random values of a name; the same on every machine.",
+    sample: list[str] | None = option(
+        "NAME=normal(M, S)|NAME=uniform(A, B)",
+        "Instead of a grid, random values of a name; the same on every machine."
     ),
-    count: int | None = typer.Option(
-        None, "-N", min=1, metavar="N", help="How many runs a sample has.",
-    ),
+    count: int | None = option("N", "How many runs a sample has.", "-N", min=1),
     seed: int = typer.Option(
         0, min=0, max=2**64 - 1, help="Another number draws another sample."
     ),
     folder: Path | None = output_folder("Output folder; default results/NAME/sweep."),
     jobs: int | None = JOBS,
-    keep: bool = typer.Option(
-        False, "--keep", help="Keep the results of each run in DIR/run-K."
+    keep: bool = flag("--keep", "Keep the results of each run in DIR/run-K."),
+    ends: bool = flag(
+        "--ends",
+        "Compute only the last value of each column: no rows, no error estimate, much "
+        "faster."
     ),
-    ends: bool = typer.Option(
-        False, "--ends",
-        help="Compute only the last value of each column: no rows, no error estimate, "
-        "much faster.",
-    ),
-    resume: bool = typer.Option(
-        False, "--resume", help="Continue an interrupted sweep."
-    ),
-    dask: str | None = typer.Option(
-        None, metavar="ADDRESS",
-        help="Address of a Dask scheduler, whose workers make the runs.",
+    resume: bool = flag("--resume", "Continue an interrupted sweep."),
+    dask: str | None = option(
+        "ADDRESS", "Address of a Dask scheduler, whose workers make the runs."
     ),
     sets: list[str] | None = SETS,
     *,

@@ -560,6 +560,11 @@ class Model:
         return (*self.coordinates, *self.states)
 
     @property
+    def parameter_values(self) -> dict[str, float]:
+        """The values of the parameters, by name."""
+        return {p.name: p.value for p in self.parameters}
+
+    @property
     def modes(self) -> frozenset[str]:
         """The names of the modes."""
         return frozenset(p.name for p in self.parameters if p.mode)

@@ -205,7 +205,7 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     most = min(MOST_ROWS, int(MOST_OPERATIONS / len(cone)))
     stride = -(-len(monitor.passed) // max(most, 2))
     rows, worked = monitor.passed[::stride], monitor.worked[::stride]
-    known: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
+    known: dict[str, Any] = e.model.parameter_values
     known |= dict(zip(("t", *e.state), rows.T, strict=True))
     each, kinetic = np.split(evaluate_rows(g, nodes, known, len(rows)), 2)
     fastest = np.max(np.abs(kinetic), axis=1)
@@ -322,7 +322,7 @@ class Energy:
         g = equations.graph
         self.graph, self.energy = g, energy
         self.names = ("t", *equations.state)
-        self.parameters = {p.name: p.value for p in equations.model.parameters}
+        self.parameters = equations.model.parameter_values
         found = sorted(
             n for n in g.dependent([energy], self.names) if g.ops[n] in SWITCHES
         )
@@ -541,7 +541,7 @@ def worst_residual(
             return name, part
         row = equations.row(name)
         moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
-        state = {p.name: p.value for p in equations.model.parameters}
+        state = equations.model.parameter_values
         state |= dict(zip(names, values.tolist(), strict=False))
         slopes = np.abs(evaluate(g, list(row.A), state))
         if coarse is not None:

@@ -53,7 +53,7 @@ from lagsim.tolerances import (
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
     from lagsim.language.arrays import Flags, Floats
@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
+
+    Document = dict[str, Any]
 
 # Rows are kept at every so-many-th, and these are the most that are kept.
 MOST_ROWS = 200
@@ -275,7 +277,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
         elif law and law.kind.one_sided and law.when is None:
             found[name] = np.minimum(values, 0.0)
     if free := conserved(equations):
-        known = {p.name: p.value for p in equations.model.parameters} | column
+        known = equations.model.parameter_values | column
         nodes = [equations.momenta[k] for k in free]
         values = evaluate_rows(equations.graph, nodes, known, len(motion.rows))
         names = [MOMENTUM + equations.q[k] for k in free]
@@ -336,7 +338,7 @@ class Golden:
     horizon: float | None
     invariants: dict[str, Invariant]
     stride: int
-    about: Mapping[str, Any] = field(default_factory=dict)
+    about: Document = field(default_factory=dict)
 
     def bounds(self, column: str) -> Floats:
         """Return the bound of a column in each row (k,)."""
@@ -445,7 +447,7 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     found = np.zeros_like(rows)
     places = [base.columns.index(d.name) for d in shown]
     eps = 2.0 * UNIT_ROUNDOFF
-    parameters = {p.name: p.value for p in model.parameters}
+    parameters = model.parameter_values
     nodes = [d.node for d in shown]
     for k, row in enumerate(rows.tolist() if shown else ()):
         values = parameters | dict(zip(base.columns, row, strict=True))
@@ -525,10 +527,10 @@ def certain(value: float, bound: float) -> str:
     return text.removesuffix(".0") if len(text) > 3 else text
 
 
-def _inputs(model: Model) -> dict[str, dict[str, Any]]:
+def _inputs(model: Model) -> dict[str, Document]:
     """Return the parameters, start values and expressions that a golden holds."""
     return {
-        "parameters": {p.name: p.value for p in model.parameters},
+        "parameters": model.parameter_values,
         "initial": {x.name: x.value for x in model.initial},
         "expressions": {k: x.text for k, x in model.stated.texts().items()},
     }
@@ -667,9 +669,7 @@ def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
     )
 
 
-def _changed(
-    model: Model, about: Mapping[str, Any]
-) -> tuple[list[str] | None, list[Place]]:
+def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Place]]:
     """Return texts on changed inputs, None where not known, and their places.
 
     Start values that follow a parameter are not named beside it.
@@ -727,7 +727,7 @@ def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pa
             yield f"{name}{CONSTANT}", Pair(t, value, now[name], bound)
 
 
-def _faults(motion: Motion, about: Mapping[str, Any]) -> Iterator[str]:
+def _faults(motion: Motion, about: Document) -> Iterator[str]:
     outcome = motion.trajectory.outcome
     if not outcome.complete:
         yield f"the run does not finish: {motion.trajectory.reason}"
@@ -736,7 +736,7 @@ def _faults(motion: Motion, about: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _notes(
-    case: Case, motion: Motion, about: Mapping[str, Any], changed: list[str] | None
+    case: Case, motion: Motion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
     """Return notes on changes besides those of the motion."""
     if case.equations.model.sha256 != about.get("model_sha256"):

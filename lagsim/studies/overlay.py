@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    Document = dict[str, Any]
+
 
 # Columns that are shown where none are named, and parameters that a name shows.
 MOST_COLUMNS, MOST_NAMED = 4, 2
@@ -37,7 +39,7 @@ class Shown(NamedTuple):
 
     label: str
     folder: Path
-    record: Mapping[str, Any]
+    record: Document
     table: Table
 
     @property
@@ -62,7 +64,7 @@ def read(folders: Sequence[Path]) -> list[Shown]:
     InputError
         With a problem for each folder that holds no results.
     """
-    records: list[Mapping[str, Any]] = []
+    records: list[Document] = []
     tables: list[Table] = []
     problems = Problems()
     for folder in folders:
@@ -75,7 +77,7 @@ def read(folders: Sequence[Path]) -> list[Shown]:
     return [Shown(*each) for each in found]
 
 
-def _record(folder: Path) -> Mapping[str, Any]:
+def _record(folder: Path) -> Document:
     try:
         record = orjson.loads(files.content(folder / MANIFEST))
     except FileNotFoundError:
@@ -95,7 +97,7 @@ def _record(folder: Path) -> Mapping[str, Any]:
     return record
 
 
-def _labels(folders: Sequence[Path], records: Sequence[Mapping[str, Any]]) -> list[str]:
+def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
     """Give each its folder's name, with the parameters that tell it from the others."""
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
@@ -207,9 +209,9 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
     return content(drawn, form)
 
 
-def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:
+def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
     """Return the records of a page of all runs, and notes on those without one."""
-    found: list[dict[str, Any]] = []
+    found: list[Document] = []
     told: list[str] = []
     for run in runs:
         pages = _recorded(run)
@@ -225,7 +227,7 @@ def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:
     return found, told
 
 
-def _recorded(run: Shown) -> list[dict[str, Any]]:
+def _recorded(run: Shown) -> list[Document]:
     """Give what the run's own page plays; nothing where it has none."""
     if animation.NAME not in run.record.get("files", ()):
         return []

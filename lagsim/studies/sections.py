@@ -215,7 +215,7 @@ def _located(session: Session, ends: Floats, values: Floats, name: int) -> Float
 def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:
     model = session.case.equations.model
     assert section.every is not None
-    values = {p.name: p.value for p in model.parameters}
+    values = model.parameter_values
     (period,) = evaluate(model.graph, [section.every], values)
     count = (made.end - made.start) / period if period > 0.0 else np.nan
     if not count < STROBES:

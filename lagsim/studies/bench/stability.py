@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     CaseAt = Callable[[float | None], Case]
     Progress = Callable[[float], None] | None
 
+    Document = dict[str, Any]
+
 HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
 VERDICTS = (HOLDS, DECAYS, GROWS, DIVERGES, BREAKS, FAILS)
@@ -133,7 +135,7 @@ class Subject:
         self.systems: dict[str, System] = {}
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
-        values: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
+        values: Document = e.model.parameter_values
         values |= dict(zip(("t", *e.state), some.T, strict=True))
         nodes = e.kinetic_form, e.energy
         kinetic, energy = evaluate_rows(e.graph, nodes, values, len(some))
@@ -401,7 +403,7 @@ def measure(
     *,
     interrupt: Interrupt | None = None,
     progress: Progress = None,
-) -> dict[str, Any]:
+) -> Document:
     """Run a model by each method over the range of steps; find the borders.
 
     Returns the content of stability.json, to which keys are only ever added.
@@ -527,7 +529,7 @@ class _Map:
         name: str,
         strip: Mapping[float, Trial],
         trial: Callable[[float], Trial],
-    ) -> dict[str, Any]:
+    ) -> Document:
         """Return where a method ceases to hold: as found, and from the eigenvalues."""
         start = along = found = None
         if isinstance(subject, str):
@@ -548,7 +550,7 @@ class _Map:
             "note": note,
         }
 
-    def document(self, *, complete: bool) -> dict[str, Any]:
+    def document(self, *, complete: bool) -> Document:
         """Return the content of stability.json."""
         subject, name = self.subject, self.wish.name
         model = subject.equations.model
@@ -646,7 +648,7 @@ def _pairs(values: Any) -> list[list[float]]:
     return [[float(x.real), float(x.imag)] for x in values]
 
 
-def _equilibrium(subject: Subject) -> dict[str, Any]:
+def _equilibrium(subject: Subject) -> Document:
     """Look for an equilibrium, and the modes about it, as stability.json has them."""
     e, start = subject.equations, subject.endless.start
     linearisation, kind = subject.linearisation, structure(subject.equations)
@@ -680,7 +682,7 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
     }
 
 
-def _mode(mode: Mode, names: Sequence[str]) -> dict[str, Any]:
+def _mode(mode: Mode, names: Sequence[str]) -> Document:
     real, imaginary = (
         dict(zip(names, (part + 0.0).tolist(), strict=True))  # no -0
         for part in (mode.shape.real, mode.shape.imag)

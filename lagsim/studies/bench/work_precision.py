@@ -60,6 +60,8 @@ if TYPE_CHECKING:
 
     Point = tuple[float, float]
 
+    Document = dict[str, Any]
+
 # The first of these that a model lets through makes the reference ...
 FIRST = ("taylor", "dop853")
 # ... and the one of these that comes closest to it verifies it.
@@ -260,7 +262,7 @@ class Reference:
         error, lam = float(np.max(found[self.state])), found[self.multipliers]
         return error, float(np.max(lam)) if len(lam) else None
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Document:
         """Return what work_precision.json says of it."""
         named = {self.columns[c]: c for c in (*self.state, *self.multipliers)}
         scales = {name: float(self.scales[c]) for name, c in named.items()}
@@ -617,7 +619,7 @@ def measure(
     *,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
-) -> dict[str, Any]:
+) -> Document:
     """Solve the model by everything that applies, at every setting.
 
     Returns the content of work_precision.json, to which keys are only ever added.
@@ -692,7 +694,7 @@ def measure(
     }
 
 
-def read_document(path: str) -> dict[str, Any]:
+def read_document(path: str) -> Document:
     """Give the content of a work_precision.json.
 
     Raises

@@ -162,7 +162,7 @@ def bound(model: Model, texts: Mapping[str, str]) -> Model:
 def value_of(model: Model, name: str) -> float:
     """Give the value of a parameter, or the start value, of that name."""
     values = {x.name: x.value for x in model.initial}
-    values |= {p.name: p.value for p in model.parameters}
+    values |= model.parameter_values
     return values.get(name, math.nan)
 
 
@@ -649,7 +649,7 @@ class Batch:
         """Return whose start is admissible without a closer look."""
         case, equations = self.session.case, self.session.case.equations
         known: dict[str, float | Floats] = {"t": case.settings.start}
-        known |= {p.name: p.value for p in equations.model.parameters}
+        known |= equations.model.parameter_values
         known |= parameters
         names = equations.state
         moved = np.any(starts != starts[:1], axis=0)

@@ -258,7 +258,7 @@ def identity(found: Found) -> dict[str, Any]:
     return {
         "lagsim": __version__,
         "model": {"name": model.name, "sha256": model.content},
-        "parameters": {p.name: p.value for p in model.parameters},
+        "parameters": model.parameter_values,
         "grid": [[axis.name, list(axis.texts)] for axis in work.grid.axes],
         "options": dict(work.options) | {"error_bar": work.error_bars.value},
         "kept": [work.kept is not None, work.plots],
