@@ -232,6 +232,12 @@ class Arc(NamedTuple):
         first = self.system.columns.names.index("energy")
         return columns[first : first + self.system.works]
 
+    def add_work(self, y: Floats, before: Floats) -> Floats:
+        """Add the change of energies since a jump to works of y; return it (works,)."""
+        changes = self.energies(y) - before
+        y[self.state.quadratures][: self.system.works] += changes
+        return changes
+
     def row_time(self, k: int) -> float:
         """Time of the next row (k = 0), or of one before or after it."""
         state = self.state

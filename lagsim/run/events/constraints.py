@@ -106,8 +106,7 @@ def impact(arc: Arc, before: Before) -> Decision:
     before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[arc.velocities] += step
-    works = y[arc.state.quadratures][: arc.system.works]
-    works += arc.energies(y) - arc.energies(arc.y, now)
+    arc.add_work(y, arc.energies(arc.y, now))
     return Decision(events=(Event(arc.t, "impact"),), rows=before.row, y=y)
 
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, Problem
-from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact, modes
 from lagsim.methods.parts import parameters as kept
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.contact import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
-    from lagsim.run.events.kinematics import Shape
 
     Ahead = Callable[[Floats], tuple[Floats, Floats]]
 
@@ -90,8 +88,6 @@ class Found:
 class Contacts(Source):
     """The laws of a run."""
 
-    DERIVED = ("shape",)  # a run that is gone on with has it from its state
-
     def __init__(self, arc: Arc) -> None:
         self.laws = arc.system.laws
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
@@ -99,14 +95,12 @@ class Contacts(Source):
         self.flights = [Flights() for _ in self.laws]
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
-        self.shape: Shape | None = None
         self.ended = False
-        # What slid until this time, whoever asks once more at it.
+        # What slid until this time, whoever asks once more at it; and what held until
+        # then, and has reached the edge of what it bears.
         self.slid: set[int] = set()
-        self.asked_at = arc.t
-        # What held until this time, and has reached the edge of what it bears.
         self.left: set[int] = set()
-        self.left_at = arc.t
+        self.asked_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = p.law_opens[:] = 0.0
@@ -133,8 +127,7 @@ class Contacts(Source):
         arc.meet_row()
         self.sequence.add(arc.t, k)
         p, pair = arc.system.p, self.laws[k].pair
-        if arc.t != self.left_at:
-            self.left, self.left_at = set(), arc.t
+        self._note_former(arc)
         if p.law_mode[k] == kept.HELD:
             self.left.add(k)
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
@@ -159,6 +152,12 @@ class Contacts(Source):
             ending=found.ending, turn=turn,
         )  # fmt: skip
 
+    def _note_former(self, arc: Arc) -> None:
+        """Note what slid until this time, if it is a new one."""
+        if arc.t != self.asked_at:
+            slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
+            self.asked_at, self.slid, self.left = arc.t, set(slid.tolist()), set()
+
     def _report(
         self, found: Found, code: str, some: list[int], **numbers: float
     ) -> None:
@@ -171,11 +170,11 @@ class Contacts(Source):
 
     def _through(self, arc: Arc, met: int | None) -> Found:
         """Go through impacts, then choose the modes."""
-        here, found = Kinematics(arc, arc.y, known=self.shape), Found(arc.y.copy())
+        here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
         if arc.system.p.law_opens.any():
             found.y = _raised_state(here)
             arc.system.p.law_opens[:] = 0.0
-            here = Kinematics(arc, found.y.copy(), known=self.shape)
+            here = Kinematics(arc, found.y.copy())
         also = {met} if met is not None else set()
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
@@ -196,10 +195,7 @@ class Contacts(Source):
         some = [k for k in some if closed[k] and self.laws[k].kind.strikes]
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
-            grazing = here.grazing
-            here = Kinematics(arc, found.y, known=here.shape)
-            here.grazing = grazing
-        self.shape = here.shape
+            here = here.at(found.y)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
         if found.ending is None:
@@ -209,26 +205,35 @@ class Contacts(Source):
     def _select(
         self, here: Kinematics, also: Collection[int], some: list[int], found: Found
     ) -> None:
-        """Choose the modes of laws, of which some are closed."""
-        arc = here.arc
-        if arc.t != self.asked_at:
-            before = enumerate(arc.system.p.law_mode.tolist())
-            self.slid = {k for k, mode in before if mode == kept.SLIDING}
-            self.asked_at = arc.t
-        left = self.left if arc.t == self.left_at else set()
-        events, paradox, unique = select_modes(here, also, self.slid, left)
-        held = np.flatnonzero(arc.system.p.law_mode == kept.HELD).tolist()
+        """Choose the modes of laws, of which some are closed, by the accelerations.
+
+        also : laws that are closed whatever their gaps are.
+        """
+        arc, p = here.arc, here.arc.system.p
+        self._note_former(arc)
+        before = p.law_mode.copy()
+        chosen = _chosen(here, also, self.left)
+        own = p.law_place < 0.0  # a slider's are those that it is settled with
+        p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
+        _set_floors(here, chosen, self.slid)
+        p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
+        _set_slack(here, chosen)
+        p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
+        held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
         stopped = [k in self.slid and self.laws[k].pair >= 0 for k in held]
         if any(stopped):  # what is left of the speed of a disc goes no farther
-            asked, reply = np.where(stopped, here.rates[held], 0.0), here.shape.reply
-            found.y[arc.velocities] -= reply.response[:, held] @ _raised(
-                reply.D, held, asked
-            )
+            asked = np.where(stopped, here.rates[held], 0.0)
+            found.y[arc.velocities] -= here.shape.lift(held, asked)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
+        events = _changes(here, before) if arc.steps else ()
         found.events += [e for e in events if e.constraint not in rested]
-        if paradox:
+        if chosen.paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
-        if not unique:
+        # The friction of a body that rests on two points is never determined.
+        redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
+        shares = any(self.laws[k].kind.one_sided for k in redundant)
+        p.law_shares = float(shares)
+        if shares:
             self._report(found, "shared-contact", some, t=arc.t)
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
@@ -239,13 +244,10 @@ class Contacts(Source):
         if settled.jumps:
             if found.rows is None:
                 found.rows = arc.runner.tabulate(arc.row())
-            work = arc.energies(found.y) - arc.energies(before)
-            found.y[arc.state.quadratures][: arc.system.works] += work
+            arc.add_work(found.y, arc.energies(before))
         if settled.unmet:
             found.ending = Ending(settled.ending, quoted(settled.unmet))
-        after = Kinematics(here.arc, found.y, known=here.shape)
-        after.grazing = here.grazing
-        return after
+        return here.at(found.y)
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
         """Whether a law that is in force now is off by more than it was located.
@@ -296,8 +298,8 @@ class Contacts(Source):
         ends
             When series end that do so with this impact.
         """
-        arc = here.arc
-        before = found.y.copy()
+        arc, y, lift = here.arc, found.y, here.shape.lift
+        before = y.copy()
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
         struck = [k for k in some if here.strikes(k)]
@@ -313,25 +315,19 @@ class Contacts(Source):
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
-        low = here.gaps < 0.0
-        deep = [i for i, k in enumerate(some) if k in self.contacts and low[k]]
+        deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
         if deep:
-            gaps = here.gaps[[some[i] for i in deep]]
-            found.y[arc.state.positions] -= response[:, deep] @ _raised(
-                problem.D, deep, gaps
-            )
-        found.y[arc.velocities] += response @ result.impulses
+            y[arc.state.positions] -= lift(deep, here.gaps[deep])
+        y[arc.velocities] += response @ result.impulses
         if deep:
             left = rates + problem.D @ result.impulses
-            found.y[arc.velocities] -= _moving_again(here, found.y, some, left)
-        changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
-        found.y[arc.state.quadratures][: arc.system.works] += changes
+            y[arc.velocities] -= _moving_again(here, y, some, left)
+        changes = arc.add_work(y, arc.energies(before, found.rows[0]))
         arc.system.p.impulses[some] = result.impulses
-        met = [i for i, k in enumerate(some) if k in struck and k in self.contacts]
-        rows = [some[i] for i in met]
-        closed, gaps = found.y.copy(), here.gaps[rows] + here.slack[rows]
-        closed[arc.state.positions] -= response[:, met] @ _raised(problem.D, met, gaps)
-        count_closed(arc, found.y, closed)
+        met = [k for k in struck if k in self.contacts]
+        closed = y.copy()
+        closed[arc.state.positions] -= lift(met, here.gaps[met] + here.slack[met])
+        count_closed(arc, y, closed)
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):
@@ -395,75 +391,26 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
 
 def _raised_state(here: Kinematics) -> Floats:
     """State (size,) with what is below its ground by an error on it, not closing."""
-    state, p, reply = here.arc.state, here.arc.system.p, here.shape.reply
+    state, p = here.arc.state, here.arc.system.p
     y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
     levels = (state.positions, here.residuals), (state.velocities, here.rates)
     for level, values in levels:
         low = np.flatnonzero((p.law_opens > 0.0) & (values < 0.0))
         if len(low):
-            rows = [*low, *held]
             asked = np.append(values[low], np.zeros(len(held)))
-            y[level] -= reply.response[:, rows] @ _raised(reply.D, rows, asked)
+            y[level] -= here.shape.lift([*low, *held], asked)
     return y
 
 
 def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) -> Floats:
-    """Velocities (n,) that what has been stopped has at y, a rounding from there.
-
-    left : rates (r,) of the laws `some` before
-    """
-    there, reply = Kinematics(here.arc, y, known=here.shape), here.shape.reply
-    rests = np.abs(left) <= here.still[some]
-    rows = [k for k, still in zip(some, rests.tolist(), strict=True) if still]
+    """Velocities (n,) at y of laws that have been stopped, to rates `left` (r,)."""
+    there, rows = here.at(y), np.array(some)[np.abs(left) <= here.still[some]]
     if not (np.abs(there.rates[rows]) > there.still[rows]).any():
         return np.zeros(here.arc.system.n)
-    return reply.response[:, rows] @ _raised(reply.D, rows, there.rates[rows])
-
-
-def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
-    """Multipliers that take gaps (d,) away, of the rows `deep` of D."""
-    return least_squares(D[np.ix_(deep, deep)], gaps, None)
+    return here.shape.lift(rows, there.rates[rows])
 
 
 # --- Mode selection: which laws hold from a state on, by the accelerations
-
-
-def select_modes(
-    here: Kinematics,
-    also: Collection[int],
-    slid: Collection[int],
-    left: Collection[int],
-) -> tuple[list[Event], bool, bool]:
-    """Set the modes at a state.
-
-    Parameters
-    ----------
-    also
-        Laws that are closed whatever their gaps are.
-    slid
-        Laws that slid until now: they go on to begin, or to slide.
-    left
-        Laws that held until now, and have reached the edge of what they bear.
-
-    Returns
-    -------
-    What has changed; whether there is no way on; whether pushes are determined (the
-    friction of a body that rests on two points never is).
-    """
-    arc, p = here.arc, here.arc.system.p
-    before = p.law_mode.copy()
-    found = _chosen(here, also, left)
-    own = p.law_place < 0.0  # a slider's are those that it is settled with
-    p.law_mode[own], p.law_direction[own] = found.mode[own], found.direction[own]
-    _set_floors(here, found, slid)
-    p.law_forces = float(any(mode in FORCING for mode in found.mode.tolist()))
-    _set_slack(here, found)
-    p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
-    events = list(_changes(here, before)) if arc.steps else []
-    redundant = [k for k in found.some if found.mode[k] == kept.REDUNDANT]
-    unique = not any(here.laws[k].kind.one_sided for k in redundant)
-    p.law_shares = 0.0 if unique else 1.0
-    return events, found.paradox, unique
 
 
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
@@ -479,7 +426,7 @@ def _ahead(here: Kinematics, some: list[int]) -> Ahead:
 
     def change(p: Floats) -> tuple[Floats, Floats]:
         y = _state_after(here, some, p, moment)
-        later = Kinematics(here.arc, y, here.t + moment, here.shape)
+        later = here.at(y, here.t + moment)
         w = []
         for x in here, later:
             D, part = x.answer.D[np.ix_(some, some)], np.ones(len(some))
@@ -590,7 +537,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     moment, steady = here.arc.moment, here.arc.settings.end - here.t
     while moment < steady:
         y = _state_after(here, found.some, found.multipliers, moment)
-        later = Kinematics(here.arc, y, here.t + moment, here.shape)
+        later = here.at(y, here.t + moment)
         bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment
         if not math.isfinite(change):  # there are no forces so far ahead

@@ -7,11 +7,12 @@ a step was cut.
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
@@ -36,29 +37,28 @@ APART = 0.618033988749895
 
 
 class Shape:
-    """M and the rows at a place: of equalities, and of laws.
+    """M (n, n) and the rows of equalities and of laws (L, n) at a place."""
 
-    Attributes
-    ----------
-    numbers : ndarray, shape ((n + m) n,)
-        M, then all rows.
-    M, equalities, rows : ndarray
-    slopes : ndarray, shape (L, n)
-        The sizes of `rows`.
-    """
-
-    def __init__(self, arc: Arc, numbers: Floats) -> None:
-        n, first = arc.system.n, arc.system.m - len(arc.system.laws)
-        self.numbers = numbers
-        self.M = numbers[: n * n].reshape(n, n)
-        rows = numbers[n * n :].reshape(arc.system.m, n)
-        self.equalities, self.rows = rows[:first], rows[first:]
+    def __init__(self, n: int, laws: int, numbers: Floats) -> None:
+        self.M, rows = numbers[: n * n].reshape(n, n), numbers[n * n :].reshape(-1, n)
+        self.equalities, self.rows = np.split(rows, [len(rows) - laws])
         self.slopes = np.abs(self.rows)
 
     @cached_property
     def reply(self) -> Delassus:
         """Accelerations of all laws per multiplier, beside the equalities."""
         return delassus(self.M, self.equalities, self.rows)
+
+    def lift(self, some: Sequence[int], rates: Floats) -> Floats:
+        """Change of q or q' (n,) by which some laws have these rates (r,) less."""
+        D = self.reply.D[np.ix_(some, some)]
+        return self.reply.response[:, some] @ least_squares(D, rates, None)
+
+
+@lru_cache(maxsize=4)
+def _shape(n: int, laws: int, numbers: bytes) -> Shape:
+    """Shape of M and all rows; an impact, and often the motion, changes neither."""
+    return Shape(n, laws, np.frombuffer(numbers))
 
 
 class Kinematics:
@@ -94,28 +94,16 @@ class Kinematics:
         Those of the shape.
     """
 
-    def __init__(
-        self, arc: Arc, y: Floats, t: float | None = None, known: Shape | None = None
-    ) -> None:
-        """Evaluate the laws at the state y.
-
-        known : the shape at another state, which that of this one may be.
-        """
-        system, n = arc.system, arc.system.n
+    def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
+        """Evaluate the laws at the state y."""
+        system, n, m = arc.system, arc.system.n, arc.system.m
         self.arc, self.y, self.laws = arc, y, system.laws
         self.t = t = arc.t if t is None else t
-        self.count, first = len(system.laws), system.m - len(system.laws)
-        m = system.m
-        shape = (n + m) * n
-        found = arc.runner.function("geometry", shape + 4 * m)(t, y)
-        numbers = found[:shape]
-        # An impact changes velocities, on which only nonlinear rows depend; and often
-        # nothing else changes M and the rows either.
-        if known is None or not np.array_equal(numbers, known.numbers):
-            known = Shape(arc, numbers)
-        self.shape = known
+        self.count, size = len(system.laws), (n + m) * n
+        found = arc.runner.function("geometry", size + 4 * m)(t, y)
+        self.shape = _shape(n, self.count, found[:size].tobytes())
         self.rows = self.shape.rows
-        values = found[shape:].reshape(4, m)[:, first:]
+        values = found[size:].reshape(4, m)[:, m - self.count :]
         self.residuals, self.rates, gap_scales, rate_scales = values
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
@@ -143,6 +131,12 @@ class Kinematics:
         # within rounding of the time they change what moves.
         rounding = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
         self.still = rounding + SAME_TIME * math.ulp(t) * self.pushes
+
+    def at(self, y: Floats, t: float | None = None) -> Kinematics:
+        """Evaluate the laws at another state, where the same contacts graze."""
+        there = Kinematics(self.arc, y, t)
+        there.grazing = self.grazing
+        return there
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""

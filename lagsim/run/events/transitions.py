@@ -216,7 +216,7 @@ class _Moment:
                 break
             due, true = set(), self._becoming_true()
         if energetic:
-            y[arc.state.quadratures][: len(before)] += arc.energies(y) - before
+            arc.add_work(y, before)
         return Decision(tuple(self.found), y=y, ending=self.ending, turn=Turn.MODES)
 
     def _true_with(self, found: int) -> set[int]:
