@@ -203,6 +203,20 @@ class Arc(NamedTuple):
         state = self.state
         return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
+    def rates(self, t: float, y: Floats) -> Floats:
+        """Rates y' (size,) at t and y."""
+        return self.runner.function("derivative", self.system.size)(t, y)
+
+    def field(self, t: float, y: Floats) -> Floats:
+        """Rates y' (size,) at t and y, with the sides of surfaces as they are."""
+        size = self.system.size
+        return self.runner.function("field", size + self.system.m)(t, y)[:size]
+
+    def located(self, t: float, y: Floats) -> Floats:
+        """Conditions of events, then `until`, at t and y; >= 0 where they are true."""
+        count = len(self.state.orientation)
+        return self.runner.function("located", count)(t, y) if count else np.zeros(0)
+
     def surface_rows(self, t: float, y: Floats) -> tuple[Floats, Floats]:
         """Residuals, rates, b, scales (4, K) of the surfaces; their rows (K, n + l)."""
         K, (starts, columns) = self.system.surfaces, self.system.pattern

@@ -336,8 +336,8 @@ class Run:
         if code == at.EVENT_FOUND:
             return Ending(Outcome.UNTIL)
         if code == at.STEP_TOO_SMALL:
-            rates = arc.runner.function("derivative")(arc.t, arc.y)
-            code = code if np.all(np.isfinite(rates)) else at.NOT_FINITE
+            finite = np.isfinite(arc.rates(arc.t, arc.y)).all()
+            code = code if finite else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
 
     def _before(self, code: int) -> Before | None:

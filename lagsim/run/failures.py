@@ -140,7 +140,7 @@ def _described_state(arc: Arc, row: Floats) -> str:
 def _fastest(arc: Arc) -> str:
     """Name the coordinate or velocity that grows fastest for its size."""
     moving = arc.state.dynamic
-    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))[moving]
+    rates = np.abs(arc.rates(arc.t, arc.y))[moving]
     sizes = np.abs(arc.y[moving])
     ratio = rates / np.maximum(sizes, TINY)
     ratio[~np.isfinite(rates)] = np.inf

@@ -232,7 +232,7 @@ def _fastest(arc: Arc) -> Fast | None:
     names = *equations.q, *(x.name for x in equations.states)
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them.
-    rates = arc.runner.function("derivative")(arc.t, arc.y)[arc.state.dynamic]
+    rates = arc.rates(arc.t, arc.y)[arc.state.dynamic]
     swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
     moving = np.abs(modes.right[:n]) @ swinging
     rate = float(np.max(np.abs(modes.values)))

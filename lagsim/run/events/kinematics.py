@@ -250,11 +250,10 @@ class Kinematics:
 
     def _field(self, t: float, y: Floats) -> Floats:
         """Return y' (size,), along the surfaces that the motion follows."""
-        runner, system = self.arc.runner, self.arc.system
-        along = runner.function("derivative")(t, y) if system.p.sliding else None
-        # Last, as it leaves b and the bounds of laws.
-        field = runner.function("field", system.size + system.m)(t, y)
-        return (field if along is None else along)[: system.size]
+        arc = self.arc
+        along = arc.rates(t, y) if arc.system.p.sliding else None
+        field = arc.field(t, y)  # last, as it leaves b and the bounds of laws
+        return field if along is None else along
 
     @cached_property
     def answer(self) -> Delassus:

@@ -157,11 +157,10 @@ class _Sliders:
 
     def _at(self, some: Collection[int], later: float = 0.0) -> Kinematics:
         """Kinematics with the rows that slide of some, now or later as things are."""
-        arc, system, y = self.arc, self.arc.system, self.y
+        arc, y = self.arc, self.y
         if later:
             self._set(self.sliding)
-            rates = arc.runner.function("field", system.size + system.m)(arc.t, y)
-            y = arc.later(y, rates[: system.size], later)
+            y = arc.later(y, arc.field(arc.t, y), later)
         self._set(some)
         return Kinematics(arc, y, arc.t + later)
 

@@ -344,13 +344,12 @@ def _expected(arc: Arc, now: Feature, part: float) -> Floats:
     finely as rounding lets them be.
     """
     state, velocities = arc.state, arc.velocities
-    rates = arc.runner.function("derivative", arc.system.size)
     sizes = arc.sizes
     for time in (now.time - now.width, now.time, now.time + now.width):
-        push = part * now.width * np.abs(rates(time, arc.y)[velocities])
+        push = part * now.width * np.abs(arc.rates(time, arc.y)[velocities])
         moved = arc.y.copy()
         moved[velocities] += push  # a body at rest takes no work
-        change = part * now.width * np.abs(rates(time, moved))
+        change = part * now.width * np.abs(arc.rates(time, moved))
         change[state.positions], change[velocities] = now.width * push, push
         if np.all(np.isfinite(change)):
             sizes = np.maximum(sizes, change)

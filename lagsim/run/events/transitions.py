@@ -116,8 +116,7 @@ def give_leeway(arc: Arc) -> None:
     state, count = arc.state, len(arc.state.orientation)
     if not count or not arc.equations.model.constraints:
         return
-    of, sizes = arc.runner.function("located", count), arc.seen.copy()
-    values = of(arc.t, arc.y)
+    values, sizes = arc.located(arc.t, arc.y), arc.seen.copy()
     if not (values >= 0.0).any():
         return
     speeds = sizes[state.positions] / arc.settings.duration
@@ -127,7 +126,7 @@ def give_leeway(arc: Arc) -> None:
         y = arc.y.copy()
         y[i] += BACK * sizes[i]
         with np.errstate(invalid="ignore"):
-            scale += np.abs(of(arc.t, y) - values) / BACK
+            scale += np.abs(arc.located(arc.t, y) - values) / BACK
     true = (values >= 0.0) & np.isfinite(scale)
     part = float(arc.plan.tolerance)
     if arc.system.moreau is not None:  # whose contacts move by a step's way
@@ -141,12 +140,10 @@ def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     After an impact rounding leaves a gap on either side of 0, and the motion leads away
     from it: `x <= 0` may never be true at the ground `x >= 0`.
     """
-    state, count = arc.state, len(arc.state.orientation)
-    if count:
-        of = arc.runner.function("located", count)
-        misses = of(arc.t, y) * state.orientation
-        met = (misses > 0.0) & (of(arc.t, closed) * state.orientation <= 0.0)
-        state.leeway[met] = -misses[met]
+    state = arc.state
+    misses = arc.located(arc.t, y) * state.orientation
+    met = (misses > 0.0) & (arc.located(arc.t, closed) * state.orientation <= 0.0)
+    state.leeway[met] = -misses[met]
 
 
 def _same(arc: Arc, time: float) -> float:
@@ -173,23 +170,17 @@ class _Moment:
         self.event_of = [k for k, x in enumerate(self.events) if x.at is not None]
         self.until = len(self.event_of)
         self.count = len(self.state.orientation)
-        self.values = self._conditions()
+        self.values = arc.located(arc.t, arc.y)
         self.found: list[Event] = []
         self.ending: Ending | None = None
 
-    def _conditions(self) -> Floats:
-        arc, count = self.arc, self.count
-        of = arc.runner.function("located", count) if count else None
-        return np.zeros(0) if of is None else of(arc.t, arc.y)
-
     def _change(self) -> Floats:
         """Change of conditions within a short time, at the rates before the event."""
-        arc, system, ago = self.arc, self.arc.system, BACK * self.state.step_h
-        if system.moreau is not None:  # nothing is known of rates
+        arc, ago = self.arc, BACK * self.state.step_h
+        if arc.system.moreau is not None:  # nothing is known of rates
             return np.zeros(self.count)
-        rates = arc.runner.function("derivative", system.size)(arc.t, arc.y)
-        of = arc.runner.function("located", self.count)
-        return np.asarray(self.values - of(arc.t - ago, arc.y - ago * rates))
+        before = arc.y - ago * arc.rates(arc.t, arc.y)
+        return np.asarray(self.values - arc.located(arc.t - ago, before))
 
     @cached_property
     def rounding(self) -> Floats:
@@ -241,7 +232,7 @@ class _Moment:
     def _becoming_true(self) -> set[int]:
         """Conditions that are true by what has been set, and were false."""
         state, true = self.state, set()
-        self.values = self._conditions()
+        self.values = self.arc.located(self.arc.t, self.arc.y)
         for c, value in enumerate(self.values.tolist()):
             side, leeway = state.orientation[c], state.leeway[c]
             if side != 0.0 and not value * side + leeway > 0.0:
