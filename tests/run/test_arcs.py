@@ -65,6 +65,10 @@ def test_a_forcing_that_changes_sign():
     smooth = run(oscillator(simulation, x=0, force="4/pi*sin(t)"))
     evaluations = found.trajectory.statistics.evaluations
     assert evaluations < 2.5 * smooth.trajectory.statistics.evaluations
+    # Those of scipy's DOP853, which locates nothing, are 14,546 over 60 s.
+    found = run("failing/square-wave", method="dop853", rtol=1e-10)
+    assert found["t"][-1] == 60.0
+    assert found.trajectory.statistics.evaluations < 14_546 / 2
 
 
 @pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.003"])
@@ -99,38 +103,6 @@ def test_until_is_located(until, more):
     assert f"`{until}`" in found.trajectory.reason
 
 
-# Both crossings of a ball that rises 1e-3 above the level lie within one step.
-UP = math.sqrt(2.0 * 9.81 * 1.001)
-# Scenes with `until`, when it is met, None where never; and how well that is known.
-UNTIL = [
-    # At rtol 1e-11 the dense output is right to a few times that.
-    (oscillator('duration: 9, until: "x <= -0.25"'), math.acos(-0.25), 1e-10),
-    (fall("y >= 10"), None, 0),
-    # True at the start it counts once it has been false: thrown up from the ground.
-    (fall("y <= 0", y=0, v="g"), 2.0, 1e-12),
-    (fall("y = 0", y=0, v="g"), 2.0, 1e-12),
-    # It holds from below the ground all the way: for ever true, never an event.
-    (fall("y <= 0", y=-1), None, 0),
-    # x >= 0 at the start; false at pi/2, and true again at 3/2 pi: not met leaving it.
-    (oscillator('duration: 20, until: "x >= 0"'), 1.5 * math.pi, 1e-10),
-    # An equation is met from either side.
-    (oscillator('duration: 20, until: "x = 0"'), 0.5 * math.pi, 1e-10),
-    # y_dot is 0.14 at the crossing: 1e-15 of y is 1e-14 of t.
-    (fall("y >= 1", y=0, v=UP), (UP - math.sqrt(UP * UP - 2.0 * 9.81)) / 9.81, 1e-12),
-]
-
-
-@pytest.mark.parametrize(("text", "time", "off"), UNTIL)
-def test_when_until_is_met(text, time, off):
-    found = run(text).trajectory
-    if time is None:
-        assert found.outcome is Outcome.DONE
-        assert not found.events
-    else:
-        assert found.outcome is Outcome.UNTIL
-        assert found.end == pytest.approx(time, rel=0, abs=off)
-
-
 # Moving constraints whose rate or position jumps
 
 
@@ -144,30 +116,6 @@ simulation: {{duration: 2, output_step: 0.5}}
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("at", "loops"), [(1.0, False), (0.8, False), (1.0, True)])
-def test_a_rate_that_jumps_is_an_inelastic_impact(at, loops):
-    # x = 0, then v (t - at): the wall begins to push at once.
-    wall = f"x = if(t < {at}, 0, v*(t - {at}))"
-    found = run(SLIDE.format(wall=wall, x_dot=0), loops=loops)
-    assert found.trajectory.outcome is Outcome.DONE
-    kinds = [(e.time, e.kind) for e in found.trajectory.events]
-    assert kinds == [(at, "switch"), (at, "impact")]
-    rows = np.flatnonzero(found["t"] == at)
-    assert len(rows) == 2
-    before, after = rows
-    assert (found["x_dot"][before], found["x_dot"][after]) == pytest.approx((0.0, 3.0))
-    assert found["y_dot"][after] == pytest.approx(1.0, abs=1e-14)
-    # M v^2/2 = 9 J, all of it work of the wall.
-    assert found["work"][before] == pytest.approx(0.0, abs=1e-12)
-    assert found["work"][after] == pytest.approx(9.0, abs=1e-12)
-    assert found.drift < 1e-11
-    assert found["x"][-1] == pytest.approx(3.0 * (2.0 - at), abs=1e-12)
-    times = expected_times(0.0, 2.0, 0.5)
-    assert sorted({*found["t"]}) == sorted({*times, at})
-    assert len(found.rows) == len({*times, at}) + 1
-
-
 def test_a_constraint_whose_position_jumps_ends_the_run():
     found = run(SLIDE.format(wall="x = if(t < 1, 0, 1)", x_dot=0))
     trajectory = found.trajectory
@@ -178,18 +126,6 @@ def test_a_constraint_whose_position_jumps_ends_the_run():
     # What was computed is kept, and ends there.
     assert found["t"][-1] == 1.0
     assert list(found["t"]) == [0.0, 0.5, 1.0]
-
-
-def test_an_impact_at_an_output_time_has_two_rows_there():
-    found = run("""
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: 0}
-constraints: {wall: {relation: x >= 0, restitution: 0.5}}
-initial: {x: 1, x_dot: -2}
-simulation: {duration: 1, output_step: 0.25}
-""")
-    assert list(found["t"]) == [0.0, 0.25, 0.5, 0.5, 0.75, 1.0]
-    assert list(found["x_dot"]) == [-2.0, -2.0, -2.0, 1.0, 1.0, 1.0]
 
 
 def test_breaks_are_found_as_the_run_goes():

@@ -13,6 +13,10 @@ TOP = 25 / (2 * 9.81)
 THROW = {"potential": "9.81*x", "v": 5, "duration": 3, "step": 3}
 # A free motion in one step, of which the duration may be a whole period.
 FREE = {"v": 1, "duration": 20, "step": 20}
+SWING = {"potential": "x^2/2", "x": 1, "duration": 20}
+FALL = {"potential": "9.81*x", "x": 2.5, "duration": 5}
+# Both crossings of a ball that rises 1e-3 above the level lie within one step.
+UP = math.sqrt(2 * 9.81 * 1.001)
 LOW, SEEN = -0.9999999, math.sqrt(math.log(2))
 # `until`, when it is met, None where never, and how well that is known.
 UNTIL = [
@@ -20,6 +24,20 @@ UNTIL = [
     *((f"x >= {TOP - d!r}", 5 / 9.81 - math.sqrt(2 * d / 9.81), 1e-14 / d, THROW)
       for d in DEPTHS),
     *((f"x >= {TOP + d!r}", None, 0, THROW) for d in DEPTHS),
+    # At rtol 1e-11 the dense output is right to a few times that.
+    ("x <= -0.25", math.acos(-0.25), 1e-10, SWING),
+    ("x >= 10", None, 0, FALL),
+    # True at the start it counts once it has been false: thrown up from the ground.
+    *((f"x {sign} 0", 2, 1e-12, FALL | {"x": 0, "v": 9.81}) for sign in ("<=", "=")),
+    # It holds from below the ground all the way: for ever true, never an event.
+    ("x <= 0", None, 0, FALL | {"x": -1}),
+    # x >= 0 at the start; false at pi/2, and true again at 3/2 pi: not met leaving it.
+    ("x >= 0", 1.5 * math.pi, 1e-10, SWING),
+    # An equation is met from either side.
+    ("x = 0", 0.5 * math.pi, 1e-10, SWING),
+    # The speed is 0.14 at the crossing: 1e-15 of x is 1e-14 of t.
+    ("x >= 1", (UP - math.sqrt(UP * UP - 2 * 9.81)) / 9.81, 1e-12,
+     FALL | {"x": 0, "v": UP}),
     # The first of many dips.
     *((f"cos(x) {sign} {LOW}", math.acos(LOW), 1e-8,
        FREE | {"duration": T, "step": T / 2})
@@ -38,7 +56,9 @@ UNTIL = [
 def test_when_until_is_met(until, time, off, motion, method):
     found = run(line(**motion, method=method, until=until)).trajectory
     assert found.outcome is (Outcome.DONE if time is None else Outcome.UNTIL)
-    if time is not None:
+    if time is None:
+        assert not found.events
+    else:
         assert found.end == pytest.approx(time, abs=off)
 
 

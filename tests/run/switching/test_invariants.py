@@ -161,13 +161,23 @@ def test_what_is_off_a_constraint_at_a_switch_is_no_impact(formulation):
     assert np.min(np.diff(found["t"])) > 0.0
 
 
+@pytest.mark.parametrize("loops", [False, True])
 @pytest.mark.parametrize("formulation", ["full", *LOOSE])
-def test_an_impact_is_one_in_every_formulation(formulation):
-    found = run(TRACK.format(track="y = max(0, x)"), formulation=formulation)
+def test_an_impact_is_one_in_every_formulation(formulation, loops):
+    asked = {"formulation": formulation, "loops": loops}
+    found = run(TRACK.format(track="y = max(0, x)"), **asked)
     assert impacts(found) == pytest.approx([1.0], abs=1e-12)
     assert found["energy"][-1] == pytest.approx(0.25, abs=1e-10)
     for moved in (0.0, 1.0):  # and where nothing has moved before
         drive = f"{moved}*sin(t) + max(0, t - 1)"
-        found = run(CAM.format(drive=drive), formulation=formulation)
-        assert impacts(found) == pytest.approx([1.0], abs=1e-15)
+        found = run(CAM.format(drive=drive), **asked)
+        times = {e.kind: e.time for e in found.trajectory.events}
+        assert times == pytest.approx({"impact": 1.0, "switch": 1.0}, abs=1e-15)
+        before, after = np.flatnonzero(np.abs(found["t"] - 1.0) < 1e-14)
+        # It takes x from a speed to one more, at the price of the energy.
+        u = moved * math.cos(1.0)
+        assert found["x_dot"][[before, after]] == pytest.approx([u, u + 1], abs=1e-10)
+        assert found["y_dot"][before] == pytest.approx(found["y_dot"][after], abs=1e-14)
+        gained = found["work"][after] - found["work"][before]
+        assert gained == pytest.approx(u + 0.5, abs=1e-10)
         assert found["x"][-1] == pytest.approx(moved * math.sin(3) + 2.0, abs=1e-10)

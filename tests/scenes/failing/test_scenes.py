@@ -127,35 +127,6 @@ def test_radau_damps_a_fast_mode_silently_at_loose_tolerance():
     assert tight["fast"][-1] == pytest.approx(tight["fast"][0], rel=0.05)
 
 
-# Switches
-
-
-def test_a_pulse_between_two_steps_is_located():
-    found = run("failing/pulse")
-    # A push of 1 spread over d = 1 ms gives the amplitude 2 sin(d/2)/d.
-    t, d = found["t"], 1e-3
-    late = t > 50.001
-    expected = 2.0 / d * math.sin(d / 2) * np.sin(t[late] - 50.0 - d / 2)
-    assert found["x"][late] == pytest.approx(expected, abs=1e-9)
-    assert np.max(np.abs(found["x"][t <= 50.0])) == 0.0
-    times = [e.time for e in found.trajectory.events]
-    assert times == pytest.approx([50.0, 50.001], abs=1e-12)
-
-
-def test_jumps_that_are_located_cost_little():
-    found = run("failing/square-wave", method="dop853", rtol=1e-10)
-    # Those of scipy's DOP853, which locates nothing, are 14,546 at this tolerance.
-    assert found.trajectory.statistics.evaluations < 14_546 / 2
-    # x'' = s - x, s = +-1: (x - s, x') turns by pi between two jumps, so that
-    # |x| grows by 2 in each of the 19 pieces begun.
-    k = np.floor(found["t"] / math.pi)
-    s = 1.0 - 2.0 * (k % 2)
-    turned = found["t"] - k * math.pi
-    expected = s * (1.0 - (2.0 * k + 1.0) * np.cos(turned))
-    inside = (turned > 1e-6) & (turned < math.pi - 1e-6)
-    assert found["x"][inside] == pytest.approx(expected[inside], abs=1e-7)
-
-
 # Constraints
 
 
