@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
 LINES = 75_110
-LINES_OF_TESTS = 57_130
+LINES_OF_TESTS = 57_010
 
 
 def lines(folder):
