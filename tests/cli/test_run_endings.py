@@ -171,10 +171,11 @@ def test_a_table_that_does_not_fit(lagsim, write):
         lagsim("run", "model.yaml", "-o", "out", "--json", "-q", code=3)
 
 
-def test_a_picture_that_does_not_fit(lagsim, write, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
+def full(*_):
+    raise OSError(28, "No space left on device")
 
+
+def test_a_picture_that_does_not_fit(lagsim, write, monkeypatch):
     monkeypatch.setattr(Results, "write", full)
     called = lagsim("run", write(PENDULUM), "-o", "out", code=3)
     assert "a picture could not be written: No space left" in called.err
@@ -187,9 +188,6 @@ def test_a_picture_that_does_not_fit(lagsim, write, monkeypatch):
 def test_results_that_cannot_be_put_in_their_places(lagsim, write, monkeypatch):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
     before = Path("out/run.json").read_bytes()
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Results, "commit", full)
     called = lagsim("run", "model.yaml", "-o", "out", "--no-plots", code=3, out="")

@@ -48,23 +48,22 @@ def test_several_nodes_in_the_order_asked_for():
     assert evaluate(g, nodes, {"x": 3.0}) == [9.0, 3.0, 1.0, True, 3.0]
 
 
-def test_what_is_exact_has_no_error():
-    assert with_error("x", x=(0.3, 0.0)) == (0.3, 0.0)
-    assert with_error("-abs(x)", x=(0.3, 0.0)) == (-0.3, 0.0)
-    assert with_error("3") == (3.0, 0.0)
-    assert with_error("max(x, 2)", x=(0.3, 0.1)) == (2.0, 0.0)
-    assert with_error("if(x > 0, 2, 3)", x=(0.3, 0.1)) == (2.0, 0.0)
+# Texts, inputs with their errors; values and bounds.
+ERRORS = [
+    ("x", {"x": (0.3, 0.0)}, 0.3, 0.0), ("-abs(x)", {"x": (0.3, 0.0)}, -0.3, 0.0),
+    ("3", {}, 3.0, 0.0), ("max(x, 2)", {"x": (0.3, 0.1)}, 2.0, 0.0),
+    ("if(x > 0, 2, 3)", {"x": (0.3, 0.1)}, 2.0, 0.0),
+    ("x^2", {"x": (3.0, 1e-6)}, 9.0, pytest.approx(6e-6, rel=1e-6)),
+    ("x - y", {"x": (1.0, 1e-9), "y": (1.0, 2e-9)}, 0.0, pytest.approx(3e-9, rel=1e-6)),
+    ("sqrt(x)", {"x": (0.0, 1e-16)}, 0.0, pytest.approx(1e-8, rel=1e-12)),
+]  # fmt: skip
 
 
-def test_errors_of_inputs_are_passed_on():
-    value, bound = with_error("x^2", x=(3.0, 1e-6))
-    assert value == 9.0
-    assert bound == pytest.approx(6e-6, rel=1e-6)
-    value, bound = with_error("x - y", x=(1.0, 1e-9), y=(1.0, 2e-9))
-    assert value == 0.0
-    assert bound == pytest.approx(3e-9, rel=1e-6)
-    value, bound = with_error("sqrt(x)", x=(0.0, 1e-16))
-    assert (value, bound) == (0.0, pytest.approx(1e-8, rel=1e-12))
+@pytest.mark.parametrize(("text", "inputs", "value", "bound"), ERRORS)
+def test_errors_of_inputs_are_passed_on_and_what_is_exact_has_none(
+    text, inputs, value, bound
+):
+    assert with_error(text, **inputs) == (value, bound)
 
 
 def test_rounding_of_pi_halves():
