@@ -334,7 +334,8 @@ class Graph:
         """`nodes` with each key of `new` replaced by its value."""
         nodes = list(nodes)
         done: dict[int, int] = {}  # those that are not themselves
-        for n in self.cone(nodes):
+        cone = self.cone(nodes)
+        for n in cone if not new.keys().isdisjoint(cone) else ():
             if n in new:
                 made = new[n]
             elif done.keys().isdisjoint(self.args[n]):

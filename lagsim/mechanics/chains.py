@@ -321,6 +321,10 @@ def shorter_chains(
     g: Graph, lagrangian: int, rates: Sequence[int], names: Sequence[str]
 ) -> Chains | None:
     """Chains of `lagrangian` where they take fewer operations than M does."""
+    cone = g.cone([lagrangian])
+    degrees = zip(cone, g.degrees(cone, names), strict=True)
+    if not any(g.args[n] and _degree(powers) == AFFINE for n, powers in degrees):
+        return None  # no velocities are added
     found = chains(g, lagrangian, rates, names)
     if found is None or not found.sums:
         return None
