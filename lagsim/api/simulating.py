@@ -250,7 +250,7 @@ class Result:
     def __init__(
         self, made: Attempt, rows: Floats, timings: Mapping[str, float]
     ) -> None:
-        columns, trajectory = made.session.system.columns, made.trajectory
+        columns, trajectory = made.session.columns, made.trajectory
         self._made, self._rows = made, rows
         self.columns: tuple[str, ...] = columns.of_table
         self.table: Floats = rows[:, : columns.table]
@@ -368,7 +368,7 @@ class Result:
         """
         from lagsim.outputs.figure import Column, figure
 
-        model = self._made.session.case.equations.model
+        model = self._made.session.case.model
         letters = letters_of(model)
         shown = columns or [x.name for x in model.variables]
         values = {name: self[name] for name in (against, *shown)}
@@ -394,7 +394,7 @@ class Result:
         ValueError
             Where the model has nothing to draw.
         """
-        for caution in nothing_to_draw(self._made.session.case.equations.model):
+        for caution in nothing_to_draw(self._made.session.case.model):
             raise ValueError(caution.text)
         shown = dict(self._beside(animate=True))[NAME]
         if not isinstance(shown, bytes):
@@ -455,7 +455,7 @@ class Result:
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
         """Return name and content of the files beside the table."""
         made, session = self._made, self._made.session
-        equations, columns = session.case.equations, session.system.columns.names
+        equations, columns = session.equations, session.columns.names
         made.thin = picture_thinning(equations.model, columns) if plots else None
         made.frames = frames_of(equations, columns) if animate else None
         for kept in (made.thin, made.frames):

@@ -198,7 +198,7 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
 
 
 def _store(case: Case, folder: Path) -> _Answer:
-    model = case.equations.model
+    model = case.model
     golden, base = measure(case)
     found: Document = {"model": model.name, "file": model.file}
     if not base.trajectory.outcome.complete:

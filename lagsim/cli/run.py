@@ -253,10 +253,10 @@ class Job:
 
     def _made(self, session: Session, wishes: Document) -> int:
         """Run a session into its folder; return the exit code."""
-        wish, model = self.wish, session.case.equations.model
+        wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name
         warning = refuse_without_room(
-            folder, wish.table, session.case.settings, session.system.columns.table,
+            folder, wish.table, session.case.settings, session.columns.table,
             ends=model.until is not None,
         )  # fmt: skip
         if warning and not wish.quiet:
@@ -282,7 +282,7 @@ class Job:
     ) -> int:
         """Integrate, and write table, events, record and pictures; return the code."""
         wish, interrupt = self.wish, self.interrupt
-        units = of_table(session.case.equations, session.system.columns.of_table)
+        units = of_table(session.equations, session.columns.of_table)
         try:
             path = results.part(wish.table.file)
             writer = table_writer(wish.table, path, units, show_units=wish.show_units)
@@ -382,7 +382,7 @@ class Job:
         cautions = document["warnings"]
         if not (self.wish.strict and cautions):
             return 0
-        model = found.session.case.equations.model
+        model = found.session.case.model
         line = refused(model.name, [caution["code"] for caution in cautions])
         complain(line)
         annotate(ERROR, line.removeprefix("lagsim: "), model.file)
@@ -472,7 +472,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
         f"t = {document['start']:g} to {document['end']:.9g}, "
         f"{counted(document['rows'], 'row')}"
     )
-    equations = made.session.case.equations
+    equations = made.session.equations
     held = len(equations.model.constraints)
     contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
     parts = {

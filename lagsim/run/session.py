@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
+    from lagsim.program.functions import Columns
     from lagsim.program.system import System
     from lagsim.run.arc import Arc
     from lagsim.run.arcs import Apart, Run
@@ -84,6 +85,11 @@ class Case(NamedTuple):
     def start(self) -> Start:
         """Start of the run."""
         return self.examined.start
+
+    @property
+    def model(self) -> Model:
+        """Model that the equations are those of."""
+        return self.equations.model
 
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
         """Case with other values of parameters, derived no more.
@@ -154,6 +160,16 @@ class Session(NamedTuple):
     longest_step: float = 0.0
     most_steps: int = MOST_STEPS
     arc_steps: float = 0.0
+
+    @property
+    def equations(self) -> Equations:
+        """Equations of the case."""
+        return self.case.equations
+
+    @property
+    def columns(self) -> Columns:
+        """Columns of the rows."""
+        return self.system.columns
 
     @property
     def lists_events(self) -> bool:

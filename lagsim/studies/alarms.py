@@ -85,9 +85,9 @@ class Evidence:
     bar: ErrorBar | str
 
     def __init__(self, session: Session) -> None:
-        columns = session.system.columns
+        columns = session.columns
         self.session, self.plan = session, session.plan
-        self.equations = session.case.equations
+        self.equations = session.equations
         self.gaps = Gaps(columns.names[: columns.table])
         self.residuals = ResidualMonitor(columns.names)
         self.monitor = EnergyMonitor(columns.names, self.equations)
@@ -535,7 +535,7 @@ def worst_residual(
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
-    names = run.session.system.columns.names
+    names = run.session.columns.names
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
             return name, part

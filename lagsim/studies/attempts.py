@@ -401,7 +401,7 @@ class Attempt(Evidence):
 
     def __init__(self, session: Session, wish: Attempts) -> None:
         super().__init__(session)
-        model, names = self.equations.model, session.system.columns.names
+        model, names = self.equations.model, session.columns.names
         self.checkpoints = Checkpoints(self.equations, session.case.settings)
         self.corners = Corners() if wish.cornered or wish.thinned else None
         self.thin = picture_thinning(model, names) if wish.thinned else None

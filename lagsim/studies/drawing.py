@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def events(made: Attempt) -> Iterator[Made]:
     """Give name and content of the tables of events and sections, where there are."""
     if made.session.lists_events:
-        named = bool(made.session.case.equations.model.events)
+        named = bool(made.session.case.model.events)
         yield "events.csv", events_table(made.trajectory.events, named=named)
     if made.sections:
         from lagsim.studies.sections import tables
@@ -57,7 +57,7 @@ def drawings(
             yield NAME, shown
     if made.thin is None:
         return
-    model = made.session.case.equations.model
+    model = made.session.case.model
     record = attempted("pictures", partial(_record, made, made.thin, form))
     if isinstance(record, Caution):
         yield "pictures", record
@@ -79,7 +79,7 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     """Return what the pictures of a run have in common."""
     from lagsim.outputs.units import units
 
-    equations, trajectory = made.session.case.equations, made.trajectory
+    equations, trajectory = made.session.equations, made.trajectory
     if made.corners is not None:
         rows.meet(made.corners.rows())
     model = equations.model
@@ -90,7 +90,7 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
     return Record(
-        model.name, rows, units(equations, made.session.system.columns.of_table),
+        model.name, rows, units(equations, made.session.columns.of_table),
         happened, note, _horizon(made), letters_of(model), form,
         equations.energy_is_sum,
     )  # fmt: skip
@@ -101,11 +101,11 @@ def _page(made: Attempt, frames: Frames) -> bytes | None:
     from lagsim.outputs.animation import film, page, record
     from lagsim.outputs.units import units
 
-    equations, trajectory = made.session.case.equations, made.trajectory
+    equations, trajectory = made.session.equations, made.trajectory
     complete = trajectory.outcome.complete
     shown = film(
         equations, frames, trajectory.events, horizon=_horizon(made),
-        units=units(equations, made.session.system.columns.of_table),
+        units=units(equations, made.session.columns.of_table),
         notes=[] if complete else [f"incomplete: {trajectory.reason}"],
     )  # fmt: skip
     return None if shown is None else page([record(shown)], shown.name)

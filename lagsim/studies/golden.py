@@ -148,7 +148,7 @@ def perturbed(case: Case, seed: int) -> Case:
         other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
         return np.where(x == 0.0, 0.0, other)
 
-    model, start = case.equations.model, case.start
+    model, start = case.model, case.start
     values = moved(np.array([p.value for p in model.parameters])).tolist()
     parameters = tuple(
         p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
@@ -167,7 +167,7 @@ def motion_of(case: Case, stride: int) -> Motion:
         Where the method cannot handle the case.
     """
     session, settings = case.ready(), case.settings
-    columns = session.system.columns
+    columns = session.columns
     kept, residuals = Keep(columns.table), ResidualMonitor(columns.names)
     trajectory = session.run([kept, residuals])
     rows = kept.table
@@ -358,7 +358,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = motion_of(case, stride)
     others = [*variants(case, base, stride)]
-    periodic = [x.name for x in case.equations.model.events if x.at is None]
+    periodic = [x.name for x in case.model.events if x.at is None]
     rows = base.rows[clear(base, others, spacing, periodic)]
     alike = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
@@ -442,7 +442,7 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
 
 def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     """Return the rounding errors (k, columns) of the definitions in each row."""
-    model = case.equations.model
+    model = case.model
     shown = [d for d in model.definitions if d.name in base.columns]
     found = np.zeros_like(rows)
     places = [base.columns.index(d.name) for d in shown]
@@ -538,7 +538,7 @@ def _inputs(model: Model) -> dict[str, Document]:
 
 def document(case: Case, golden: Golden, base: Motion) -> bytes:
     """Return the JSON; keys are only ever added."""
-    model, plan = case.equations.model, base.plan
+    model, plan = case.model, base.plan
     content = {
         "lagsim": __version__,
         "versions": versions(),
@@ -580,7 +580,7 @@ def store(
     OSError
         Where there is no room; then the old one stays.
     """
-    name = case.equations.model.name
+    name = case.model.name
     rows, about = table(golden), document(case, golden, base)
     with open_results(folder, f"{name}.json", patience=PATIENCE_SECONDS) as results:
         results.write(f"{name}.csv", rows)
@@ -651,7 +651,7 @@ def run(case: Case, golden: Golden) -> Motion:
 
 def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
     """Return the verdict on a motion by the golden of its model."""
-    about, model = golden.about, case.equations.model
+    about, model = golden.about, case.model
     pairs = dict(_pairs(case, motion, golden))
     known = about.get("columns", golden.columns)
     changed, places = _changed(model, about)
@@ -739,7 +739,7 @@ def _notes(
     case: Case, motion: Motion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
     """Return notes on changes besides those of the motion."""
-    if case.equations.model.sha256 != about.get("model_sha256"):
+    if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:
             text += f": {'; '.join(changed) or 'not in what the golden holds of it'}"
@@ -766,7 +766,7 @@ def picture(case: Case, verdict: Verdict) -> bytes:
     from lagsim.outputs.letters import letters_of
     from lagsim.studies import comparison_chart
 
-    model = case.equations.model
+    model = case.model
     columns = [d.column.partition(" ")[0] for d in verdict.worst]
     letters, units = letters_of(model), of_table(case.equations, columns)
     subject = ", ".join(comparison_chart.summary(verdict, letters))

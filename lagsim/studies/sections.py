@@ -79,7 +79,7 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
     InputError
         If a strobe has too many.
     """
-    e, columns = session.case.equations, session.system.columns
+    e, columns = session.equations, session.columns
     asked = e.model.output.sections
     located = [s for s in asked if s.at is not None]
     found: dict[str, Floats] = {}
@@ -190,7 +190,7 @@ def _crossings(t: Floats, g: Floats, direction: str) -> tuple[Floats, Floats]:
 def _located(session: Session, ends: Floats, values: Floats, name: int) -> Floats:
     """Rows (k, columns) at crossings, by regula falsi and, where that lags, halves."""
     sizes, jumps = np.max(np.abs(values), axis=1), ends[:, 0] == ends[:, 1]
-    rows = np.full((len(ends), len(session.system.columns.names)), np.nan)
+    rows = np.full((len(ends), len(session.columns.names)), np.nan)
     open_, width = np.arange(len(ends)), np.full(len(ends), np.inf)
     for _ in range(PASSES):
         if not len(open_):
@@ -213,7 +213,7 @@ def _located(session: Session, ends: Floats, values: Floats, name: int) -> Float
 
 
 def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:
-    model = session.case.equations.model
+    model = session.case.model
     assert section.every is not None
     values = model.parameter_values
     (period,) = evaluate(model.graph, [section.every], values)
@@ -230,7 +230,7 @@ def rows_at(session: Session, times: Floats) -> Floats:
     """Rows (k, columns) of the run at some times (k,), by repeating it in its steps."""
     interrupt = Interrupt()
     different, places = np.unique(times, return_inverse=True)
-    moments = Moments(different, len(session.system.columns.names), interrupt)
+    moments = Moments(different, len(session.columns.names), interrupt)
     if len(different):
         asked = session.asking(moments=tuple(different.tolist()))
         asked.run([moments], interrupt=interrupt)
@@ -239,7 +239,7 @@ def rows_at(session: Session, times: Floats) -> Floats:
 
 def tables(session: Session, found: dict[str, Floats]) -> Iterator[Made]:
     """Give name and content of the table of each section."""
-    columns = session.system.columns.of_table
+    columns = session.columns.of_table
     for name, rows in found.items():
         yield f"section_{name}.csv", table_of(columns, rows.tolist())
 
@@ -248,7 +248,7 @@ def pictures(session: Session, found: dict[str, Floats], form: str) -> Iterator[
     """Give name and content of the picture of each section."""
     from lagsim.outputs.figure import Column, content, crossed
 
-    e, names = session.case.equations, session.system.columns.of_table
+    e, names = session.equations, session.columns.of_table
     letters, known = letters_of(e.model), units(e, names)
     for section in e.model.output.sections:
         rows = found[section.name]

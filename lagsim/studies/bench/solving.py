@@ -227,7 +227,7 @@ def scipy_refusal(own: Own) -> str:
         return "they would step over the model's switches"
     if own.case.equations.laws:
         return "they do not handle constraints that come and go"
-    model = own.case.equations.model
+    model = own.case.model
     if model.until:
         return "the end of the run is an event"
     if model.events:

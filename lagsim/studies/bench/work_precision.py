@@ -669,7 +669,7 @@ def measure(
         best = set(front(every, cost, reference.floor))
         for k, row in enumerate(every):
             row[f"front_{cost}"] = k in best
-    settings, first = case.settings, head(case.equations.model)
+    settings, first = case.settings, head(case.model)
     return {
         **first,
         "versions": first["versions"] | {"scipy": version("scipy")},

@@ -454,7 +454,7 @@ class Runs:
         """Give the units of the columns, where something has been compiled."""
         for form in self._forms:
             if form.session is not None:
-                return of_table(form.session.case.equations, self.columns)
+                return of_table(form.session.equations, self.columns)
         return {}
 
     def rows(
@@ -485,7 +485,7 @@ class Runs:
         except InputError as error:
             reason = "; ".join(problem.text for problem in error.problems)
             return Row(grid.values(number), UNUSABLE, reason=reason)
-        own, work = session.system.columns.of_table, self.work
+        own, work = session.columns.of_table, self.work
         extremes = Extremes(len(own))
         if work.kept is not None:
             found = self._written(number, session, extremes, interrupt)
@@ -501,7 +501,7 @@ class Runs:
             self._tried = True
             batch = Batch(session, work, len(self.columns))
             self.batch = None if batch.refusal else batch
-        model, complete = session.case.equations.model, trajectory.outcome.complete
+        model, complete = session.case.model, trajectory.outcome.complete
         numbers = extremes.end[None] if work.ends else extremes.stacked
         # What a run of other members has not is nan.
         cells = np.full((len(numbers), len(self.columns)), np.nan)
@@ -539,7 +539,7 @@ class Runs:
         assert work.kept is not None
         width = len(str(work.grid.runs))  # its number is its row in sweep.csv, from 1
         folder = Path(work.kept, f"run-{number + 1:0{width}}")
-        units = of_table(session.case.equations, session.system.columns.of_table)
+        units = of_table(session.equations, session.columns.of_table)
         with open_results(folder) as results:
             path = results.part(Format.CSV.file)
             with contextlib.closing(
@@ -583,7 +583,7 @@ class Batch:
     def __init__(self, session: Session, work: Work, columns: int) -> None:
         self.session, self.grid, self.columns = session, work.grid, columns
         self.options = dict(work.options)
-        equations, axes = session.case.equations, self.grid.axes
+        equations, axes = session.equations, self.grid.axes
         names = {axis.name for axis in axes}
         words = {word for x in axes for y in x.texts for word in _WORD.findall(y)}
         self._follow = equations.model.stated.depends_on(names) or bool(words & names)
@@ -632,7 +632,7 @@ class Batch:
     def _followed(self, numbers: Sequence[int]) -> Values:
         """Return values as each run by itself binds them; nan where it has none."""
         case, axes = self.session.case, self.grid.axes
-        unbound = case.equations.model
+        unbound = case.model
         names = [p.name for p in unbound.parameters]
         sizes = len(names), len(case.equations.state), len(axes)
         found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
@@ -647,7 +647,7 @@ class Batch:
 
     def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
         """Return whose start is admissible without a closer look."""
-        case, equations = self.session.case, self.session.case.equations
+        case, equations = self.session.case, self.session.equations
         known: dict[str, float | Floats] = {"t": case.settings.start}
         known |= equations.model.parameter_values
         known |= parameters
@@ -660,7 +660,7 @@ class Batch:
 
     def _keeps_energy(self, ends: Ends) -> Flags:
         """Return whose energy less work has not moved, by its first and last row."""
-        names = self.session.system.columns.names
+        names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
         drift = moved["energy"] - moved.get("work", 0.0)
