@@ -60,9 +60,8 @@ def test_b(): pass
 """
 
 
-@pytest.mark.parametrize(
-    ("cases", "count"), [("", 4), pytest.param("all", 8, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("cases", "count"), [("", 4), ("all", 8)])
 def test_a_night_has_a_part_of_each_family(tmp_path, cases, count):
     done = pytest_of(tmp_path, NIGHTS, "nightly", LAGSIM_TEST_CASES=cases)
     assert f"{count} passed" in done.stdout, done.stdout + done.stderr

@@ -224,7 +224,14 @@ def moving_operations(e, nodes):
     return sum(bool(e.graph.args[k]) for k in e.graph.dependent(nodes, e.moving))
 
 
-@pytest.mark.parametrize("name", [*LINKS, *CHAINS])
+# M with all its entries, of some thirty coordinates.
+LONG = {"large tree", "relative angles", "closed, relative"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in LINKS | CHAINS],
+)
 def test_motion_is_that_of_the_matrices(name):
     full = equations_of(name, chained=False)
     e = full if name in LINKS else equations_of(name)

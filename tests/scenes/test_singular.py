@@ -286,6 +286,7 @@ def test_dead_points_whatever_method_is_asked_for(method, heavy):
     assert handed == (["method: dop853"] if method == "radau" else [])
 
 
+@pytest.mark.slow  # the slider-crank below turns as often
 def test_a_hundred_turns():
     result = run(four_bars(2, speed=9.0, duration=63.0, step=0.1))
     assert result.trajectory.outcome.complete

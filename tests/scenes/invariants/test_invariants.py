@@ -12,7 +12,13 @@ SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 CHAOTIC = {"double-pendulum"}
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+# Hundreds of impacts, whose energy tests/scenes/contact keeps as well.
+LONG = {"rocking-block", "quadruped"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in SHIPPED]
+)
 def test_energy_constraints_and_tolerances_of_every_model(name):
     found = run(name)
     model = found.equations.model
