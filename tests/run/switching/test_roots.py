@@ -112,33 +112,3 @@ def test_a_velocity_by_its_size_is_its_sign(direction):
     assert np.max(np.abs(found["x_dot"] - np.where(t < free, 0, exact))) < 1e-12
     assert kinds(found) == ["stick", "slip"]
     assert events(found)[1][0] == pytest.approx(free, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("gain", "target", "load"), one_quick((1, 0, 0.1), (1, 0, -0.1), (2, 0, 0))
-)
-@pytest.mark.parametrize("form", ["root", "square"])
-def test_the_end_of_a_switching_curve_is_rest(gain, target, load, form):
-    # Pushed with -gain + load from 1 beside the target to the curve x = v^2/(2 gain),
-    # then along it (or, where the load is against it, in swings) to rest.
-    u = f"(x - {target})"
-    curve = f"x_dot + sign({u})*sqrt({2 * gain}*abs({u}))"
-    if form == "square":
-        curve = f"{u} + x_dot*abs(x_dot)/{2 * gain}"
-    found = run(scene(force=f"{load} - {gain}*sign({curve})", x=target + 1, duration=8))
-    assert found.trajectory.outcome.name == "DONE"
-    t, x = found["t"], found["x"] - target
-    push = gain - load
-    if load >= 0:
-        # 1 - push t^2/2 = (push t)^2/(2 gain)
-        met = np.sqrt(1 / (push / 2 + push**2 / (2 * gain)))
-        end = met + push * met / gain
-        exact = np.where(
-            t < met, 1 - push * t**2 / 2, gain * np.maximum(end - t, 0) ** 2 / 2
-        )
-        # At the end the speed is the root of what the place is known to.
-        assert np.max(np.abs(x - exact)) < 1e-9
-        assert events(found)[-1][0] == pytest.approx(end, abs=1e-5)
-    assert np.max(np.abs(found["x_dot"][-20:])) == 0.0
-    assert np.max(np.abs(x[-20:])) < 1e-12
-    assert np.max(np.abs(found["x_ddot"][-20:])) < 1e-12
