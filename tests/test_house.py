@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
 LINES = 75_140
-LINES_OF_TESTS = 57_010
+LINES_OF_TESTS = 57_020
 
 
 def lines(folder):
