@@ -95,8 +95,11 @@ def load(text: str, file: str) -> Document:
         What places call it.
     """
     original = Source(file, text.removeprefix("\ufeff"))
-    if bad := bad_character(original):
-        return Document(None, (bad,))
+    if match := _FORBIDDEN.search(original.text):
+        message = f"the character U+{ord(match[0]):04X} is not allowed in YAML"
+        shown = Source(file, _FORBIDDEN.sub("\ufffd", original.text))
+        place = shown.place(match.start())
+        return Document(None, (Problem("yaml-character", message, place),))
     source, spoilt, found = original, set[tuple[int, int]](), list[Problem]()
     repairs = max(1, min(MAX_REPAIRS, REPAIRED_CHARACTERS // (len(text) + 1)))
     reached = -1
@@ -233,9 +236,7 @@ class _Builder:
     def _entries(self, parts: list[Node]) -> tuple[Entry, ...]:
         found: dict[str, Entry] = {}
         for given, below in zip(parts[::2], parts[1::2], strict=True):
-            key, value, problem = unspaced(given, below)
-            if problem is not None:
-                self.problems.append(problem)
+            key, value = self._unspaced(given, below)
             if isinstance(key, Broken):
                 continue
             if not isinstance(key, Scalar):
@@ -256,6 +257,20 @@ class _Builder:
                 found[key.text] = key, value
         return tuple(found.values())
 
+    def _unspaced(self, key: Node, value: Node) -> tuple[Node, Node]:
+        """Take a key such as `theta:1` apart, where YAML needs a space after `:`."""
+        alone = isinstance(value, Scalar) and value.empty
+        if not (alone and isinstance(key, Scalar)) or key.style:
+            return key, value
+        match = re.match(_NO_SPACE, key.text)
+        if match is None:
+            return key, value
+        name, rest = match["key"], key.text[match.start("value") :]
+        text = f"a space is missing after the colon in `{key.text}`"
+        self._fault("missing-space", text, key, f"write `{name}: {rest}`")
+        place = key.place_of(0, len(name))
+        return key._replace(text=name, place=place), Broken(key.place)
+
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
@@ -275,9 +290,8 @@ class _Builder:
         return whole
 
     def _in_one(self, pieces: list[Scalar]) -> Scalar:
-        start, end = pieces[0].start, pieces[-1].end
+        start, end, text = pieces[0].start, pieces[-1].end, pieces[0].text
         place = self.source.place(start, end - start)
-        text = pieces[0].text
         for before, piece in itertools.pairwise(pieces):
             text += ("," if _is_decimal(before, piece) else ", ") + piece.text
         return Scalar(text, place, self.source, start, end)
@@ -369,16 +383,6 @@ class Diagnosis(NamedTuple):
     line: int
     repaired: str = ""
     spoilt: At = (0, 0)
-
-
-def bad_character(source: Source) -> Problem | None:
-    """Give the fault of the first character that YAML does not allow, if any."""
-    match = _FORBIDDEN.search(source.text)
-    if match is None:
-        return None
-    text = f"the character U+{ord(match.group()):04X} is not allowed in YAML"
-    shown = Source(source.file, _FORBIDDEN.sub("\ufffd", source.text))
-    return Problem("yaml-character", text, shown.place(match.start()))
 
 
 def diagnose(source: Source, error: Exception) -> Diagnosis:
@@ -617,8 +621,7 @@ def _is_expression(text: str) -> bool:
     """Tell whether a text is one, or a relation, once it is quoted."""
     for parser in (parse, parse_relation):
         with suppress(ExpressionError):
-            parser(text)
-            return True
+            return bool(parser(text))
     return False
 
 
@@ -634,17 +637,3 @@ def _ending(case: _Case) -> Diagnosis | None:
     closer = "]" if "sequence" in case.context else "}"
     hint = "an expression in braces is best quoted"
     return case.set_aside(f"expected `,` or `{closer}`", hint)
-
-
-def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
-    """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
-    match = None
-    if isinstance(key, Scalar) and isinstance(value, Scalar) and value.empty:
-        match = not key.style and re.match(_NO_SPACE, key.text)
-    if not match or not isinstance(key, Scalar):
-        return key, value, None
-    name, rest = match["key"], key.text[match.start("value") :]
-    text = f"a space is missing after the colon in `{key.text}`"
-    problem = Problem("missing-space", text, key.place, f"write `{name}: {rest}`")
-    place = key.place_of(0, len(name))
-    return key._replace(text=name, place=place), Broken(key.place), problem

@@ -74,7 +74,6 @@ class _Given(NamedTuple):
     key: Scalar
     node: Node
     family: Family
-    form: str  # of names: "{}", or "{}_dot" of rates
     parsed: Key
     members: Members
 
@@ -311,9 +310,8 @@ class Expansion:
     def _column(self, key: Scalar, space: dict[str, Family] | None) -> Key | None:
         """Report a member that is named as its column is, `q.3`; return its key."""
         name = key.text.partition(".")[0]
-        meant = self.scope.reference(name) if space is None else None
-        indexed = name in space if space is not None else meant and meant[0].indexed
-        if not (indexed and _COLUMN.fullmatch(key.text)):
+        family = (self.scope.reference if space is None else space.get)(name)
+        if not (family and family.indexed and _COLUMN.fullmatch(key.text)):
             return None
         text = f"`{key.text}` is the name of a column"
         hint = f"in a file the member is `{in_file(key.text)}`"
@@ -372,7 +370,7 @@ class Expansion:
             self.broken.add(name)
         if indexed and not self._may_be(name, family, section, key):
             return None
-        return self._join(_Given(key, node, family, "{}", parsed, members))
+        return self._join(_Given(key, node, family, parsed, members))
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
         """Report a family whose name is another's already."""
@@ -480,17 +478,15 @@ class Expansion:
         text, first = (node.text, parser), one.members[0][0]
         size = self.scope.size(*text, first)
         if size < 1 and section in _SIZED:
-            try:
-                self.scope.values(*text, first)
-            except ExpressionError as fault:
-                one.family.broken = True
-                if self.scope.size(*text, first) < 0:  # the reader passes it over
-                    self.fault(fault, node)
+            fault, one.family.broken = self.scope.failed, True
+            if fault and self.scope.size(*text, first) < size:
+                self.fault(fault, node)  # of what refers to itself, and is passed over
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
         """Note components of a coordinate; return whether all can be read of it."""
         below = {key.text: value for key, value in entries_of(node)}
+        family.letters = ()
         if named := below.get("components"):
             text = named.text if isinstance(named, Scalar) else ""
             family.letters = tuple(text) if text in _COMPONENTS else ()
@@ -516,16 +512,17 @@ class Expansion:
         """Return entries of the members of an entry, and of their components."""
         family, section = one.family, one.family.section
         letters = family.letters
-        if section != "definitions" and one.form == "{}":
+        if section != "definitions":
             letters = self._letters(one)
             if one.members and not family.letters:
                 family.letters = letters
-        yield from self._by_members(one, _VALUES.get(section, ()), letters)
+        return self._by_members(one, section, letters)
 
     def _by_members(
-        self, one: _Given, keys: tuple[str, ...], letters: tuple[str, ...]
+        self, one: _Given, section: str, letters: tuple[str, ...]
     ) -> Iterator[Entry]:
         key, node, parsed = one.key, one.node, one.parsed
+        keys = _VALUES.get(section, ())
         if one.family.section == "coordinates" and isinstance(node, Mapping):
             kept = (e for e in node.entries if e[0].text != "components")
             node = node._replace(entries=tuple(kept))
@@ -538,7 +535,6 @@ class Expansion:
             hint = "a list beside a range has one value a member"
             self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
             values = [Broken(inner.place)] * len(one.members)
-        name = one.form.format(one.family.name)
         if not (letters or parsed.subscripts):
             yield key, self.bound(node, Reading(self.scope, one.members[0][0]))
             return
@@ -548,7 +544,9 @@ class Expansion:
                     continue
                 component = c if letters and not parsed.letter else None
                 reading = Reading(self.scope, indices, component, len(letters) or 1)
-                full = key._replace(text=dotted(name, member, letter), reading=reading)
+                full = key._replace(
+                    text=dotted(parsed.name, member, letter), reading=reading
+                )
                 yield full, self._placed(value, keys, reading, key)
 
     def _placed(
@@ -583,9 +581,7 @@ class Expansion:
                 found |= {key.text: (one, False)} if one else {}
                 continue
             ranged, again = one.parsed.ranged, ""
-            for entry in self._by_members(
-                one, _VALUES.get(section, ()), one.family.letters
-            ):
+            for entry in self._by_members(one, section, one.family.letters):
                 name = entry[0].text
                 _, other = found.get(name, (entry, not ranged))
                 if other == ranged or section != "initial":
@@ -604,12 +600,12 @@ class Expansion:
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:
             return None
-        meant = self.scope.reference(found[0].name) if found else None
-        if found is None or meant is None:
+        family = self.scope.reference(found[0].name) if found else None
+        if found is None or family is None:
             several = isinstance(node, Sequence)  # of a vector that is not given
             known = Broken(node.place) if several else node
             return key, self.bound(known, Reading(self.scope, outer or {}))
-        (parsed, members), (family, form) = found, meant
+        parsed, members = found
         if family.broken:
             return None
         code, text = "", f"`{parsed.name}` is no family"
@@ -625,7 +621,7 @@ class Expansion:
         if code:
             self.report(f"expression-{code}", text, key)
             return None
-        return _Given(key, node, family, form, parsed, members)
+        return _Given(key, node, family, parsed, members)
 
     def spread(self, node: Node, reading: Reading) -> Node:
         """Return a list of components for a vector that stands where a list does."""
@@ -683,7 +679,7 @@ class Expansion:
         parsed, members = found
         family = Family(parsed.name, "", key.place, True)
         family = space.setdefault(parsed.name, family)
-        if self._join(_Given(key, node, family, "{}", parsed, members)) is None:
+        if self._join(_Given(key, node, family, parsed, members)) is None:
             return
         items = items_of(node)
         several = parsed.ranged and any(isinstance(n, Sequence) for n in items)
@@ -739,8 +735,8 @@ class Expansion:
             broken = node.text.partition("(")[0] in self.broken
             return [Broken(node.place) if broken else node]
         parsed, members = found
-        meant = self.scope.reference(parsed.name) if space is None else None
-        family = space.get(parsed.name) if space is not None else meant and meant[0]
+        find = self.scope.reference if space is None else space.get
+        family = find(parsed.name)
         if parsed.name in self.broken or (family and family.broken):
             return [Broken(node.place)]
         if family is None:
@@ -778,9 +774,9 @@ class Expansion:
         except ExpressionError:
             parsed = None
         meant = self.scope.reference(parsed.name) if parsed else None
-        if meant and meant[0].broken:
+        if meant and meant.broken:
             return [Broken(node.place)]
-        if parsed and meant and (meant[0].indexed or not parsed.subscripts):
+        if parsed and meant and (meant.indexed or not parsed.subscripts):
             return [
                 self.bound(n._replace(text=in_file(n.text)))
                 if isinstance(n, Scalar)

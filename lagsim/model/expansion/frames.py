@@ -253,7 +253,11 @@ class Frames(Section):
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
-                self._report_circle([*chain[chain.index(called) :], called])
+                circle = [*chain[chain.index(called) :], called]
+                shown = " -> ".join(dotted(*one) for one in circle)
+                text = f"the frame `{dotted(*called)}` is on itself: {shown}"
+                node = self._given[called].below["on"]
+                self.report("cycle", text, node)
                 self._made |= dict.fromkeys(chain)
                 break
             chain.append(called)
@@ -290,12 +294,6 @@ class Frames(Section):
                 self.x.fault(fault, node)
             self._made[called] = None
             return _SPACE
-
-    def _report_circle(self, circle: list[Called]) -> None:
-        shown = " -> ".join(dotted(*one) for one in circle)
-        node = self._given[circle[0]].below["on"]
-        text = f"the frame `{dotted(*circle[0])}` is on itself: {shown}"
-        self.report("cycle", text, node)
 
     def _frame(self, called: Called) -> Frame | None:
         """Make a frame on one that is made; None where a fault is reported."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from lagsim import limits
 from lagsim.errors import did_you_mean
@@ -135,6 +135,7 @@ class Scope:
         self._asked: set[str] = set()
         self._terms = 0
         self._faulty: set[str] = set()
+        self.failed: ExpressionError | None = None  # what `size` has found
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
         # The terms of sums are counted once for all components of a value.
@@ -205,7 +206,7 @@ class Scope:
         try:
             left, right, _ = self.values(text, parser, indices)
         except ExpressionError as fault:
-            self._faulty = known
+            self._faulty, self.failed = known, fault
             return -(fault.code == SILENT)
         finally:
             self._terms = terms
@@ -252,19 +253,17 @@ class Scope:
                 return _component(args[0], payload.word)
             return _operation(op, args, token)
         except UnfitError as fault:
-            for a in args:
-                if self._is_unknown(a):
-                    return a  # the reader says so
+            if unknown := [a for a in args if self._is_unknown(a)]:
+                return unknown[0]  # the reader says so
             code = "component" if op == "component" else "size"
             raise token.fault(fault.text, fault.hint, code) from None
 
     def _is_unknown(self, value: Value) -> bool:
         """Return whether a value is a name that the file does not give."""
-        name = (
-            str(value.value) if isinstance(value, Tree) and value.op == "name" else ""
-        )
-        given = "." in name or name in self._built_in or self.reference(name)
-        return bool(name) and not given
+        if not isinstance(value, Tree) or value.op != "name":
+            return False
+        name = str(value.value)
+        return not ("." in name or name in self._built_in or self.reference(name))
 
     def _frame_of(self, named: Steps, indices: Indices) -> Frame:
         if self.frame is None:
@@ -273,24 +272,23 @@ class Scope:
             raise token.fault(text, "", "frame")
         return self.frame(named, indices)
 
-    def reference(self, name: str) -> tuple[Family, str] | None:
-        """Return the family of a name, as of a rate or force, and the form of names."""
+    def reference(self, name: str) -> Family | None:
+        """Return the family of a name, which may be that of its rate or force."""
         if family := self.variables.get(name):
-            return family, "{}"
+            return family
         forms = [("", ENDINGS[2]), ("", ENDINGS[1]), ("Qc_", ""), ("reaction.", "")]
         for before, after in forms:
             base = name.removeprefix(before).removesuffix(after)
             if len(base) + len(before + after) == len(name) and base in self.variables:
-                return self.variables[base], before + "{}" + after
-        family = self.constraints.get(name.removeprefix("lambda_"))
-        return (family, "lambda_{}") if family and family.name != name else None
+                return self.variables[base]
+        base = name.removeprefix("lambda_")
+        return self.constraints.get(base) if base != name else None
 
     def _named(self, token: Token) -> Value:
         """Return value of a name without subscripts."""
-        found = self.reference(token.text)
-        if found is None:
+        family = self.reference(token.text)
+        if family is None:
             return trees.name(token.text, token.offset)
-        family, _ = found
         _check(family)
         if family.indexed:
             hint = f"{family.described()}; or write sum(i = ..., {token.text}(i))"
@@ -300,10 +298,12 @@ class Scope:
 
     def _member(self, token: Token, args: list[Value]) -> Value:
         """Return value of a name with subscripts."""
-        name, found = token.text, self.reference(token.text)
-        if found is None:
-            self._no_family(token)
-        family, _ = found
+        name, family = token.text, self.reference(token.text)
+        if family is None:
+            known = [*CALLED, *(f.name for f in self.variables.values() if f.indexed)]
+            hint = did_you_mean(name, known) if name[1:] else ""
+            text = f"there is no function or family `{name}`"
+            raise token.fault(text, hint, "unknown-function")
         _check(family)
         member = tuple(self.whole(arg, token) for arg in args)
         if not family.indexed:
@@ -318,14 +318,6 @@ class Scope:
                 hint = f"give it beside the range: {name}({member[0]}): ..."
             raise token.fault(text, hint, "member")
         return _of(family, name, member, token.offset)
-
-    def _no_family(self, token: Token) -> NoReturn:
-        name = token.text
-        families = (f.name for f in self.variables.values() if f.indexed)
-        known = [*CALLED, *families]
-        hint = did_you_mean(name, known) if name[1:] else ""
-        text = f"there is no function or family `{name}`"
-        raise token.fault(text, hint, "unknown-function")
 
     def _over(
         self, of: Inner, token: Token, args: list[Value], indices: Indices
@@ -480,15 +472,10 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
     """Return value of an operation or a function."""
     if op in _RULES:
         return _RULES[op](*args)
-    sizes = [trees.size(a) for a in args]
-    if max(sizes) > 1:
-        text = f"`{token.text}` takes numbers, found {trees.said(args[_first(sizes)])}"
+    if vectors := [a for a in args if trees.size(a) > 1]:
+        text = f"`{token.text}` takes numbers, found {trees.said(vectors[0])}"
         raise UnfitError(text, _HINTS.get(op, ""))
     return Tree(op, args=tuple(a for a in args if isinstance(a, Tree)))
-
-
-def _first(sizes: list[int]) -> int:
-    return next(k for k, n in enumerate(sizes) if n > 1)
 
 
 class Reading:

@@ -223,19 +223,11 @@ class Frame(NamedTuple):
     omega: Value
     angle: Tree | None = None
 
-    @property
-    def planar(self) -> bool:
-        """Whether it turns in the plane."""
-        return len(self.rows) == len("xy")
-
-
-def _identity(n: int) -> tuple[Vector, ...]:
-    return tuple(tuple(ONE if i == j else ZERO for j in range(n)) for i in range(n))
-
 
 def space(n: int) -> Frame:
     """Space of n dimensions, 2 or 3."""
-    return Frame(_identity(n), ZERO if n < len(LETTERS) else (ZERO,) * n, ZERO)
+    rows = (tuple(ONE if i == j else ZERO for j in range(n)) for i in range(n))
+    return Frame(tuple(rows), ZERO if n < len(LETTERS) else (ZERO,) * n, ZERO)
 
 
 def product(*factors: Tree) -> Tree:
@@ -288,7 +280,8 @@ def unrotate(frame: Frame, v: Value) -> Vector:
 
 def omega_space(frame: Frame) -> Value:
     """Components in space of the angular velocity."""
-    return frame.omega if frame.planar else rotate(frame, frame.omega)
+    planar = len(frame.rows) == len("xy")
+    return frame.omega if planar else rotate(frame, frame.omega)
 
 
 def spin(J: Value, w: Value) -> Tree:

@@ -428,7 +428,6 @@ class Expressions:
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
-        self._last_meant: tuple[object, str] = None, ""
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
@@ -542,14 +541,11 @@ class Expressions:
     def meant(
         self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
     ) -> str:
-        """Give a hint for an expression with faults, found once, or an empty text."""
-        if (scalar, parser, beside) != self._last_meant[0]:
-            if not self.faults.may_guess():
-                return ""
-            known, moving = self.names.variables, self.names.moving()
-            hint = hints.of_text(scalar.text, parser, known, moving, beside=beside)
-            self._last_meant = (scalar, parser, beside), hint
-        return self._last_meant[1]
+        """Give a hint for an expression with faults, or an empty text."""
+        if not self.faults.may_guess():
+            return ""
+        known, moving = self.names.variables, self.names.moving()
+        return hints.of_text(scalar.text, parser, known, moving, beside=beside)
 
     # Building nodes
 
@@ -781,21 +777,16 @@ class Expressions:
             at_position = ((k, d.node) for k, d in known if d.level is Level.POSITION)
             self._rates.append({k: n for k, n in at_position if n is not None})
         while len(self._rates) < 2 + second:
-            nodes = self._rates[-1]
-            rates = tangent(self.graph, nodes.values(), self._motion())
+            g, nodes = self.graph, self._rates[-1]
+            motion = {g.variable("t"): g.one}
+            for s in self.names.of(Kind.STATE):
+                motion[g.variable(s)] = self.states.get(s, g.variable(rate_of(s)))
+            for q in self.names.of(Kind.COORDINATE):
+                motion[g.variable(q)] = g.variable(rate_of(q))
+                motion[g.variable(rate_of(q))] = g.variable(rate_of(q, 2))
+            rates = tangent(g, nodes.values(), motion)
             self._rates.append(dict(zip(nodes, rates, strict=True)))
         return self._rates[1 + second][definition]
-
-    def _motion(self) -> dict[int, int]:
-        """Give the rate of everything that moves: t, q, q_dot and the states."""
-        g = self.graph
-        motion = {g.variable("t"): g.one}
-        for s in self.names.of(Kind.STATE):
-            motion[g.variable(s)] = self.states.get(s, g.variable(rate_of(s)))
-        for q in self.names.of(Kind.COORDINATE):
-            motion[g.variable(q)] = g.variable(rate_of(q))
-            motion[g.variable(rate_of(q))] = g.variable(rate_of(q, 2))
-        return motion
 
 
 def _misplaced(name: str, kind: Kind, what: str, most: Level) -> tuple[str, str, str]:

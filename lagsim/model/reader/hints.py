@@ -170,10 +170,6 @@ def _fraction(found: re.Match[str]) -> str:
     return f"({plain[:-3]} + {plain[-3:]})" if plain[3:] else f"({plain})"
 
 
-def _raised(found: re.Match[str]) -> str:
-    return f"^{unicodedata.normalize('NFKC', found[0]).replace('−', '-')} "
-
-
 # Each is looked for around the fault: what is matched, and what to write instead.
 _SPELLINGS: list[tuple[str, Meant]] = [
     (quantities.SEPARATED, lambda found: quantities.separated(found[0])),
@@ -272,7 +268,9 @@ _TYPED: list[tuple[str, Meant]] = [
     (rf"\\sqrt\s*{_GROUP}", " sqrt({0})"),
     (r"(?<!\^)(\d)\s*\\(?=\w)", "{0}*\\"),
     (r"\\(?:var)?([^\W\d_]+(?:_\w+)?)", " {0} "),
-    ("[⁺⁻]?[⁰¹²³⁴-⁹]+", _raised), (r"\d*[¼-¾⅐-⅞]", _fraction),
+    ("[⁺⁻]?[⁰¹²³⁴-⁹]+", lambda found: "^{} ".format(
+        unicodedata.normalize("NFKC", found[0]).replace("−", "-"))),
+    (r"\d*[¼-¾⅐-⅞]", _fraction),
     ("\u0307", "_dot"), ("\u0308", "_ddot"),
     (r"√\s*(?=\()", "sqrt"), (r"√\s*([\w.]+)", "sqrt({0})"),
     (r"∛\s*(?=\()", "cbrt"), (r"∛\s*([\w.]+)", "cbrt({0})"), ("π", "pi"),

@@ -79,8 +79,7 @@ def mismatches(
 
     read : every expression, with what messages call it.
     """
-    check = _Check(model, read)
-    return check.run() if check.units else []
+    return _Check(model, read).run()
 
 
 class _Check:
@@ -103,6 +102,8 @@ class _Check:
         self.values: dict[str, Quantity] = {}
 
     def run(self) -> list[Mismatch]:
+        if not self.units:
+            return []
         for what in self.read:
             self.value(what)
         energy = self._energy()
@@ -110,7 +111,7 @@ class _Check:
             kind, _, name = what.partition(" `")
             wanted = self._wanted(kind, name.rstrip("`"), energy)
             text = f"{what} is in {{}} here, where {{}} is expected"
-            self._compare(scalar, (0, len(scalar.text)), self.value(what), wanted, text)
+            self._compare(scalar, None, self.value(what), wanted, text)
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
     def value(self, what: str) -> Quantity:
@@ -132,9 +133,8 @@ class _Check:
             if not own.unit or "kg" not in own.unit:
                 continue
             if found.unit:
-                scalar = self.read[what][0]
                 text = f"{what} is in {{}}, the kinetic energy in {{}}"
-                self._compare(scalar, (0, len(scalar.text)), own, found, text)
+                self._compare(self.read[what][0], None, own, found, text)
             found = found if found.unit else own
         return found
 
@@ -234,15 +234,20 @@ class _Check:
         return Quantity(unit, text, free)
 
     def _compare(
-        self, scalar: Scalar, span: tuple[int, int], a: Quantity, b: Quantity, text: str
+        self,
+        scalar: Scalar,
+        span: tuple[int, int] | None,
+        a: Quantity,
+        b: Quantity,
+        text: str,
     ) -> bool:
-        """Report two quantities that do not fit; return whether they do."""
+        """Report two quantities that do not fit, at a span; return whether they do."""
         if a.free or b.free or a.unit is None or b.unit is None:
             return True
         apart = times(a.unit, b.unit, -1.0)
         if all(abs(x) < COMPUTED_ZERO for x in apart.values()):
             return True
-        place = scalar.place_of(*span)
+        place = scalar.place_of(*(span or (0, len(scalar.text))))
         self.found.setdefault(place, Mismatch(place, text.format(_text(a), _text(b))))
         return False
 
@@ -255,8 +260,5 @@ def _text(of: Quantity) -> str:
     factor = 10.0 ** unit.get(SCALE, 0.0)
     plain = {symbol: power for symbol, power in unit.items() if symbol != SCALE}
     front = "" if factor == 1.0 else f"{factor:.6g} "
-    return front + (written(plain, ("N", "J", "W", "N m", "Pa")) or _raw(plain))
-
-
-def _raw(unit: Unit) -> str:
-    return " ".join(f"{symbol}^{power:g}" for symbol, power in unit.items())
+    raw = " ".join(f"{symbol}^{power:g}" for symbol, power in plain.items())
+    return front + (written(plain, ("N", "J", "W", "N m", "Pa")) or raw)
