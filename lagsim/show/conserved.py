@@ -112,7 +112,10 @@ def _momentum(
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
     """
-    held = any(k["A"][j] != 0 or _slips(k, x.v[j]) for k in constraints)
+    held = any(
+        k["A"][j] != 0 or any(x.v[j] in s.free_symbols for s in k["slip"])
+        for k in constraints
+    )
     if held or line["Q"] != 0:
         return None
     (slope,) = x.sympy([dL_dq])
@@ -130,10 +133,6 @@ def _momentum(
         return _part("momentum", (name,), line["momentum"])
     shift = sp.Add(*(c * q for c, q in zip(coefficients, x.q, strict=True)))
     return _part("shifted momentum", (name,), x.tidy(line["momentum"] - shift))
-
-
-def _slips(k: Part, v: Any) -> bool:
-    return any(v in s.free_symbols for s in k["slip"])
 
 
 def _part(kind: str, of: Sequence[str], value: Any) -> Part:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from lagsim.model.model import Constraint, Model
     from lagsim.show.printers import Printer
@@ -123,9 +123,9 @@ def conditions(
     """
     parts = {
         "lam": multiplier, "limit": k["limit"], "when": k["when"],
-        "bound": _times(k["friction"], multiplier),
-        "most": _times(k["static_friction"], multiplier),
     }  # fmt: skip
+    for word, key in (("bound", "friction"), ("most", "static_friction")):
+        parts[word] = None if k[key] is None else k[key] * multiplier
     words = {word: write(e) for word, e in parts.items() if e is not None}
     if "pair" in k:
         words["lam"] = f"({', '.join(write(e) for e in k['pair'])})"
@@ -152,25 +152,17 @@ def law_of(constraint: Constraint) -> dict[str, Any]:
     return found | (RESTITUTION_LAW if law.poisson else {})
 
 
-def _times(e: Any, multiplier: Any) -> Any:
-    return None if e is None else e * multiplier
-
-
 def _written(
     law: Mapping[str, Any], words: Mapping[str, str], signs: Mapping[str, str]
 ) -> dict[str, str]:
-    if isinstance(e := law["restitution"], float | None):
+    e = law["restitution"]
+    if isinstance(e, float | None):
         words = {**words, "e": f"{e or 0.0:g}"}
-    return {_KEYS.get(s, s): signs[s].format(**words) for s in _statements(law)}
-
-
-def _statements(law: Mapping[str, Any]) -> Iterator[str]:
-    if law["restitution"] is not None:
-        yield "complementarity"
+    stated = []
+    if e is not None:
         law_of_it = law.get("restitution_law", "impact")
-        yield law_of_it if law["restitution"] != 0.0 else "inelastic"
+        stated += ["complementarity", law_of_it if e != 0.0 else "inelastic"]
     if law["friction"] is not None:
-        yield "friction" if law["static_friction"] is None else "sticking"
-    for key in ("limit", "when"):
-        if law[key] is not None:
-            yield key
+        stated.append("friction" if law["static_friction"] is None else "sticking")
+    stated += [key for key in ("limit", "when") if law[key] is not None]
+    return {_KEYS.get(s, s): signs[s].format(**words) for s in stated}

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Constraint, Force, Transition
+    from lagsim.model.model import Constraint, Force
 
 
 Matrix = list[list[Any]]
@@ -203,18 +203,15 @@ def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]
     """Give the inverse times a vector, each entry as one fraction."""
     out = [sp.S.Zero] * len(right)
     for indices, adjugate, determinant in inverse:
+        under = x.tidy.one_fraction(determinant)
+        has_sum = any(part.is_Add for part in sp.Mul.make_args(under))
         for i, row in zip(indices, adjugate, strict=True):
-            total = _dot(row, [right[j] for j in indices])
-            out[i] = _quotient(x, total, determinant)
+            over = _dot(row, [right[j] for j in indices])
+            if has_sum:
+                out[i] = x.tidy.one_fraction(over) / under
+            else:
+                out[i] = x.tidy(over / determinant, factored=True)
     return out
-
-
-def _quotient(x: Translation, over: Any, under: Any) -> Any:
-    """Give a tidy fraction."""
-    whole = x.tidy.one_fraction(under)
-    if any(part.is_Add for part in sp.Mul.make_args(whole)):
-        return x.tidy.one_fraction(over) / whole
-    return x.tidy(over / whole, factored=True)
 
 
 def _inverted(x: Translation, M: Matrix) -> Inverse | None:
@@ -356,7 +353,17 @@ def content(
             zip((s.name for s in model.states), rates, strict=True)
         )
     if model.events:
-        document["events"] = {event.name: _event(x, event) for event in model.events}
+        document["events"] = {
+            event.name: {
+                "at": event.at and event.at.text,
+                "every": event.every or None,
+                "once": str(event.once).lower(),
+                "set": {
+                    mode: x.sympy([node], written=True)[0] for mode, node in event.sets
+                },
+            }
+            for event in model.events
+        }
     if equations.is_set and conserved:
         notes.append("what is conserved is so between events: they set the energy")
     if x.tidy.cut:
@@ -562,16 +569,6 @@ def _constraint(
         found["pair"] = [m for m in x.multipliers if m.name in names]
     found["when"] = when
     return found | {key: given[key] for key in RESTITUTION_LAW if key in given}
-
-
-def _event(x: Translation, event: Transition) -> Part:
-    modes, nodes = zip(*event.sets, strict=True)
-    return {
-        "at": event.at and event.at.text,
-        "every": event.every or None,
-        "once": str(event.once).lower(),
-        "set": dict(zip(modes, x.sympy(nodes, written=True), strict=True)),
-    }
 
 
 def _on_contacts(constraints: Sequence[Part]) -> list[str]:

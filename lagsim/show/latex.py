@@ -89,14 +89,10 @@ def as_latex(content: Content) -> str:
     if model.description:
         lines.append(plain_latex(" ".join(model.description.split())))
     lines += _Latex(content, FormulaPrinter(x, names), signs | letters).document()
-    lines += [_note(note) for note in found["notes"]]
+    for note in found["notes"]:  # options in it are not dashes and quotes
+        text = plain_latex(note).replace("--", "-{}-")
+        lines.append("Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n")
     return "\n".join([*lines, r"\end{document}"]) + "\n"
-
-
-def _note(note: str) -> str:
-    """Give a note; options in it are not dashes and quotes."""
-    text = plain_latex(note).replace("--", "-{}-")
-    return "Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n"
 
 
 _COMMAND = re.compile(
@@ -150,7 +146,12 @@ class _Latex(Outline):
 
     def align(self, rows: Sequence[Typeset]) -> None:
         """Write rows left &= right; long ones are broken before a sign."""
-        lines = [line for row in rows for line in _lines(*row)]
+        lines = []
+        for left, terms, tail in rows:
+            # Where an equation is all to the right of the mark, its = is in the terms.
+            head = f"{left} &= " if left else "& "
+            lines += _filled(head, terms, LONGEST_LINE - _width(left), r"&\quad ")
+            lines[-1] += tail
         if lines:
             body = " \\\\\n  ".join(lines)
             self.lines.append(f"\\begin{{align*}}\n  {body}\n\\end{{align*}}")
@@ -171,7 +172,9 @@ class _Latex(Outline):
         over, under = write.fraction(term)
         below = write.product(under)
         if _width(below) > room:
-            below = self._stacked(under, room - 4)  # of its sign, too
+            parts = self.pieces(sp.Mul(*under, evaluate=False), room - 4)  # its sign
+            stack = r" \\ ".join(_filled("", parts, room - 4, ""))
+            below = rf"\begin{{gathered}} {stack} \end{{gathered}}"
             above = write.product(over)
             if _width(above) <= room:
                 return [(sign, rf"\frac{{{above}}}{{{below}}}")]
@@ -195,12 +198,6 @@ class _Latex(Outline):
         found[-1] = found[-1][0], rf"{found[-1][1]}\bigr){power}{after}"
         return found
 
-    def _stacked(self, under: list[Any], room: int) -> str:
-        """Give a denominator in several lines."""
-        parts = self.pieces(sp.Mul(*under, evaluate=False), room)
-        stack = r" \\ ".join(_filled("", parts, room, ""))
-        return rf"\begin{{gathered}} {stack} \end{{gathered}}"
-
     # Sections
 
     def _equations(self, lines: Sequence[tuple[Part, list[Row]]]) -> None:
@@ -209,16 +206,10 @@ class _Latex(Outline):
             self.lines.append(f"For ${self.show(line['coordinate'])}$:")
             self._rows(terms)
         self.lines.append("The equations of motion are")
-        self._balances([(line["left"], line["right"]) for line, _ in lines])
+        self._balance(*((line["left"], line["right"]) for line, _ in lines))
 
-    def _balance(self, left: Any, right: Any) -> None:
-        self._balances([(left, right)])
-
-    def _balances(self, equations: Sequence[tuple[Any, Any]]) -> None:
-        self.align(self._motion(equations))
-
-    def _motion(self, equations: Sequence[tuple[Any, Any]]) -> list[Typeset]:
-        """Give the equations, one = under the other where there is room."""
+    def _balance(self, *equations: tuple[Any, Any]) -> None:
+        """Write equations, one = under the other where there is room."""
         found = []
         for left, whole in equations:
             right = self.pieces(whole, LONGEST_LINE)
@@ -228,11 +219,13 @@ class _Latex(Outline):
             for left, _, right in found
         ]
         if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
-            return [(left, right, "") for left, _, right in found]
-        return [
-            ("", [*self.pieces(left, LONGEST_LINE), *_equal_to(right)], "")
-            for _, left, right in found
-        ]
+            self.align([(left, right, "") for left, _, right in found])
+            return
+        rows = list[Typeset]()
+        for _, left, [(sign, text), *rest] in found:
+            first = "=", text if sign == "+" else f"{sign} {text}"
+            rows.append(("", [*self.pieces(left, LONGEST_LINE), first, *rest], ""))
+        self.align(rows)
 
     def _square(self, letter: str, rows: Rows) -> None:
         inside = " \\\\\n  ".join(" & ".join(row) for row in rows)
@@ -254,15 +247,6 @@ class _Latex(Outline):
         self._say(rf"\[ {text} \]")
 
 
-def _lines(left: str, terms: Pieces, tail: str) -> list[str]:
-    """Give the lines of one row: left &= terms."""
-    # Where an equation is all to the right of the mark, its = is among the terms.
-    line = f"{left} &= " if left else "& "
-    room = LONGEST_LINE - _width(left)
-    *lines, last = _filled(line, terms, room, r"&\quad ")
-    return [*lines, last + tail]
-
-
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
     """Give lines with room for so much, filled with parts; `begin` starts the next."""
     lines, used = [], 0
@@ -275,12 +259,6 @@ def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
         line += shown + text + " "
         used += _width(text) + 3
     return [*lines, line.rstrip()]
-
-
-def _equal_to(terms: Pieces) -> Pieces:
-    """Give the terms of a right side, the first behind the sign of equality."""
-    (sign, text), *rest = terms
-    return [("=", text if sign == "+" else f"{sign} {text}"), *rest]
 
 
 # What text, outside of formulas, has in LaTeX that Markdown writes otherwise: of the

@@ -162,7 +162,13 @@ class Separation:
         self._still = frozenset(self._rate)
         self._moving = frozenset((*self._owner, *self._speeds))
         self.names: dict[str, Name] = {}
-        self._seed = self._seeds()
+        # Rates by which all is differentiated in time; of words they are variables.
+        accelerations = map(g.variable, e.accelerations)
+        self._seed = flow.forward | dict(zip(flow.rates, accelerations, strict=True))
+        self._seed |= {n: self._rate[n] for n in positions}
+        for n in (n for n in words if n in self._moving):
+            name = replace(words[n], order=words[n].order + 1)
+            self._seed[n] = self._variable(name)
         self.momenta: Found = {}
         self.forces: Found = {}
         self.reactions: Found = {}
@@ -175,17 +181,6 @@ class Separation:
         called = rate_of(called, name.order)
         self.names[called] = name
         return self._g.variable(called)
-
-    def _seeds(self) -> Gradient:
-        """Rates by which all is differentiated in time; of words they are variables."""
-        e, g, words = self._e, self._g, self._words
-        seed = dict(self._flow.forward)
-        seed |= zip(self._flow.rates, map(g.variable, e.accelerations), strict=True)
-        for n in self._held:
-            seed[n] = self._rate[n]
-        for n in (n for n in words if n in self._moving):
-            seed[n] = self._variable(replace(words[n], order=words[n].order + 1))
-        return seed
 
     def _back(self, kind: str, found: Gradient, variables: frozenset[int]) -> Found:
         """Carry slopes on through the definitions of velocities, from last to first.

@@ -60,14 +60,6 @@ class Spelled(sp.Function):  # type: ignore[misc]
         return True
 
 
-def _class_name(row: Function) -> str:
-    """Give a name that sympy has not; its simplifiers go by them, and its order."""
-    name = row.name.capitalize()
-    if row.step:
-        return f"{name}Step"
-    return f"{name}Branch" if row.branches else f"Real{name}"
-
-
 def _power(base: Any, exponent: Any) -> Any:
     _refuse_digits(base, exponent)
     return base**exponent
@@ -105,9 +97,15 @@ def _table(name: str, orders: tuple[int, ...]) -> type[Spelled]:
 
 
 def _twin(row: Function) -> Callable[..., Any]:
-    if row.sympy is None:
-        return type(_class_name(row), (Spelled,), {"spelled": row.name})
-    return partial(row.sympy, sp)
+    if row.sympy is not None:
+        return partial(row.sympy, sp)
+    name = row.name.capitalize()
+    if row.step:
+        name += "Step"
+    else:
+        name = f"{name}Branch" if row.branches else f"Real{name}"
+    # sympy has none of these names; its simplifiers go by them, and its order.
+    return type(name, (Spelled,), {"spelled": row.name})
 
 
 TWINS = {name: _twin(row) for name, row in OPERATIONS.items()}
@@ -261,7 +259,11 @@ class Translation:
         given = [p for p in model.parameters if substitute]
         self.known = {g.variable(p.name): number(p.value) for p in given}
         kept = self._well_read(physics) if named is None else named
-        self.kept = self._keep(kept)
+        self.kept = {}
+        for n, name in sorted(kept.items()):
+            s = symbol(rate_of(name.base, name.order))
+            self.kept[s] = self._value(n)
+            self.known[n] = s
         self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters, kept)
         rates = (self.known[n] for n, name in kept.items() if name.order)
@@ -297,15 +299,6 @@ class Translation:
             if named or g.ops[n] in _ROOTS or sum_inside:
                 wanted[n] = Name(d.name)
         return wanted
-
-    def _keep(self, named: Mapping[int, Name]) -> dict[Any, Any]:
-        """Have nodes known by their names; give what each symbol stands for."""
-        kept = {}
-        for n, name in sorted(named.items()):
-            s = symbol(rate_of(name.base, name.order))
-            kept[s] = self._value(n)
-            self.known[n] = s
-        return kept
 
     def _value(self, node: int) -> Any:
         twins = {**TWINS, "if": self._choice}
@@ -380,18 +373,16 @@ class Translation:
             Where all that is asked for, written out, is longer than the limit.
         """
         nodes = list(nodes)
-        self._count([n for n in nodes if n is not None])
-        return [
-            None if n is None else self.tidy(self._value(n), written=written)
-            for n in nodes
-        ]
-
-    def _count(self, nodes: list[int]) -> None:
-        extents = written_out(self.g, nodes, self._extents)
+        present = (n for n in nodes if n is not None)
+        extents = written_out(self.g, present, self._extents)
         self._operations += together(extents).operations
         if self._operations > limits.DERIVED_OPERATIONS:
             most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
             raise too_long(f"the equations, written out, have more than {most}")
+        return [
+            None if n is None else self.tidy(self._value(n), written=written)
+            for n in nodes
+        ]
 
     def node(self, e: Any, original: int) -> int:
         """Give a node for `e`, the tidy form of `original`.

@@ -188,7 +188,7 @@ class Outline:
         ]
         for row in self.families.rows(lines):
             self._say(f"for {self._named(row)}:")
-            self._balance(*row.parts)
+            self._balance((row.parts[0], row.parts[1]))
         self._rates_and_events()
 
     def _rates_and_events(self) -> None:
@@ -428,14 +428,15 @@ class Outline:
             for label, *value in terms:
                 self._equals(label + " " * (width - _width(label)), *value)
             self.lines.append("")
-            self._balance(line["left"], line["right"])
+            self._balance((line["left"], line["right"]))
 
-    def _balance(self, left: Any, right: Any) -> None:
-        sides = f"  {self.write(left)}", f" = {self.write(right)}"
-        if _width("".join(sides)) > WIDTH:
-            self.lines += [*_folded(sides[0], 5), *_folded(f"     {sides[1]}", 7)]
-        else:
-            self.lines.append("".join(sides))
+    def _balance(self, *equations: tuple[Any, Any]) -> None:
+        for left, right in equations:
+            sides = f"  {self.write(left)}", f" = {self.write(right)}"
+            if _width("".join(sides)) > WIDTH:
+                self.lines += [*_folded(sides[0], 5), *_folded(f"     {sides[1]}", 7)]
+            else:
+                self.lines.append("".join(sides))
 
     def _square(self, letter: str, rows: Rows) -> None:
         widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]

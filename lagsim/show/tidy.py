@@ -22,7 +22,7 @@ from lagsim.language.forms import Turning, add_term
 from lagsim.language.sparse import Budget, TooLongError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from lagsim.language.forms import Terms
 
@@ -421,18 +421,14 @@ def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
     """Give what all terms have in common, the number in front of it, and the rest."""
     if len(terms) < 2:
         return 0, 1, terms
-    common, number = sums.common(terms), _content([*terms.values()])
+    over = math.gcd(*(x.numerator for x in terms.values()))
+    under = math.lcm(*(x.denominator for x in terms.values()))
+    common, number = sums.common(terms), Fraction(over, under)
     if max(abs(x / number) for x in terms.values()) > LARGEST_WHOLE:
         number = Fraction(1)  # decimals with many digits
     if all(x < 0 for x in terms.values()):
         number = -number
     return common, number, {m - common: x / number for m, x in terms.items()}
-
-
-def _content(numbers: Sequence[int | Fraction]) -> Fraction:
-    """Give the greatest common divisor."""
-    over = math.gcd(*(x.numerator for x in numbers))
-    return Fraction(over, math.lcm(*(x.denominator for x in numbers)))
 
 
 def cost(e: Any) -> int:
