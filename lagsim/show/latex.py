@@ -221,7 +221,7 @@ class _Latex(Outline):
         if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
             self.align([(left, right, "") for left, _, right in found])
             return
-        rows = list[Typeset]()
+        rows: list[Typeset] = []
         for _, left, [(sign, text), *rest] in found:
             first = "=", text if sign == "+" else f"{sign} {text}"
             rows.append(("", [*self.pieces(left, LONGEST_LINE), first, *rest], ""))
