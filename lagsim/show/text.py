@@ -516,7 +516,7 @@ _PLACES = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )"), re.compile(r"(?<=\S) (?=
 def _folded(line: str, indent: int) -> list[str]:
     """Break a line that is too long, within as few parentheses as can be."""
     lines, depth = [], 0
-    while at := _break(line[: 4 * WIDTH], indent + 6):
+    while at := _break(line[: 2 * WIDTH], indent + 6):  # with combining marks
         lines.append(line[:at])
         depth += line.count("(", 0, at) - line.count(")", 0, at)
         line = " " * (indent + 4 * (depth > 0)) + line[at + 1 :]
@@ -532,7 +532,7 @@ def _break(line: str, least: int) -> int:
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))
     for place in _PLACES:
-        found = [m.start() for m in place.finditer(line, least, fits + 3)]
-        if found:
-            return min(found, key=lambda x: (depths[x], -x))
+        found = (m.start() for m in place.finditer(line, least, fits + 3))
+        if fit := [x for x in found if x <= fits]:
+            return min(fit, key=lambda x: (depths[x], -x))
     return 0

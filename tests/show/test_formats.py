@@ -311,3 +311,20 @@ def test_a_factor_of_latex_longer_than_a_line_keeps_its_power():
     check(document)
     for power in ("15", "13"):  # in V, and in its slopes
         assert rf"\bigr)^{{\frac{{{power}}}{{2}}}}" in document
+
+
+@pytest.mark.parametrize("name", ["q", "a_longer_name"])
+def test_nested_choices_are_broken_within_the_width(name):
+    inner = name
+    for k in range(15):
+        inner = f"{'min' if k % 2 else 'max'}({inner}, {k + 2}*{name}^2)"
+    text = as_text(
+        small(f"""
+coordinates: {{{name}: {{}}}}
+energy: {{kinetic: {name}_dot^2, potential: "{inner}"}}
+initial: {{{name}: 0.1}}
+""")
+    )
+    row = re.search(r"\n  V = (.*?)\n  L", text, re.DOTALL)[1]
+    assert row.count("(") == row.count(")") == 15
+    assert max(map(len, row.split("\n"))) <= 100
