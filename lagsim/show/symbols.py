@@ -30,7 +30,7 @@ from lagsim.language.names import rate_of
 from lagsim.language.tables import arguments, written
 from lagsim.model.model import APPROACH_SPEED, Level
 from lagsim.show.names import Name
-from lagsim.show.tidy import Tidier, circular, not_finite, too_long
+from lagsim.show.tidy import Tidier, not_finite, too_long
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -109,7 +109,6 @@ def _twin(row: Function) -> Callable[..., Any]:
 
 
 TWINS = {name: _twin(row) for name, row in OPERATIONS.items()}
-TWINS |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
 TWINS |= {"pow": _power, "exp": _exp}
 
 

@@ -163,25 +163,8 @@ class Sums(Turning[Any]):
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
         """Give that of a + sign b, a number in front of it apart."""
-        number, factor = circular(getattr(sp, op), a + sign * b).as_coeff_Mul()
+        number, factor = getattr(sp, op)(a + sign * b).as_coeff_Mul()
         return exact(number), 0 if factor == 1 else self.power(factor)
-
-
-def circular(function: Any, angle: Any) -> Any:
-    """Give sin or cos as sympy does; a sum of symbols is no multiple of pi."""
-    parts = (p.is_Rational or p.as_coeff_Mul()[1].is_Symbol for p in angle.args)
-    if not angle.is_Add or not all(parts):
-        return function(angle)
-    turned, positive = _direction(angle)
-    value = function(positive, evaluate=False)
-    return -value if turned and function is sp.sin else value
-
-
-@functools.lru_cache(maxsize=10_000)
-def _direction(angle: Any) -> tuple[bool, Any]:
-    """Tell whether sympy keeps the opposite of a sum, and give what it keeps."""
-    turned = angle.could_extract_minus_sign()
-    return turned, -angle if turned else angle
 
 
 # Products of terms, and looks at pairs of them, for one form of one expression. An
