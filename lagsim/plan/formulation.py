@@ -34,10 +34,11 @@ from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from lagsim.admissibility.examination import Start
     from lagsim.errors import Place
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings
 
@@ -100,8 +101,6 @@ def formulate(
         Where the formulation asked for cannot be had.
     """
     asked, place = settings.formulation, settings.formulation_place
-    if equations.laws and asked == "auto":
-        return _at_times(equations, start)
     if asked == "auto":
         return _chosen(equations, start, suits)
     try:
@@ -148,22 +147,28 @@ def _whole(
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
 
 
-def _at_times(equations: Equations, start: Start) -> Formulation:
-    """Project onto the constraints while they hold."""
-    count = len({law.constraint for law in equations.laws})
-    what = "constraint that holds" if count == 1 else "constraints that hold"
-    reason = f"{count} {what} at times"
-    return _whole(equations, start, "projection", reason, projected=True)
-
-
-def _projection(equations: Equations, start: Start) -> Formulation:
-    rows = equations.rows
-    held = sum(row.holonomic for row in rows)
-    if held:
+def _full(equations: Equations, start: Start) -> Formulation:
+    """Formulation with all that the model has."""
+    rows, laws = equations.rows, {law.constraint for law in equations.laws}
+    name, held = _projection(rows), sum(row.holonomic for row in rows)
+    if laws:
+        name = "projection"
+        one = len(laws) == 1
+        what = "constraint that holds" if one else "constraints that hold"
+        reason = f"{len(laws)} {what} at times"
+    elif held:
         reason = f"{held} of {len(rows)} constraints are of positions"
-        return _whole(equations, start, "projection", reason, projected=True)
-    reason = "the constraints are of velocities"
-    return _whole(equations, start, "velocity projection", reason, projected=True)
+    else:
+        reason = "the constraints are of velocities" if rows else "no constraints"
+    return _whole(equations, start, name, reason, projected=bool(rows or laws))
+
+
+def _projection(rows: Sequence[Row]) -> str:
+    """Name of the formulation that projects onto `rows`."""
+    if not rows:
+        return "none"
+    held = any(row.holonomic for row in rows)
+    return "projection" if held else "velocity projection"
 
 
 def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
@@ -177,7 +182,7 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
     if e.laws:
         if name not in ("full", "projection"):
             raise _CannotError("the model has constraints that come and go")
-        return _at_times(e, start)
+        return _full(e, start)
     if name in ("full", "apart"):
         return _full(e, start)
     if name == "ignorable":
@@ -248,18 +253,12 @@ def _stabilised(equations: Equations) -> Equations:
     return replace(equations, rows=tuple(rows))
 
 
-def _full(equations: Equations, start: Start) -> Formulation:
-    if equations.rows:
-        return _projection(equations, start)
-    return _whole(equations, start, "none", "no constraints")
-
-
 def _chosen(
     equations: Equations, start: Start, suits: Callable[[Equations], bool]
 ) -> Formulation:
     """Return the least costly of the formulations that the method can handle."""
     whole = _full(equations, start)
-    candidates = _candidates(equations, start)
+    candidates = [] if equations.laws else _candidates(equations, start)
     if not candidates:
         return whole
     full = step_cost(equations)
@@ -297,23 +296,18 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     """Formulation of a reduction, with its start and its choices."""
     rows = reduction.equations.rows
-    choices, name = [], "none"
+    name = _projection(rows)
     if reduction.eliminated:
         name = "elimination"
         given = [f"{q} from {row}" for q, row in reduction.eliminated]
         more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
-        pairs = ", ".join([*given[:SHOWN], *more])
-        left = ""
+        why = f"{', '.join([*given[:SHOWN], *more])}: {reason}"
         if rows:
             many = "constraint is" if len(rows) == 1 else "constraints are"
-            left = f"; {len(rows)} {many} left and projected"
-        choices.append(Choice(f"formulation: {name}", f"{pairs}: {reason}{left}"))
-    elif rows:
-        held = any(row.holonomic for row in rows)
-        name = "projection" if held else "velocity projection"
-        choices.append(Choice(f"formulation: {name}", "for the constraints"))
+            why += f"; {len(rows)} {many} left and projected"
     else:
-        choices.append(Choice("formulation: none", "no constraints"))
+        why = "for the constraints" if rows else "no constraints"
+    choices = [Choice(f"formulation: {name}", why)]
     if reduction.ignored:
         what = f"ignorable: {', '.join(reduction.ignored)}"
         choices.append(Choice(what, f"momentum is conserved: a quadrature; {reason}"))
