@@ -477,7 +477,7 @@ def contact_status(
     if sound:
         laws = acting(point, verdicts)
         paradox = laws.paradox
-        found = [_with_mode(x, laws.modes, laws.struck, point) for x in verdicts]
+        found = [_with_mode(x, laws, point) for x in verdicts]
     bounded = (Kind.LIMITED, Kind.SLIDER)
     limited = {x.constraint: x.row for x in point.e.laws if x.kind in bounded}
     held = [
@@ -497,17 +497,17 @@ class Acting(NamedTuple):
 
     Attributes
     ----------
-    rows : list of Row
+    rows : sequence of Row
         Those that may act.
     multipliers : ndarray
         One for each of these.
     """
 
     modes: Mapping[int, Mode]
-    struck: Collection[str]
-    paradox: bool
-    rows: list[Row]
-    multipliers: Floats
+    struck: Collection[str] = ()
+    paradox: bool = False
+    rows: Sequence[Row] = ()
+    multipliers: Floats = np.zeros(0)
 
     @property
     def holding(self) -> set[int]:
@@ -517,8 +517,34 @@ class Acting(NamedTuple):
 
 def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
     """Decide what laws do, of which those whose verdicts are active act."""
-    found = _acting(point, verdicts)
-    return found._replace(modes={**found.modes, **_sliders(point)})
+    laws, sliders = point.e.laws, _sliders(point)
+    active = {v.name for v in verdicts if v.active}
+    chosen = [
+        k
+        for k, law in enumerate(laws)
+        if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
+    ]
+    if not chosen:
+        return Acting(sliders)
+    before = _Rows(point, chosen)
+    rates, rounding = before.rates, before.rounding
+    approach = [k for k, low in zip(chosen, rates < -rounding, strict=True) if low]
+    struck = {laws[k].constraint for k in approach if laws[k].kind is Kind.CONTACT}
+    if struck:
+        hit = impact(before.closed, rates, rounding)
+        point = point.at(v=point.v + before.answer.response @ hit.impulses)
+        terms = np.abs(before.closed.D) @ np.abs(hit.impulses) + np.abs(rates)
+        rates, rounding = hit.after, rounding + RESIDUAL_ROUNDOFF * terms
+    parts = [k for k, high in zip(chosen, rates > rounding, strict=True) if high]
+    gone = {k for k in parts if laws[k].kind.one_sided}
+    left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
+    if not left:
+        return Acting(sliders, struck)
+    after = _Rows(point, left)
+    small = rounding[[chosen.index(k) for k in left]]
+    found = modes(after.closed, *after.accelerations(), small)
+    own = {**dict(zip(left, found.mode, strict=True)), **sliders}
+    return Acting(own, struck, found.paradox, after.rows, found.multipliers)
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
@@ -530,64 +556,23 @@ def _sliders(point: Point) -> dict[int, Mode]:
     for k, x in own.items():  # the velocities of what sticks
         slip, slope = point.array([laws[k].row.rate, laws[k].row.A[x.coordinate]])
         v[x.coordinate] -= slip / slope
-    point, found = point.at(v=v), {}
+    point, found = point.at(v=v), dict[int, Mode]()
     for k, x in own.items():
         if x.first:
             nodes = [x.limit, *tangent(point.g, [x.limit], point.e.flow.forward)]
             inside, rate = point.array(nodes)
             small, slow = CAUTION * point.rounding(nodes)
             slides = inside <= small and (rate < -slow or inside < -small)
-            found[k] = Mode.SLIDING if slides else Mode.HELD
-            if laws[k].pair >= 0:
-                found[laws[k].pair] = found[k]
+            pair = (laws[k].pair,) if laws[k].pair >= 0 else ()
+            found |= dict.fromkeys((k, *pair), Mode.SLIDING if slides else Mode.HELD)
     return found
-
-
-def _acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
-    """Decide what all laws do but sliders without mass."""
-    active = {v.name for v in verdicts if v.active}
-    laws = point.e.laws
-    idle = Acting({}, (), False, [], np.zeros(0))
-    chosen = [
-        k
-        for k, law in enumerate(laws)
-        if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
-    ]
-    if not chosen:
-        return idle
-    before = _Rows(point, chosen)
-    rates, rounding = before.rates, before.rounding
-    struck = {
-        laws[k].constraint
-        for k, rate, small in zip(chosen, rates, rounding, strict=True)
-        if laws[k].kind is Kind.CONTACT and rate < -small
-    }
-    if struck:
-        hit = impact(before.closed, rates, rounding)
-        point = point.at(v=point.v + before.answer.response @ hit.impulses)
-        terms = np.abs(before.closed.D) @ np.abs(hit.impulses) + np.abs(rates)
-        rates, rounding = hit.after, rounding + RESIDUAL_ROUNDOFF * terms
-    gone = {
-        k
-        for k, rate, small in zip(chosen, rates, rounding, strict=True)
-        if laws[k].kind.one_sided and rate > small
-    }
-    left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
-    if not left:
-        return idle._replace(struck=struck)
-    after = _Rows(point, left)
-    small = rounding[[chosen.index(k) for k in left]]
-    found = modes(after.closed, *after.accelerations(), small)
-    decided = dict(zip(left, found.mode, strict=True))
-    return Acting(decided, struck, found.paradox, after.rows, found.multipliers)
 
 
 class _Rows:
     """Rows of laws in numbers: r of them, those numbered `chosen`."""
 
     def __init__(self, point: Point, chosen: Sequence[int]) -> None:
-        self.point = point
-        laws = [point.e.laws[k] for k in chosen]
+        self.point, laws = point, [point.e.laws[k] for k in chosen]
         self.rows = [law.row for law in laws]
         nodes = [row.rate for row in self.rows]
         self.rates = point.array(nodes)
@@ -596,23 +581,14 @@ class _Rows:
         self.rounding = np.maximum(rounding, CONVERGED * np.array(bodies))
         self.R = point.jacobian(self.rows)
         self.answer = delassus(point.mass_matrix, point.gradients, self.R)
-        place = {k: i for i, k in enumerate(chosen)}
-        self.closed = Closed(
-            D=self.answer.D,
-            kinds=tuple(law.kind for law in laws),
-            normals=tuple(place.get(law.normal, -1) for law in laws),
-            pairs=tuple(place.get(law.pair, -1) for law in laws),
-            bounds=np.maximum(point.array([law.bound for law in laws]), 0.0),
-            statics=np.maximum(point.array([law.static for law in laws]), 0.0),
-            restitutions=point.array(
-                [
-                    point.g.constant(x.restitution) if x.bounce is None else x.bounce
-                    for x in laws
-                ]
-            ),
-            poisson=tuple(law.poisson for law in laws),
-            factor=self.answer.factor,
-        )
+        g = point.g
+        bounces = [
+            g.constant(x.restitution) if x.bounce is None else x.bounce for x in laws
+        ]
+        limits = ([x.bound for x in laws], [x.static for x in laws])
+        bounds, statics = (np.maximum(point.array(x), 0.0) for x in limits)
+        known = bounds, statics, point.array(bounces)
+        self.closed = Closed.of(point.e.laws, chosen, self.answer, *known)
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
         """Accelerations without the forces of these laws; rates; their roundoff."""
@@ -637,21 +613,19 @@ def _accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
     return forced + K @ (f - M @ forced), terms, K
 
 
-def _with_mode(
-    verdict: Verdict, found: Mapping[int, Mode], struck: Collection[str], point: Point
-) -> Verdict:
+def _with_mode(verdict: Verdict, found: Acting, point: Point) -> Verdict:
     """Say what a constraint does."""
     if verdict.active is None or verdict.mode:
         return verdict
     laws = point.e.laws
-    own = {k: laws[k].kind for k in found if laws[k].constraint == verdict.name}
+    own = [k for k in found.modes if laws[k].constraint == verdict.name]
     kind = next(x.kind for x in laws if x.constraint == verdict.name)
-    main = [found[k] for k, x in own.items() if x is not Kind.SLIP]
-    slips = [found[k] for k, x in own.items() if x is Kind.SLIP]
-    holds = bool(main) and main[0] in _HELD
+    slips = [k for k in own if laws[k].kind is Kind.SLIP]
+    main = [k for k in own if k not in slips]
+    holds = bool(main) and main[0] in found.holding
     mode = kind.words[0 if holds else 1]
-    if kind in (Kind.CONTACT, Kind.TIMED) and verdict.name in struck:
+    if kind in (Kind.CONTACT, Kind.TIMED) and verdict.name in found.struck:
         mode = "impact"
     elif kind in (Kind.CONTACT, Kind.TIMED) and holds and slips:
-        mode = Kind.SLIP.words[0 if all(x in _HELD for x in slips) else 1]
+        mode = Kind.SLIP.words[0 if found.holding.issuperset(slips) else 1]
     return verdict._replace(holds=holds, mode=mode)

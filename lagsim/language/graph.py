@@ -8,9 +8,17 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
+import operator
 from collections import defaultdict
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Concatenate,
+    NamedTuple,
+    ParamSpec,
+    TypeVar,
+)
 
 from lagsim import limits
 from lagsim.errors import InputError, Place, Problem
@@ -31,10 +39,22 @@ CONSTANT = "constant"
 VARIABLE = "variable"
 TRUTH = "truth"
 DATA = "data"
-# Degrees up to this are distinguished; chained squares would have millions.
-MOST_DEGREE = 32
 # To look at so many nodes takes as long as to make one.
 LOOKUPS = 7
+
+
+class Degrees(NamedTuple):
+    """The least and the greatest degree of the terms of a polynomial."""
+
+    least: float
+    most: float
+
+    def __or__(self, other: Degrees) -> Degrees:
+        """Degrees of the terms of a sum."""
+        return Degrees(min(self.least, other.least), max(self.most, other.most))
+
+
+FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # what is not named, and 0
 
 
 class TooMuchError(InputError):
@@ -267,43 +287,31 @@ class Graph:
         rows = (OPERATIONS.get(self.ops[n]) for n in self.dependent(nodes, names))
         return sum(row.cost for row in rows if row is not None)
 
-    def degree(self, node: int, names: Collection[str]) -> frozenset[int] | None:
+    def degree(self, node: int, names: Collection[str]) -> Degrees | None:
         """Degrees of the terms of `node` as a polynomial in `names`.
 
-        An upper bound: terms that would cancel are counted, and what is beyond
-        MOST_DEGREE stands there as the next two degrees, of no one degree. None where
-        `node` is not (seen to be) a polynomial in them; the empty set for zero.
+        Bounds: terms that would cancel are counted. None where `node` is not (seen to
+        be) a polynomial in them.
         """
         return self.degrees([node], names)[0]
 
     def degrees(
         self, nodes: Iterable[int], names: Collection[str]
-    ) -> list[frozenset[int] | None]:
-        """Degrees of several, as `degree` does."""
+    ) -> list[Degrees | None]:
+        """Degrees of several, as `degree` gives them."""
         nodes, names = list(nodes), frozenset(names)
-        found: dict[int, frozenset[int] | None] = {}
-        flat, still = frozenset((0,)), set[int]()
+        found: dict[int, Degrees | None] = {self.zero: NOTHING}
         for n in self.cone(nodes):
-            op = self.ops[n]
-            if op == VARIABLE:
-                inside = self._payload[n] in names
-                found[n] = frozenset((1,)) if inside else flat
-            elif op in (CONSTANT, TRUTH, DATA):
-                found[n] = frozenset() if n == self.zero else flat
-            elif still.issuperset(self.args[n]):
-                found[n] = flat
-            else:
-                found[n] = self._degree_of(n, op, [found[a] for a in self.args[n]])
-            if found[n] is flat:
-                still.add(n)
+            if self.ops[n] == VARIABLE and self._payload[n] in names:
+                found[n] = Degrees(1, 1)
+            elif n != self.zero:
+                found[n] = self._degrees_of(n, [found[a] for a in self.args[n]])
         return [found[n] for n in nodes]
 
-    def _degree_of(
-        self, n: int, op: str, below: list[frozenset[int] | None]
-    ) -> frozenset[int] | None:
-        flat = frozenset((0,))
-        if all(d is not None and d <= flat for d in below):
-            return flat
+    def _degrees_of(self, n: int, below: list[Degrees | None]) -> Degrees | None:
+        op = self.ops[n]
+        if all(d in (FLAT, NOTHING) for d in below):
+            return FLAT
         known = [d for d in below if d is not None]
         if len(known) < len(below):
             return None
@@ -312,23 +320,15 @@ class Graph:
         if op == "neg":
             return known[0]
         if op == "mul":
-            return _summed(known[0], known[1])
-        if op == "div" and known[1] <= flat:
+            return Degrees(*map(operator.add, *known))
+        if op == "div" and known[1] in (FLAT, NOTHING):
             return known[0]
-        if op == "if" and known[0] <= flat:
+        if op == "if" and known[0] in (FLAT, NOTHING):
             return known[1] | known[2]
-        if op == "pow":
-            return self._degree_of_power(n, known[0])
+        exponent = self.value(self.args[n][-1]) if op == "pow" else None
+        if exponent in (2.0, 3.0, 4.0, 5.0, 6.0):
+            return Degrees(*(int(exponent) * d for d in known[0]))
         return None
-
-    def _degree_of_power(self, n: int, base: frozenset[int]) -> frozenset[int] | None:
-        exponent = self.value(self.args[n][1])
-        if exponent is None or exponent not in (2.0, 3.0, 4.0, 5.0, 6.0):
-            return None
-        degrees = frozenset((0,))
-        for _ in range(int(exponent)):
-            degrees = _summed(degrees, base)
-        return degrees
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
         """`nodes` with each key of `new` replaced by its value."""
@@ -351,15 +351,6 @@ def _too_many(most: int) -> InputError:
     text = f"the equations of this model take more than {most:,} operations"
     hint = "fewer coordinates that stand in one product or sum give shorter ones"
     return InputError([Problem("too-large", text, None, hint)])
-
-
-def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
-    """Degrees of the terms of a product."""
-    sums = frozenset(i + j for i in one for j in other)
-    if max(sums, default=0) <= MOST_DEGREE:
-        return sums
-    beyond = (MOST_DEGREE + 1, MOST_DEGREE + 2)
-    return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
 
 
 def memoized(

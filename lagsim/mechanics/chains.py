@@ -36,7 +36,7 @@ from lagsim.model.model import Level
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from lagsim.language.graph import Graph
+    from lagsim.language.graph import Degrees, Graph
     from lagsim.mechanics.constraints import Flow
     from lagsim.model.model import Model
 
@@ -170,10 +170,10 @@ def chains(
         The square of one velocity is that of a sum where its factor depends on these.
     """
     cone = g.cone([lagrangian])
-    powers = g.degrees(cone, names)
-    if powers[-1] is None or max(powers[-1], default=0) > 2:
+    found = g.degrees(cone, names)
+    if found[-1] is None or found[-1].most > 2:
         return None
-    degrees = dict(zip(cone, map(_degree, powers), strict=True))
+    degrees = dict(zip(cone, map(_degree, found), strict=True))
     try:
         products = _products(g, cone, degrees)
         uses = Counter(a for pair in products for a in set(pair))
@@ -210,8 +210,8 @@ def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
     return {i: node for i, node in total.items() if node != g.zero}
 
 
-def _degree(powers: frozenset[int] | None) -> int:
-    return HIGHER if powers is None else min(HIGHER, max(powers, default=FLAT))
+def _degree(powers: Degrees | None) -> int:
+    return HIGHER if powers is None else int(min(HIGHER, max(powers.most, FLAT)))
 
 
 def _products(

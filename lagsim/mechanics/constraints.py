@@ -120,7 +120,7 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     else:
         rate = node
         degrees = g.degree(node, flow.velocities)
-        homogeneous = degrees is not None and len(degrees) == 1
+        homogeneous = degrees is not None and degrees.least == degrees.most
         transport = g.zero if homogeneous else moved
         residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
@@ -135,7 +135,7 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
         residual_scale=residual_scale,
         rate_scale=scale_of(g, rate, flow.rates, A.entries),
         scleronomic="t" not in names,
-        pfaffian=degrees is not None and degrees <= frozenset((0, 1)),
+        pfaffian=degrees is not None and degrees.most <= 1,
     )
 
 

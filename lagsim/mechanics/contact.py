@@ -53,10 +53,11 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.complementarity import Solution
+    from lagsim.mechanics.constraints import Law
 
 
 class Mode(IntEnum):
@@ -100,6 +101,30 @@ class Closed:
     restitutions: Floats
     factor: Floats | None = None
     poisson: tuple[bool, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        laws: Sequence[Law],
+        some: Sequence[int],
+        reply: Delassus,
+        bounds: Floats,
+        statics: Floats,
+        restitutions: Floats,
+    ) -> Closed:
+        """Rows of some laws, by their numbers; all else is of these, in this order."""
+        own, place = [laws[k] for k in some], {k: i for i, k in enumerate(some)}
+        return cls(
+            D=reply.D,
+            kinds=tuple([law.kind for law in own]),
+            normals=tuple([place.get(law.normal, -1) for law in own]),
+            pairs=tuple([place.get(law.pair, -1) for law in own]),
+            bounds=bounds,
+            statics=statics,
+            restitutions=restitutions,
+            factor=reply.factor,
+            poisson=tuple([law.poisson for law in own]),
+        )
 
     @cached_property
     def bounded(self) -> Flags:

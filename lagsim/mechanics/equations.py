@@ -534,7 +534,7 @@ def _energy(
 ) -> tuple[int, bool]:
     if model.kinetic is not None and model.potential is not None:
         quadratic = g.degree(model.kinetic, velocities)
-        if quadratic is not None and quadratic <= frozenset((2,)):
+        if quadratic is not None and quadratic.least >= 2 >= quadratic.most:
             static = not g.depends([model.potential]) & velocities
             if static:
                 return g.call("add", model.kinetic, model.potential), True

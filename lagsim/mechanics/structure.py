@@ -52,8 +52,8 @@ def structure(equations: Equations) -> Structure:
         & frozenset(equations.velocities),
         autonomous="t" not in g.depends([*everything, *power]),
         linear=not constants & moving
-        and all(d is not None and d <= frozenset((0, 1)) for d in degrees)
-        and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
+        and all(d is not None and d.most <= 1 for d in degrees)
+        and all(d is not None and d.most <= 2 for d in of_power),
         unknowns=len(equations.q) + len(rows),
     )
 

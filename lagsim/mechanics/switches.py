@@ -315,31 +315,6 @@ class Mode(NamedTuple):
     smooth: tuple[float, float] = (0.0, 0.0)
 
 
-class StateSwitch(NamedTuple):
-    """A switch that depends on the state.
-
-    Attributes
-    ----------
-    function
-        The name of the function in the model's text: `if`, `sign`, ...
-    discrete
-        The node of its discrete function.
-    text
-        The expression that decides it, roughly as it was written.
-    """
-
-    function: str
-    discrete: int
-    text: str
-
-    def __str__(self) -> str:
-        """Switch as it may have been written."""
-        shown = self.text
-        if self.function == "if":
-            shown += ", ..."
-        return f"{self.function}({shown})"
-
-
 @dataclass(frozen=True, slots=True)
 class Switches:
     """The switches of a graph's expressions.
@@ -349,14 +324,14 @@ class Switches:
     modes
         The time switches, one per distinct discrete function.
     state
-        The state switches.
+        The state switches by their discrete functions, roughly as they were written.
     sides
         Where the state is with respect to the surfaces that the motion depends on.
     """
 
     graph: Graph
     modes: tuple[Mode, ...]
-    state: tuple[StateSwitch, ...]
+    state: Mapping[int, str]
     sides: tuple[Side, ...]
     _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
     _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
@@ -559,29 +534,21 @@ def find_switches(
         are passed, see `_smooth` and `_passed`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
-    finder.visit()
-    numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}
     orders = highest_orders(g, accelerations) if accelerations else {}
-    modes = tuple(
-        Mode(f"mode.{k}", d, _smooth(g, d, orders)) for d, k in numbers.items()
-    )
-    modes_of = {
-        n: g.variable(modes[numbers[d]].variable) for n, d in finder.time.items()
+    modes = {
+        d: Mode(f"mode.{k}", d, _smooth(g, d, orders))
+        for k, d in enumerate(sorted(set(finder.time.values())))
     }
-    state = {
-        discrete: StateSwitch(function, discrete, expression_text(g, *deciding))
-        for discrete, (function, deciding) in sorted(finder.state.items())
-    }
-    deciding_motion = frozenset(g.cone(dynamics))
-    deciding_motion -= ignored
-    watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
+    modes_of = {n: g.variable(modes[d].variable) for n, d in finder.time.items()}
+    state = dict(sorted(finder.state.items()))
+    among = frozenset(g.cone(dynamics)) - ignored
+    watched = sorted({d for n, d in finder.decided.items() if n in among})
     while True:
-        sides, sides_of = _sides(g, [state[d] for d in watched])
+        sides, sides_of = _sides(g, {d: state[d] for d in watched})
         roots = Roots.among(g, dynamics, sides, speeds)
-        floors = roots.floors
-        sides = tuple(s._replace(floor=floors.get(s.node, "")) for s in sides)
-        every = tuple(state.values())
-        found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
+        sides = tuple(s._replace(floor=roots.floors.get(s.node, "")) for s in sides)
+        known = tuple(modes.values()), state, sides
+        found = Switches(g, *known, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
         if len(moves) == len(watched):
             return _passed(g, found, orders, rates, speeds) if accelerations else found
@@ -589,19 +556,18 @@ def find_switches(
 
 
 def _sides(
-    g: Graph, switches: Sequence[StateSwitch]
+    g: Graph, switches: Mapping[int, str]
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
-    """Sides of `switches`, one for all that step together."""
+    """Sides of switches, one for all that step together."""
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
-    for switch in switches:
-        (surface,) = surfaces(g, switch.discrete)
+    for discrete, text in switches.items():
+        (surface,) = surfaces(g, discrete)
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
-        if key not in sides:
-            k = len(sides)
-            sides[key] = Side(f"side.{k}", f"sliding.{k}", *key, str(switch))
-        sides_of[switch.discrete] = g.variable(sides[key].variable), sign
+        k = len(sides)
+        side = sides.setdefault(key, Side(f"side.{k}", f"sliding.{k}", *key, text))
+        sides_of[discrete] = g.variable(side.variable), sign
     return tuple(sides.values()), sides_of
 
 
@@ -654,22 +620,18 @@ class _Finder:
         speeds: Collection[str],
     ) -> None:
         self.g = g
-        self.nodes = nodes
         found = g.dependents(nodes, moving, speeds, ("t",))
         self.moving, self.fast, timed = found
         self.timed = timed - self.moving
         self.time: dict[int, int] = {}  # switch or condition -> discrete function
-        self.state: dict[int, tuple[str, tuple[int, ...]]] = {}
+        self.state: dict[int, str] = {}  # discrete function -> text
         self.decided: dict[int, int] = {}  # state switch -> discrete function
-
-    def visit(self) -> None:
-        seen = set(self.nodes)
+        seen = set(nodes)
         stack = sorted(seen)
         while stack:
-            for a in self._below(stack.pop()):
-                if a not in seen:
-                    seen.add(a)
-                    stack.append(a)
+            below = [a for a in self._below(stack.pop()) if a not in seen]
+            seen.update(below)
+            stack += dict.fromkeys(below)
 
     def _below(self, n: int) -> tuple[int, ...]:
         """Record `n` if it is a switch; return where to go on."""
@@ -691,10 +653,13 @@ class _Finder:
         self.decided[n] = discrete
         # abs, min and max keep their name where their derivative is a switch too.
         if not plain or discrete not in self.state:
-            self.state[discrete] = ("if", (n,)) if row.condition else (op, args)
             if g.ops[args[0]] == "table.knot":
-                name, _, args_of_table = written(g, args[0])
-                self.state[discrete] = name, args_of_table
+                op, _, shown = written(g, args[0])
+                self.state[discrete] = f"{op}({expression_text(g, *shown)})"
+            elif row.condition:
+                self.state[discrete] = f"if({expression_text(g, n)}, ...)"
+            else:
+                self.state[discrete] = f"{op}({expression_text(g, *args)})"
         return args
 
 
@@ -722,20 +687,18 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     no difference to the motion. Those of time alone count where others are not located.
     """
     e = equations
-    dynamics = [*e.of_motion, *(row.transport for row in e.every_row)]
-    dynamics += [law.when for law in e.laws if law.when is not None]
-    state = e.state
+    beside = [row.transport for row in e.every_row]
+    beside += [law.when for law in e.laws if law.when is not None]
+    dynamics = (*e.of_motion, *beside)
     works = (x.name for x in e.works)
-    moving = (*state, *works, *e.accelerations, *e.multipliers)
-    sided = tuple(dynamics) if located else ()
+    moving = (*e.state, *works, *e.accelerations, *e.multipliers)
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
-    deciding = [*e.of_accelerations, *(row.transport for row in e.every_row)]
-    deciding += [law.when for law in e.laws if law.when is not None]
+    known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
+    if not e.model.tables:
+        return _found(e.graph, *known, sizes)
     rates = None if e.laws or e.states else tuple(row.rate for row in e.rows)
-    tables = (tuple(deciding), rates) if e.model.tables else ()
-    known = (*dynamics, e.energy), moving, sided, e.velocities, sizes
-    return _found(e.graph, *known, *tables)
+    return _found(e.graph, *known, sizes, (*e.of_accelerations, *beside), rates)
 
 
 _found = memoized(find_switches)

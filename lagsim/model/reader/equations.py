@@ -43,7 +43,7 @@ from lagsim.model.reader.sections import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
-    from lagsim.language.graph import Graph
+    from lagsim.language.graph import Degrees, Graph
     from lagsim.model.reader.expressions import Expressions
 
 _SUM = "a sum of velocities times what depends on positions would do"
@@ -161,7 +161,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     elif level is Level.OUTPUT:
         code, text = "output-only", f"{text}: it uses {level.text}"
         hint = "work on positions or velocities"
-    elif node is not None and level > 1 and not _degrees(node, x) <= {0, 1}:
+    elif node is not None and level > 1 and not _is_affine(node, x):
         code, text = "not-affine", f"{text}: it is not linear in the velocities"
         hint = _SUM
     if code:
@@ -169,14 +169,18 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     return None if code or node is None else (node, level)
 
 
-def _degrees(node: int, x: Expressions) -> frozenset[int]:
-    """Give the degrees in the velocities of the terms of a node, or {-1} for others."""
-    found = x.graph.degree(node, x.names.velocities())
-    return frozenset((-1,)) if found is None else found
+def _degrees(node: int, x: Expressions) -> Degrees | None:
+    """Give the degrees in the velocities of the terms of a node."""
+    return x.graph.degree(node, x.names.velocities())
 
 
 def _has_velocity(node: int, x: Expressions) -> bool:
     return not x.names.velocities().isdisjoint(x.graph.depends([node]))
+
+
+def _is_affine(node: int, x: Expressions) -> bool:
+    found = _degrees(node, x)
+    return found is not None and found.most <= 1
 
 
 # --- Relations: constraints, and `until`
@@ -375,7 +379,7 @@ class _Reader:
         self._refuse("not-an-equality", ["limit"], "is one-sided", hint)
         if not _has_velocity(relation.node, x):
             return self._contact(known=True)
-        if _degrees(relation.node, x) == frozenset((1,)):
+        if _degrees(relation.node, x) == (1, 1):
             hint = "a freewheel engages inelastically and without friction"
             self._refuse("not-a-contact", CONTACT, "is between velocities", hint)
             return OneSided(0.0)
@@ -491,7 +495,7 @@ class _Reader:
                 text, hint = f"{what} contains no velocity", "it is a sliding velocity"
                 if isinstance(part, Scalar) and part.text in x.names.moving():
                     hint = f"write {rate_of(part.text)}"
-            elif not _degrees(slip, x) <= {0, 1}:
+            elif not _is_affine(slip, x):
                 text, hint = f"{what} is not affine in the velocities", _SUM
             if text:
                 x.faults.add("not-affine", text, part, hint)

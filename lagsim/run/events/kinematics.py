@@ -14,7 +14,7 @@ import numpy as np
 
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import Closed, delassus
+from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import Delassus
     from lagsim.run.arc import Arc
 
 # How far a state is moved, by parts, to see what its rounding does; and these parts.
@@ -358,19 +357,8 @@ class Kinematics:
         self, some: Sequence[int], restitutions: Floats, reply: Delassus
     ) -> tuple[Closed, Floats]:
         """Rows of some laws as a problem, and what they do (n, r)."""
-        laws = [self.laws[k] for k in some]
-        places = {k: i for i, k in enumerate(some)}
         # All of them, as is usual, need no copies.
         at = slice(None) if len(some) == self.count else np.array(some)
-        closed = Closed(
-            D=reply.D[at][:, at],
-            kinds=tuple([law.kind for law in laws]),
-            normals=tuple([places.get(law.normal, -1) for law in laws]),
-            pairs=tuple([places.get(law.pair, -1) for law in laws]),
-            bounds=self.bounds[at],
-            statics=self.statics[at],
-            restitutions=restitutions,
-            poisson=tuple([law.poisson for law in laws]),
-            factor=reply.factor[:, at],
-        )
-        return closed, reply.response[:, at]
+        own = Delassus(reply.D[at][:, at], reply.response[:, at], reply.factor[:, at])
+        limits = self.bounds[at], self.statics[at]
+        return Closed.of(self.laws, some, own, *limits, restitutions), own.response
