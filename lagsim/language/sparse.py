@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
 
 
-class SparseVector(Sequence[int]):
-    """A tuple of nodes that keeps only those which do not vanish identically.
+class SparseVector:
+    """Nodes of which only those are kept that do not vanish identically.
 
-    It reads like a tuple, in time proportional to its length; what must not take that
-    long reads `entries`.
+    What must not take time in proportion to its length reads `entries`.
 
     Attributes
     ----------
@@ -29,28 +27,17 @@ class SparseVector(Sequence[int]):
     __slots__ = ("_length", "_zero", "entries")
 
     def __init__(self, g: Graph, length: int, entries: Mapping[int, int]) -> None:
-        self._length = length
-        self._zero = g.zero
+        self._length, self._zero = length, g.zero
         self.entries = {j: entries[j] for j in sorted(entries) if entries[j] != g.zero}
 
     def __len__(self) -> int:
         return self._length
 
-    @overload
-    def __getitem__(self, j: int) -> int: ...
-    @overload
-    def __getitem__(self, j: slice) -> tuple[int, ...]: ...
-    def __getitem__(self, j: int | slice) -> int | tuple[int, ...]:
-        if isinstance(j, slice):
-            return tuple(self)[j]
-        k = j + self._length if j < 0 else j
-        if not 0 <= k < self._length:
-            raise IndexError(j)
-        return self.entries.get(k, self._zero)
+    def __getitem__(self, j: int) -> int:
+        return self.entries.get(j, self._zero)
 
     def __iter__(self) -> Iterator[int]:
-        entries, zero = self.entries, self._zero
-        return (entries.get(j, zero) for j in range(self._length))
+        return map(self.__getitem__, range(self._length))
 
 
 class TooLongError(Exception):

@@ -429,7 +429,7 @@ def _in_full(x: Translation) -> _Found:
         about = {"coordinate": e.q[j], "momentum": momentum, **terms, "Q": Q}
         lines.append(about | _sides(x, left, Q + holding))
     entries = mass_matrix(g, momenta, flow.rates)
-    lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
+    lower = [x.sympy([*row][: i + 1]) for i, row in enumerate(entries)]
     M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
     sums = zip(of_L[n:], drifts, work, strict=False)
     f = x.sympy(g.call("add", g.call("sub", a, b), Q) for a, b, Q in sums)
