@@ -44,7 +44,6 @@ from lagsim.mechanics.complementarity import (
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
-    DEPENDENT_DIRECTIONS,
     DEPENDENT_ROWS,
     DEPENDENT_SQUARE,
     SETTLED_IMPULSE,
@@ -88,7 +87,7 @@ class Closed:
     restitutions : ndarray, shape (r,)
     poisson : tuple of bool, optional
         Of contacts: restitution is of impulses, not of rates.
-    factor : ndarray, shape (k, r), optional
+    factor : ndarray, shape (k, r)
         D = factor^T factor, from which rows at a small angle are still told apart.
     """
 
@@ -99,7 +98,7 @@ class Closed:
     bounds: Floats
     statics: Floats
     restitutions: Floats
-    factor: Floats | None = None
+    factor: Floats
     poisson: tuple[bool, ...] = ()
 
     @classmethod
@@ -557,27 +556,18 @@ class _Rows:
         return rates_at(D, *self.ahead(p), free, np.array(ways).reshape(-1, r))
 
 
-def _columns(closed: Closed) -> Floats:
-    """Y (k, r): D = Y^T Y."""
-    if closed.factor is not None:
-        return closed.factor
-    sizes, V = np.linalg.eigh(closed.D)
-    return np.asarray(np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T)
-
-
 class _Independent(Span):
     """The span of the rows taken so far."""
 
     def __init__(self, closed: Closed) -> None:
-        Y = _columns(closed)
+        Y = closed.factor
         super().__init__(len(Y))
-        self.least = DEPENDENT_DIRECTIONS if closed.factor is None else DEPENDENT_ROWS
         lengths = np.linalg.norm(Y, axis=0)
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
 
     def takes(self, row: int) -> bool:
         """Take a row unless it is spanned already."""
-        return self.extend(self.units[row], self.least)
+        return self.extend(self.units[row], DEPENDENT_ROWS)
 
 
 def _supported(rows: _Rows, solution: Solution) -> Solution:
@@ -611,7 +601,7 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
     z = np.linalg.svd(span.units[bear].T)[2][-1] / s
     ends = []
     for direction in (z, -z):
-        falls = direction < -np.abs(z).max() * span.least
+        falls = direction < -np.abs(z).max() * DEPENDENT_ROWS
         parts = np.where(falls, p[bear] / np.where(falls, -direction, 1.0), np.inf)
         if np.isfinite(parts.min()):
             ends.append(bear[int(parts.argmin())])
@@ -651,17 +641,14 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     if not held:
         return Modes(tuple(modes), directions * parts, p0, paradox=False)
-    D, Y = closed.D[held], _columns(closed)
+    D, Y = closed.D[held], closed.factor
     B, h = (D @ E)[:, held], c[held] + D @ p0
     Q, R = np.linalg.qr(Y[:, held])
     forces = Q.T @ (Y @ E)[:, held]
     x = np.zeros(len(held))
     for _ in range(2):
-        if closed.factor is None:
-            x -= least_squares(B, B @ x + h, DEPENDENT_SQUARE)
-        else:
-            right = np.linalg.solve(R.T, B @ x + h)
-            x -= least_squares(forces, right, DEPENDENT_SQUARE)
+        right = np.linalg.solve(R.T, B @ x + h)
+        x -= least_squares(forces, right, DEPENDENT_SQUARE)
     p = E[:, held] @ x + p0
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
     for k in rows.one_sided:
