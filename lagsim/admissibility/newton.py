@@ -306,8 +306,10 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
         return Found(x0, converged=True)
     reached = reach(relations, x0, metric)
     if far and not reached.converged:
-        # In the metric the path can be a narrow valley.
-        other = reach(relations, x0, _by_size(x0, metric))
+        # In the metric the path can be a narrow valley: each by its own size.
+        rest = np.sqrt(_square(x0, metric) or 1.0) / np.sqrt(np.diag(metric))
+        sizes = np.where(x0 != 0.0, np.abs(x0), rest)
+        other = reach(relations, x0, np.diag(sizes**-2.0))
         reached = other if other.converged else reached
     best = descend(relations, x0, reached.x, metric) if reached.converged else None
     if far and (best is None or len(x0) <= FEW):
@@ -361,13 +363,6 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
             )
         last = length
     return None
-
-
-def _by_size(x0: Floats, metric: Floats) -> Floats:
-    """Metric in which each value counts against its own size."""
-    size = np.abs(x0)
-    rest = np.sqrt(_square(x0, metric) or 1.0) / np.sqrt(np.diag(metric))
-    return np.diag(np.where(size > 0, size, rest) ** -2.0)
 
 
 def _others(

@@ -241,8 +241,12 @@ class Point:
     @cached_property
     def is_safely_positive(self) -> bool:
         """Whether M is safely positive definite; False where it is not safe to tell."""
-        if self.e.chains is not None:
-            return self._is_positive_along(self.e.chains)
+        if self.e.chains is not None:  # by pivots, against the diagonal
+            pivots = self.e.chains.factorisation(self.g, Budget()).pivots
+            own = self.array([pivots[k][0] for k in range(self.n)])
+            sizes = self.array(self.e.inertias)
+            sound = np.all(np.isfinite(own)) and np.all(sizes > 0)
+            return bool(sound and np.min(own / sizes) > SAFELY_INDEPENDENT)
         M = self.mass_entries().sparse(self.n, self.n)
         diagonal = M.diagonal()
         if not (np.all(np.isfinite(M.data)) and np.all(diagonal > 0)):
@@ -258,15 +262,6 @@ class Point:
         if not np.array_equal(factors.perm_r, factors.perm_c):
             return False  # pivots off the diagonal say nothing
         return 1.0 / largest_eigenvalue(factors.solve, self.n)[0] > SAFELY_INDEPENDENT
-
-    def _is_positive_along(self, chains: Chains) -> bool:
-        """Whether M is positive by its pivots, against its diagonal."""
-        pivots = chains.factorisation(self.g, Budget()).pivots
-        own = self.array([pivots[k][0] for k in range(self.n)])
-        diagonal = self.array(self.e.inertias)
-        if not (np.all(np.isfinite(own)) and np.all(diagonal > 0)):
-            return False
-        return bool(np.min(own / diagonal) > SAFELY_INDEPENDENT)
 
 
 # --- Lengths

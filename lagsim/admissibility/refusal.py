@@ -68,12 +68,13 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
         laws = [law for law in e.laws if law.constraint not in off]
         held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
-        are_open = _open(point)
-        named += [
-            (f"the rate of {name}", row.rate)
-            for name, row in held.items()
-            if name not in are_open
-        ]
+        # Of open gaps no rate is asked.
+        contacts = [x.row for x in point.e.laws if x.kind is Kind.CONTACT]
+        gaps = point.array([row.residual for row in contacts])
+        for row, gap in zip(contacts, gaps, strict=True):
+            if gap > 0.0:
+                held.pop(row.name, None)
+        named += [(f"the rate of {name}", row.rate) for name, row in held.items()]
         named += [(f"the bound of {law.multiplier}", law.bound) for law in laws]
     named += [
         (f"the inertia of {q}", node) for q, node in zip(e.q, e.inertias, strict=True)
@@ -98,13 +99,6 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     places += [e.model.places.get(x) for x in ("kinetic", "potential", "lagrangian")]
     home = next((place for place in places if place is not None), None)
     raise InputError([_problem(point, s, own, home) for s, own in by.items()])
-
-
-def _open(point: Point) -> set[str]:
-    """Contacts whose gaps are open: of them no rate is asked."""
-    contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
-    gaps = point.array([law.row.residual for law in contacts])
-    return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}
 
 
 class _Source(NamedTuple):

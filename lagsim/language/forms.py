@@ -469,17 +469,11 @@ class _Form:
             return self._multiplied(*below)
         if op == "div":
             return self._multiplied(below[0], self._power(below[1], Fraction(-1)))
-        exponent = Fraction(1, 2) if op == "sqrt" else self._exponent(op, args)
-        if exponent is not None:
-            return self._power(below[0], exponent)
+        p = 0.5 if op == "sqrt" else g.value(args[1]) if op == "pow" else None
+        if p is not None and 2.0 * p % 1.0 == 0.0 and abs(p) <= LARGEST_POWER:
+            return self._power(below[0], Fraction(p))
         call = g.call(op, *map(self.written, below))
         return {((call, Fraction(1)),): g.one}
-
-    def _exponent(self, op: str, args: tuple[int, ...]) -> Fraction | None:
-        p = self.g.value(args[1]) if op == "pow" else None
-        if p is None or 2.0 * p % 1.0 or abs(p) > LARGEST_POWER:
-            return None
-        return Fraction(p)
 
     def _added(self, a: Sum, b: Sum) -> Sum:
         g = self.g

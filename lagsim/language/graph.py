@@ -126,7 +126,11 @@ class Graph:
             return known
         node = len(self.ops)
         if node >= self._most:
-            raise _too_many(self._most)
+            text = (
+                f"the equations of this model take more than {self._most:,} operations"
+            )
+            hint = "fewer coordinates that stand in one product or sum give shorter "
+            raise InputError([Problem("too-large", text, None, f"{hint}ones")])
         if self._left < 0:
             raise self._too_much()
         self.ops.append(op)
@@ -345,12 +349,6 @@ class Graph:
             if made != n:
                 done[n] = made
         return [done.get(n, n) for n in nodes]
-
-
-def _too_many(most: int) -> InputError:
-    text = f"the equations of this model take more than {most:,} operations"
-    hint = "fewer coordinates that stand in one product or sum give shorter ones"
-    return InputError([Problem("too-large", text, None, hint)])
 
 
 def memoized(

@@ -310,7 +310,10 @@ class Parser:
         if token.kind == "function":
             self._function(token)
         elif token.kind == "open":
-            if not (self.pending and self.pending[-1].call and self._just_named(token)):
+            # The parenthesis of a function that has just been named is its own.
+            name = self.pending[-1].token if self.pending else token
+            between = self.text[name.offset + len(name.text) : token.offset]
+            if not self.pending or not self.pending[-1].call or between.strip():
                 self.pending.append(Pending("(", 0, token))
         elif token.kind == "operator" and token.text in ("+", "-", "not"):
             op, power = {
@@ -322,12 +325,6 @@ class Parser:
         else:
             raise self._missing_operand(token)
         return True
-
-    def _just_named(self, token: Token) -> bool:
-        """Whether `token` is the parenthesis of the function just named."""
-        name = self.pending[-1].token
-        between = self.text[name.offset + len(name.text) : token.offset]
-        return not between.strip()
 
     def _missing_operand(self, token: Token) -> ExpressionError:
         if token.kind == "end":

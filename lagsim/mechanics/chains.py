@@ -36,7 +36,7 @@ from lagsim.model.model import Level
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from lagsim.language.graph import Degrees, Graph
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Flow
     from lagsim.model.model import Model
 
@@ -173,7 +173,10 @@ def chains(
     found = g.degrees(cone, names)
     if found[-1] is None or found[-1].most > 2:
         return None
-    degrees = dict(zip(cone, map(_degree, found), strict=True))
+    degrees = {
+        n: HIGHER if d is None else int(min(HIGHER, max(d.most, FLAT)))
+        for n, d in zip(cone, found, strict=True)
+    }
     try:
         products = _products(g, cone, degrees)
         uses = Counter(a for pair in products for a in set(pair))
@@ -208,10 +211,6 @@ def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
         for i, factor in form.items():
             add_to(g, total, i, g.call("mul", scale, factor))
     return {i: node for i, node in total.items() if node != g.zero}
-
-
-def _degree(powers: Degrees | None) -> int:
-    return HIGHER if powers is None else int(min(HIGHER, max(powers.most, FLAT)))
 
 
 def _products(

@@ -487,7 +487,9 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
             for name, *pushes in zip(q, dL_dq, Q, strict=True)
             if set(pushes) == {g.zero}
         ),
-        quadratures=_action(g, model),
+        quadratures=(Quadrature(ACTION, model.lagrangian, g.zero),)
+        if model.output.action
+        else (),
         laws=laws,
         states=model.states,
     )
@@ -502,12 +504,6 @@ def _turns(g: Graph, model: Model) -> bool:
     """Whether sines and cosines stand in the kinetic energy."""
     cone = [] if model.kinetic is None else g.cone([model.kinetic])
     return any(g.ops[node] in ("sin", "cos") for node in cone)
-
-
-def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
-    if not model.output.action:
-        return ()
-    return (Quadrature(ACTION, model.lagrangian, g.zero),)
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
@@ -770,6 +766,9 @@ def _of_groups(
         *rates, left = (
             gradient(g, part, [g.variable("t")])[0] for part in (*parts, rest)
         )
+    # Impacts may do work on what these rows couple.
+    met = [law.row for law in e.laws] + [x for x in e.rows if may_strike(e, x)]
+    struck = {j for row in met for j in row.A.entries}
     made: list[Work] = []
     for group, energy, late in zip(found, energies, rates, strict=True):
         own = {names[j] for names in (e.q, e.velocities) for j in group}
@@ -777,7 +776,7 @@ def _of_groups(
         power = _power(e, Q, late, group)
         if g.depends([energy, power]) & others:
             return ()
-        if power != g.zero or _is_met(e, group):
+        if power != g.zero or not struck.isdisjoint(group):
             name = f"{WORK}.{e.q[group[0]]}"
             coordinates = frozenset(e.q[j] for j in group)
             made.append(Work(name, coordinates, power, energy))
@@ -785,13 +784,6 @@ def _of_groups(
         rate = g.call("neg", left)
         made.append(Work(f"{WORK}.t", frozenset(), rate, g.zero))
     return (made[0]._replace(name=WORK),) if len(made) == 1 else tuple(made)
-
-
-def _is_met(e: Equations, group: Sequence[int]) -> bool:
-    """Whether impacts may do work on a group."""
-    rows = [law.row for law in e.laws]
-    rows += [row for row in e.rows if may_strike(e, row)]
-    return any(row.A.entries.keys() & {*group} for row in rows)
 
 
 def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:

@@ -174,10 +174,12 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.budget.operations
         self.budget.stop()
-        shorter = self._along_links()
-        self.along_links = shorter is not None
-        if shorter is not None:
-            self._motion = shorter, []
+        found = accelerations(e) if turns(e) else None
+        costs = [g.cost(x, e.moving) for x in (found or (), self._motion[0])]
+        # `operations` stays that of L D L^T: tapes pay as early as before.
+        self.along_links = found is not None and costs[0] < costs[1]
+        if found is not None and self.along_links:
+            self._motion = found, []
 
     @cached_property
     def collected(self) -> Collected:
@@ -223,14 +225,6 @@ class Elimination:
             else:
                 terms.append((inverse, z[k], other[k]))
         return self.collected.sum(terms)
-
-    def _along_links(self) -> list[int] | None:
-        """Return q'' by the forces in massless links, where that is shorter."""
-        g, e = self.g, self.equations
-        found = accelerations(e) if turns(e) else None
-        costs = [g.cost(x, e.moving) for x in (found or (), self._motion[0])]
-        # `operations` stays that of L D L^T: tapes pay as early as before.
-        return found if costs[0] < costs[1] else None
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Return q'' (n,) and lambda (m,)."""
