@@ -322,7 +322,7 @@ def shorter_chains(
     """Chains of `lagrangian` where they take fewer operations than M does."""
     cone = g.cone([lagrangian])
     degrees = zip(cone, g.degrees(cone, names), strict=True)
-    if not any(g.args[n] and _degree(powers) == AFFINE for n, powers in degrees):
+    if not any(g.args[n] and d is not None and d.most == 1 for n, d in degrees):
         return None  # no velocities are added
     found = chains(g, lagrangian, rates, names)
     if found is None or not found.sums:
