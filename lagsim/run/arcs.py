@@ -645,18 +645,13 @@ class Apart:
         reason = own.reason
         if not own.outcome.complete:
             reason = f"subsystem ({last.names}): {reason}"
-        counts = [x.statistics for x in found]
+        counts = [x.statistics._replace(smallest_step=0.0) for x in found]
+        sums = map(sum, zip(*counts, strict=True))
         return own._replace(
             reason=reason,
             end=reached,
             rows=self.recorder.rows,
-            statistics=Statistics(
-                sum(x.steps for x in counts),
-                sum(x.rejections for x in counts),
-                sum(x.evaluations for x in counts),
-                sum(x.factorisations for x in counts),
-                arcs=sum(x.arcs for x in counts),
-            ),
+            statistics=Statistics(*sums)._replace(smallest_step=None),
             events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
             event_counts=sum((Counter(x.event_counts) for x in found), Counter()),
             warnings=[w for x in found for w in x.warnings],

@@ -184,13 +184,6 @@ def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
     return a + x * (A + x * (P + x * Q))
 
 
-def cubic_slope(x: float, a: float, A: float, b: float, B: float) -> float:
-    """Slope of that."""
-    P = 3.0 * (b - a) - 2.0 * A - B
-    Q = A + B - 2.0 * (b - a)
-    return A + x * (2.0 * P + 3.0 * x * Q)
-
-
 def off(s: Table, k: int, width: float) -> float:
     """How far the value of row k between the ends of a stretch is from their cubic."""
     A = width * s.starts[rows(s) + k]
@@ -203,7 +196,10 @@ def turned(s: Table, k: int, width: float) -> float:
     """How far its slope is from that of the cubic, as it counts beside values."""
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
-    slope = cubic_slope(BETWEEN, s.starts[k], A, s.ends[k], B)
+    change = s.ends[k] - s.starts[k]
+    P = 3.0 * change - 2.0 * A - B
+    Q = A + B - 2.0 * change
+    slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
     return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
 
 

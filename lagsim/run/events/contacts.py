@@ -205,10 +205,7 @@ class Contacts(Source):
     def _select(
         self, here: Kinematics, also: Collection[int], some: list[int], found: Found
     ) -> None:
-        """Choose the modes of laws, of which some are closed, by the accelerations.
-
-        also : laws that are closed whatever their gaps are.
-        """
+        """Choose the modes of laws by the accelerations; also : closed in any case."""
         arc, p = here.arc, here.arc.system.p
         self._note_former(arc)
         before = p.law_mode.copy()
@@ -255,11 +252,10 @@ class Contacts(Source):
         Its function jumps there, or it has been closed in flight: no motion goes on,
         and no energy of other bodies hides that.
         """
-        kind = self.laws[k].kind
-        rtol = here.arc.plan.rtol
+        kind, rtol, part = self.laws[k].kind, here.arc.plan.rtol, SATISFIED
         if kind is Kind.CONTACT and rtol is not None:
-            return here.is_off(k, CLOSING * max(rtol, LEAST_CLOSING))
-        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, SATISFIED)
+            part = CLOSING * max(rtol, LEAST_CLOSING)
+        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, part)
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Which series of bounces end with an impact, and when each would.
@@ -289,15 +285,7 @@ class Contacts(Source):
     def _strike(
         self, here: Kinematics, some: list[int], ends: dict[int, float], found: Found
     ) -> None:
-        """Apply impulses to the velocities.
-
-        Parameters
-        ----------
-        some
-            The laws that may give impulses.
-        ends
-            When series end that do so with this impact.
-        """
+        """Apply impulses of some laws; ends : when series end that do so with them."""
         arc, y, lift = here.arc, found.y, here.shape.lift
         before = y.copy()
         found.rows = arc.runner.tabulate(arc.row())

@@ -160,10 +160,7 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
-    """Return the largest size of the expression of each surface so far (K,).
-
-    pushed : (K,), how large it would become between two rows.
-    """
+    """Largest size of each surface so far (K,); pushed : that between two rows."""
     arc = modes.arc
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
@@ -449,13 +446,6 @@ class Crossing:
             if side == REDUNDANT:
                 modes.put(k, self.levels[k], REDUNDANT, share)
 
-    def _corners(self) -> list[tuple[int, ...]]:
-        """Corners to look at for scales: all of few."""
-        count = len(self.open)
-        if count <= FEW_CORNERS:
-            return list(product((BELOW, ABOVE), repeat=count))
-        return [(BELOW,) * count, (ABOVE,) * count]
-
     def _cone(self, held: dict[int, int]) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
@@ -476,9 +466,11 @@ class Crossing:
                 self.open, np.where(np.array(corner) == ABOVE, 1.0, -1.0)
             )
 
-        scale, least = np.zeros((2, len(self.open)))
+        count, sides = len(self.open), (BELOW, ABOVE)
+        scale, least = np.zeros((2, count))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
-        for corner in self._corners():
+        ends = [(side,) * count for side in sides]
+        for corner in product(sides, repeat=count) if count <= FEW_CORNERS else ends:
             J, b, a = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
             for aside in modes.asides(reach):

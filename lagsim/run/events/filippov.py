@@ -109,7 +109,12 @@ class FilippovCone:
         found = self._complementary(now) if self.count > 1 else None
         if found is not None or self.count > FEW:
             return found
-        candidates = list(self._candidates(now))
+        choices = [
+            [self.held[k]] if k in self.held else [now[k], 1 - now[k], SLIDING]
+            for k in range(self.count)
+        ]
+        every = [list(mode) for mode in product(*choices)]
+        candidates = sorted(every, key=lambda mode: mode.count(SLIDING))
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
         leading = next((w for w in candidates if self.holds(w, self._clear)), None)
@@ -150,14 +155,6 @@ class FilippovCone:
         if self.count > FEW or SLIDING in mode or not self.holds(mode, -self.tolerance):
             return False
         return self.stays(tuple(mode)) is True
-
-    def _candidates(self, now: Sequence[int]) -> Iterator[list[int]]:
-        choices = [
-            [self.held[k]] if k in self.held else [now[k], 1 - now[k], SLIDING]
-            for k in range(self.count)
-        ]
-        every = [list(mode) for mode in product(*choices)]
-        yield from sorted(every, key=lambda mode: mode.count(SLIDING))
 
     def _solved(self, mode: Sequence[int]) -> tuple[Floats, Floats, Floats]:
         """Shares that keep sliding surfaces, rates, and attractions (count,).

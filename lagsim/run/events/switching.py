@@ -188,10 +188,7 @@ class Switching(Source):
         return y
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
-        """Set the sides of surfaces that the state is off; return levels of the others.
-
-        And the rows and the sizes of the terms. A surface may depend on others' sides.
-        """
+        """Set the sides of surfaces off the state; levels of others, rows, sizes."""
         modes, arc = self.modes, self.modes.arc
         levels: dict[int, float] = {}
         for _ in range(modes.count + 2 if modes.nested else 1):
@@ -232,8 +229,13 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        # Within its floor a root is the same to either side.
-        roundoff = np.maximum(self._roundoff(rows), 0.5 * modes.p.floor)
+        # By errors within the tolerance surfaces change so: where a coordinate hardly
+        # moves they have any sign. The tolerance has a floor, see
+        # `methods.parts.control`; within its own a root is the same to either side.
+        speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
+        roundoff = np.maximum(noise, 0.5 * modes.p.floor)
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
@@ -250,18 +252,6 @@ class Switching(Source):
         ranges[velocities] += step * pushes
         ranges[arc.state.positions] += step * ranges[velocities]
         return ranges
-
-    def _roundoff(self, rows: Rows) -> Floats:
-        """Change of each surface (K,) by errors within the tolerance.
-
-        Where a coordinate hardly moves they have any sign. The tolerance has a floor,
-        see `methods.parts.control`.
-        """
-        arc = self.modes.arc
-        speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]
-        step = arc.t - arc.state.step_t if arc.steps else 0.0
-        factor = NOISE * arc.state.rtol
-        return np.asarray(factor * np.where(self.on_rates, speeds, step * speeds))
 
     # What a switch leads to
 

@@ -196,16 +196,14 @@ class EnergyMonitor:
             self._kept = self._kept[::2]
             self._stride *= 2
         first = -self._seen % self._stride
-        more = self._parts_of(rows[first :: self._stride])
-        self._kept = np.concatenate([self._kept, more])
-        self._seen = seen
-
-    def _parts_of(self, rows: Floats) -> Floats:
-        """Energy - work, the kinetic energy, t, q, q', q'', s, works of each row."""
+        rows = rows[first :: self._stride]
         balance = _balance(rows, self._energy, self._work)
         moving = rows[:, self._parts.get("kinetic", self._energy)]
         state, works = rows[:, : self._shown], rows[:, self._works]
-        return np.column_stack([balance, moving, state, works])
+        # Energy - work, the kinetic energy, t, q, q', q'', s, works of each row.
+        more = np.column_stack([balance, moving, state, works])
+        self._kept = np.concatenate([self._kept, more])
+        self._seen = seen
 
     @property
     def _rows(self) -> Floats:
