@@ -274,10 +274,7 @@ class _Builder:
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
-        """Give the parts of a collection, those within parentheses in one piece.
-
-        In `{limit: min(0,4*N, 1)}` YAML sees the keys `limit`, `4*N` and `1)`.
-        """
+        """Join what is within parentheses: `min(0,4*N, 1)`, which YAML takes apart."""
         whole: list[Node] = []
         step, i = 1 + mapping, 0
         while i < len(parts):
@@ -298,10 +295,7 @@ class _Builder:
 
 
 def _keys(parts: list[Node], i: int) -> list[Any]:
-    """Give key i with those that follow up to where its parentheses close.
-
-    In `{c(i = 1..2, j = 1..3): x}` YAML sees two keys, the first without a value.
-    """
+    """Give key i with those up to where its parentheses close: `c(i = 1..2, j = 1`."""
     keys, depth = [parts[i]], _left_open(parts[i])
     while depth > 0 and i + 2 < len(parts):
         value, key = parts[i + 1 : i + 3]
@@ -314,10 +308,7 @@ def _keys(parts: list[Node], i: int) -> list[Any]:
 
 
 def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
-    """Give part i, with the parts that follow up to where its parentheses close.
-
-    Part i of a mapping is a value, and what follows it are keys without a value.
-    """
+    """Give part i, a value, with keys without one up to where its parentheses close."""
     pieces, depth = [parts[i]], _left_open(parts[i])
     for j in range(i + 1, len(parts), step):
         piece, value = parts[j], parts[j + step - 1]

@@ -117,17 +117,14 @@ class Scalar(NamedTuple):
 
 @functools.lru_cache(maxsize=1)  # each name of a long expression may be asked for
 def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
-    """Give begin and end in the source of each character of the text, and its end.
-
-    Blanks may have been folded, so only the other characters are counted off; a blank
-    stands just after the character before it.
-    """
+    """Give begin and end in the source of each character of the text, and its end."""
     source, begin = scalar.source, scalar.start
     if scalar.style in ("'", '"'):
         begin += 1
     elif scalar.style in ("|", ">"):  # the text begins below its header
         line = source.position(begin)[0] + 1
         begin = source.starts[min(line, len(source.lines) - 1)]
+    # Blanks may have been folded: each stands just after the character before it.
     found, end = list[tuple[int, int]](), begin
     for c in scalar.text:
         if c.isspace():

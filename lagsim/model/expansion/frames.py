@@ -223,10 +223,7 @@ class Frames(Section):
         return self._frame_of(self._called(steps, indices))
 
     def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Name and subscripts of the frame that an expression names.
-
-        What does not name one is an ExpressionError with its place.
-        """
+        """Name and subscripts of the frame that an expression names; else a fault."""
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault("the name of a frame is expected here", "", "frame")
@@ -246,10 +243,7 @@ class Frames(Section):
         raise token.fault(text, hint, "frame")
 
     def _frame_of(self, called: Called) -> Frame:
-        """Frame of a name, made after all those that it is on.
-
-        An ExpressionError stands for a fault that is reported.
-        """
+        """Frame of a name, made after those that it is on; faults are reported."""
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
@@ -347,17 +341,15 @@ class Frames(Section):
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
     def _axis(self, given: _Given, name: str) -> Vector:
-        """Return the unit vector of an axis, which is made of parameters.
-
-        One along x, y or z is taken as such, which makes all that follows much shorter:
-        with other values of its parameters the file is read again.
-        """
+        """Return the unit vector of an axis, which is made of parameters."""
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
         values = [self._fixed(tree, at, what) for tree, at in parts]
         if not any(values) or not all(map(math.isfinite, values)):
             text = f"{what} has no direction: it is {values}"
             self.refuse("out-of-range", text, node, "such as [0, 0, 1]")
+        # One along x, y or z is taken as such, which makes all that follows shorter:
+        # with other values of its parameters the file is read again.
         if sum(value != 0.0 for value in values) == 1:
             self.scope.ask(*(tree for tree, _ in parts))
             signs = (float(value > 0.0) - float(value < 0.0) for value in values)

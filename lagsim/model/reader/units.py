@@ -123,13 +123,11 @@ class _Check:
         return self.values[what]
 
     def _energy(self) -> Quantity:
-        """Give what all energies are in; those that differ are reported.
-
-        Without a mass among the units there is one that is not written.
-        """
+        """Give what all energies are in; those that differ are reported."""
         found = _UNKNOWN
         for what in ("the kinetic energy", "the potential energy", "the Lagrangian"):
             own = self.value(what)
+            # Without a mass among the units there is one that is not written.
             if not own.unit or "kg" not in own.unit:
                 continue
             if found.unit:

@@ -230,18 +230,13 @@ class _Numbers:
         beside: bool = False,
         wanted: bool = True,
     ) -> tuple[Scalar, Value] | None:
-        """Give an expression whose names a rule allows, and its value, where `wanted`.
-
-        The value, with its error, must be finite; `beside`: see `Expressions.text`.
-        """
+        """Give an expression that a rule allows, and its finite value, if `wanted`."""
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
-        if (
-            found is None
-            or not x.check_by(rule, found[1].names, found[0])
-            or not wanted
-        ):
+        if found is None:
             return None
         scalar, parsed = found
+        if not (x.check_by(rule, parsed.names, scalar) and wanted):
+            return None
         value = self._unfolded.value_with_error(parsed, self.known, x.names.tables)
         return (scalar, value) if x.is_finite(value[0], what, scalar.place) else None
 
