@@ -298,6 +298,8 @@ class Hybrid:
 
     def slope(self, t, y):
         n = self.e.n
+        if not np.max(np.abs(y)) < LARGEST:
+            raise NoTruthError("it runs away")
         s = self.accelerations(t, y, self.d.held, self.d.signs)
         self.rates = np.concatenate([s["a"], s["s"]])
         return np.concatenate([y[n : 2 * n], self.rates])
@@ -421,8 +423,6 @@ class Hybrid:
             t, y = self._arc(t, y, asked)
             if len(self.turns) > MOST_EVENTS:
                 raise NoTruthError("too many events")
-            if np.max(np.abs(y)) > LARGEST:
-                raise NoTruthError("it runs away")
         return self
 
     def _looked(self, t, y):
