@@ -322,6 +322,15 @@ unknown-name | no coordinate or definition `r` |
     definitions: {a: [x, y]}¶forces: {⟪r⟫: [1, 2]}
 expression-subscript | whole number, found 1.5 |
     scene: {points: {p(i = 1⟪..⟫3/2): [x, y]}, links: [[p(1), p(2)]]}
+# ... nor what refers to its own family beside it
+bad-name | `2*(1..2)` |
+    coordinates: {x: {}, y: {}, ⟪2*(1..2)⟫: {}}¶
+    definitions: {s(0): x, s(i = 1..2): s(i-1) + r(i)}
+bad-name | `w 1..2)` |
+    frames: {⟪w 1..2)⟫: {angle: x}}¶
+    definitions: {s(0): [x, y], s(i = 1..2): "s(i-1) + rotate(w(i), vec(1, 0))"}
+not-an-expression | a list |
+    definitions: {s(0): ⟪[x]⟫, s(i = 1..2): "s(i-1) + vec(x, y)"}
 """
 FAULTS = {row[2].replace("\n", "¶"): row for row in faults.table(FAULTS)}
 

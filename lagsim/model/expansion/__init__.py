@@ -102,6 +102,8 @@ class Expansion:
         Its names.
     broken : set of str
         Names whose declaration has a fault.
+    complete : bool
+        Every name that the file declares can be read.
     """
 
     def __init__(
@@ -126,6 +128,7 @@ class Expansion:
         self.points: dict[str, Family] = {}
         self.idle: list[str] = []
         self.broken: set[str] = set()
+        self.complete = True
         self.plain = Reading(self.scope, {})
         self.hidden: list[Entry] = []
         self._count = 0
@@ -248,6 +251,7 @@ class Expansion:
                     self.report("reserved-name", text, key)
                     return None
                 return parsed, self._members(parsed, {})
+            self.complete = False
             text = f"`{key.text}` cannot be the name of {what}"
             self.report("bad-name", text, key, "such as arm or link(i = 1..n)")
         except ExpressionError as fault:
@@ -355,7 +359,7 @@ class Expansion:
         found, name = self._key(key), key.text.partition("(")[0]
         broken = False
         if found is None or found[0].letter:
-            broken = name in self.broken
+            broken, self.complete = name in self.broken, False
             found = Key(name if broken else key.text), _ONE  # the reader refuses it
         parsed, members = found
         name, indexed = parsed.name, broken or bool(parsed.subscripts)
@@ -467,6 +471,7 @@ class Expansion:
         if isinstance(node, Sequence):
             sizes = (*_SIZES, _MATRIX) if section == "parameters" else _SIZES
             fits = len(node.items) in sizes and not self._with_unit(node)
+            one.family.broken |= section == "definitions" and not fits
             return trees.components(len(node.items)) if fits else ()
         if not isinstance(node, Scalar) or not one.members:
             # Without a value it has no size that others could miss.
@@ -479,7 +484,7 @@ class Expansion:
         size = self.scope.size(*text, first)
         if size < 1 and section in _SIZED:
             fault, one.family.broken = self.scope.failed, True
-            if fault and self.scope.size(*text, first) < size:
+            if fault and self.complete and self.scope.size(*text, first) < size:
                 self.fault(fault, node)  # of what refers to itself, and is passed over
         return trees.components(size) if size > 1 else ()
 
