@@ -576,7 +576,15 @@ class Hybrid:
             self.impacts.append(t)
             struck = ()
         self.choose(t, y)
-        return y
+        return self._settled(t, y)
+
+    def _settled(self, t, y):
+        """Give the state without what is left of rates that are held from now on."""
+        n, rows = self.e.n, np.flatnonzero(self.d.held)
+        s = self.e.at(t, y, self.d, self.d.signs)
+        A = s["A"][rows]
+        change, _ = solved(s["M"], A, A, np.zeros(n), -s["rate"][rows])
+        return np.concatenate([y[:n], y[n : 2 * n] + change, y[2 * n :]])
 
     # Impacts
 
