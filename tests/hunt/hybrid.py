@@ -259,7 +259,7 @@ class Hybrid:
     impacts : times; crossings : name -> (t, y) of sections
     """
 
-    def __init__(self, equations, tolerance=1e-12, small=1e-9, nudge=0.0):
+    def __init__(self, equations, tolerance=1e-12, small=1e-10, nudge=0.0):
         self.e, self.tolerance, self.small = equations, tolerance, small
         self.rows: list[Any] = []
         self.events: list[Any] = []

@@ -54,7 +54,7 @@ def truth(told):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         first = Hybrid(equations).path(told.start, told.times)
-        other = Hybrid(equations, 1e-10, 2e-9, NUDGE).path(told.start, told.times)
+        other = Hybrid(equations, 1e-10, 2e-10, NUDGE).path(told.start, told.times)
     if len(first.rows) != len(other.rows) or len(first.events) != len(other.events):
         raise NoTruthError("the two motions have other events")
     a, b = (np.array([row[1] for row in path.rows]) for path in (first, other))
