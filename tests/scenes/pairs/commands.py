@@ -131,7 +131,7 @@ CHANGED = {
     "holonomic": ("1.3", "1.300005"),
     "rheonomic": ("0.1*sin", "0.100001*sin"),
     "Pfaffian": ("1.5", "1.500005"),
-    "nonlinear velocity constraint": ("potential: z1", "potential: 1.00001*z1"),
+    "nonlinear velocity constraint": ("potential: (z1)", "potential: (1.00001*z1)"),
     "redundant": ("2*(x1^2", "2.00001*(x1^2"),
     "singular M": ("2*z1^2", "2.00001*z1^2"),
     "elimination": ("10*x1^2", "10.0001*x1^2"),

@@ -47,9 +47,10 @@ def scene(
     stays as it is, but no expression is one fragment's alone. These others may be far
     away, in a moving frame; the clock may be late, and a heavy body beside it all.
     """
+    begins = later or far or speed
     sections: dict[str, dict[str, str]] = {
-        "parameters": {"t0": repr(later)}, "coordinates": {}, "definitions": {},
-        "initial": {},
+        "parameters": {"t0": repr(later)} if begins else {}, "coordinates": {},
+        "definitions": {}, "initial": {},
     }  # fmt: skip
     for k, f in enumerate(fragments, 1):
         if coupled:
@@ -91,7 +92,8 @@ def scene(
         for name, entries in sections.items()
         if entries
     ]
-    run = f"start: t0, duration: 2, output_step: {STEP}{more}"
+    begin = "start: t0, " if begins else ""
+    run = f"{begin}duration: 2, output_step: {STEP}{more}"
     return "".join(lines) + f"simulation: {{{run}}}\n{extra}"
 
 
