@@ -410,8 +410,22 @@ class Outline:
     def _equals(self, left: str, right: Any, tail: str = "") -> None:
         """Write left = right, broken before a sign where it is too long."""
         head = f"  {left} = " if left else "  "
-        indent = min(max(_width(head) - 1, 5), 25)
-        self.lines += _folded(head + self.write(right) + tail, indent)
+        self._broken_row(head, self.write.terms(right), tail)
+
+    def _broken_row(
+        self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
+    ) -> None:
+        write = self.write
+        line = head
+        for k, (sign, text) in enumerate(terms):
+            first = write.negative if sign == "-" else ""
+            part = (write.minus if sign == "-" else write.plus) if k else first
+            if k and _width(line) + _width(part + text) > WIDTH:
+                self.lines += _folded(line)
+                line = " " * min(max(_width(head) - 2, 4), 24) + part + text
+            else:
+                line += part + text
+        self.lines += _folded(line + tail)
 
     def _rows(self, rows: Sequence[Row]) -> None:
         for row in rows:
@@ -432,11 +446,12 @@ class Outline:
 
     def _balance(self, *equations: tuple[Any, Any]) -> None:
         for left, right in equations:
-            sides = f"  {self.write(left)}", f" = {self.write(right)}"
-            if _width("".join(sides)) > WIDTH:
-                self.lines += [*_folded(sides[0], 5), *_folded(f"     {sides[1]}", 7)]
+            terms, tail = self.write.terms(left), self.write(right)
+            if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
+                self._broken_row("  ", terms)
+                self._broken_row("      = ", self.write.terms(right))
             else:
-                self.lines.append("".join(sides))
+                self._broken_row("  ", terms, f" = {tail}")
 
     def _square(self, letter: str, rows: Rows) -> None:
         widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
@@ -510,29 +525,41 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
 
 
 # Before a sign or a relation, else between factors.
-_PLACES = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )"), re.compile(r"(?<=\S) (?=\S)")
+_SIGN = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )")
+_SPACE = re.compile(r"(?<=\S) (?=\S)")
 
 
-def _folded(line: str, indent: int) -> list[str]:
+def _folded(line: str) -> list[str]:
     """Break a line that is too long, within as few parentheses as can be."""
-    lines, depth = [], 0
-    while at := _break(line[: 2 * WIDTH], indent + 6):  # with combining marks
-        lines.append(line[:at])
-        depth += line.count("(", 0, at) - line.count(")", 0, at)
-        line = " " * (indent + 4 * (depth > 0)) + line[at + 1 :]
-    return [*lines, line]
+    lines: list[str] = []
+    margin = len(line) - len(line.lstrip())
+    start, indent = margin, margin
+    while True:
+        # What is looked at is no longer than a line with its combining marks.
+        head = " " * indent + line[start : start + 4 * WIDTH]
+        fits = _cut(head)
+        at = _break(head, fits, margin) if fits < len(head) else 0
+        if not at:
+            return [*lines, " " * indent + line[start:]]
+        lines.append(head[:at])
+        margin = min(margin + 4, 28) if len(lines) == 1 else margin
+        start, indent = start + at + 1 - indent, margin
 
 
-def _break(line: str, least: int) -> int:
-    """Give where a line is broken; 0 where it fits, or cannot be."""
-    columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
-    fits = sum(taken <= WIDTH for taken in columns)
-    if fits == len(line):
-        return 0
+def _break(line: str, fits: int, margin: int) -> int:
+    """Give where a line is broken of which so much fits; 0 where it cannot be."""
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))
-    for place in _PLACES:
-        found = (m.start() for m in place.finditer(line, least, fits + 3))
-        if fit := [x for x in found if x <= fits]:
-            return min(fit, key=lambda x: (depths[x], -x))
+    for least in (WIDTH // 2, margin + 8):
+        for sign in (_SIGN, _SPACE):
+            places = [m.start() for m in sign.finditer(line)]
+            fit = [x for x in places if least <= x <= fits]
+            if fit:
+                return min(fit, key=lambda x: (depths[x], -x))
     return 0
+
+
+def _cut(line: str) -> int:
+    """Give how many characters of it fit; marks above letters take no column."""
+    columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
+    return sum(taken <= WIDTH for taken in columns)
