@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import SLIDING, Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
     Output,
@@ -168,7 +168,7 @@ def set_tolerances(
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
     s.balanced = 0.0
-    held = AMPLIFIED if CONSTRAINED else 1.0
+    held = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -194,6 +194,14 @@ def set_tolerances(
         share_tolerances(s)
     if p.works > 0:
         limit_works(s, p, new)
+
+
+def slides_on_a_disc(p: Parameters) -> int:
+    """Whether a slip of two slides: the slower, the more its direction rounds."""
+    for k in range(p.laws):
+        if p.law_mode[k] == SLIDING and p.law_pair[k] >= 0.0:
+            return 1
+    return 0
 
 
 def share_tolerances(s: Control) -> None:
