@@ -109,6 +109,7 @@ def run_all(
     """
     overrides, names = assignments(sets), [Path(path).name for path in paths]
     found, pieces, first = dict[int, Done](), dict[int, Piece](), dict[str, str]()
+    reported = 0
     for k, path in enumerate(paths):
 
         def prepare(k: int = k, path: str = path) -> int:
@@ -121,10 +122,11 @@ def run_all(
         heard = _heard(prepare, path, [], as_json=as_json)
         if heard.code:
             found[k] = heard
+            reported = _report(found, paths, reported)
         elif names[k] in first:
             one = f"{first[names[k]]} and {path} have one name, `{names[k]}`, and so"
             hint = "give one of them another `name`, or run them one by one with -o"
-            _report(found, paths)
+            _report(found, paths, reported, final=True)
             raise unusable("one-name", f"{one} one folder", hint=hint)
         else:
             first[names[k]] = path
@@ -132,9 +134,10 @@ def run_all(
     with interrupt.noted(), progress_bar("models", quiet=quiet) as progress:
         for k, result in spread(done, pieces.values(), jobs or cores(), interrupt):
             found[numbers[k]] = _known(result, paths[numbers[k]])
+            reported = _report(found, paths, reported)
             if progress is not None:
                 progress(len(found) / len(paths))
-    _report(found, paths)
+    _report(found, paths, reported, final=True)
     if as_json:
         show_json([x for k in sorted(found) for x in found[k].documents[:1]])
     elif not quiet:
@@ -151,12 +154,19 @@ def _known(result: Done | Died, path: str) -> Done:
     return Done(BUG, [errors_document([died])], result.reason)
 
 
-def _report(found: Mapping[int, Done], paths: Sequence[str]) -> None:
-    """Print what the models have printed, each with its name."""
-    for k in sorted(found):
-        if printed := found[k].printed.rstrip("\n"):
-            complain(f"{paths[k]}:")
+def _report(
+    found: Mapping[int, Done], paths: Sequence[str], first: int, *, final: bool = False
+) -> int:
+    """Print in order what models from `first` on have printed; return the next one.
+
+    Up to one of which nothing is known yet, but for the `final` time.
+    """
+    while first < len(paths) and (final or first in found):
+        if first in found and (printed := found[first].printed.rstrip("\n")):
+            complain(f"{paths[first]}:")
             complain(textwrap.indent(printed, "  "), again=True)
+        first += 1
+    return first
 
 
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:

@@ -1,5 +1,6 @@
 """`lagsim run` of several models: each as if it were run alone."""
 
+import os
 import signal
 from pathlib import Path
 
@@ -117,6 +118,20 @@ def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
     assert manifest("results/a")["outcome"] == "interrupted"
     assert names("results") == ["a"]
     assert called.out.splitlines()[-1].split() == ["b", "not", "begun"]
+
+
+@pytest.mark.usefixtures("lagsim", "heeded_signals")
+@pytest.mark.skipif(os.name == "nt", reason="pipes of another kind")
+def test_what_a_model_prints_is_read_while_the_next_one_runs(write):
+    write(named("a", CAPTION), "a.yaml"), write(named("b", ENDLESS), "b.yaml")
+    run = started("run", "a.yaml", "b.yaml", "-j", "1", "--no-plots")
+    part = Path("results", "b", ".lagsim-trajectory.csv.part")
+    assert waited(lambda: part.exists() and part.stat().st_size > 1000)
+    os.set_blocking(run.stderr.fileno(), False)
+    assert run.stderr.read().startswith(b"a.yaml:\n  inadmissible: a: ")
+    os.set_blocking(run.stderr.fileno(), True)
+    run.send_signal(signal.SIGTERM)
+    finished(run)
 
 
 @pytest.mark.usefixtures("lagsim", "heeded_signals")

@@ -377,6 +377,7 @@ FAULTS = [
     ("!return g(a)", "is Floats, not float"),
     ("!return n // n + x", "not known at translation"),
     ("!return x % 2", "is float, not int"),
+    ("!if 0.0 < g(x) < 1.0:\n    x = 1.0\nreturn x", "within a chain of"),
     ("!x = nothing()\nreturn x", "no value"),
     ("!x.y = 2.0\nreturn x", "takes no value"),
 ]

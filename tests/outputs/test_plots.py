@@ -185,14 +185,15 @@ def test_a_part_of_the_energy_that_is_the_whole_is_seen():
     assert blue.sum(axis=0).astype(bool).mean() > 0.8
 
 
-def test_the_style_of_the_user_does_not_show():
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_the_style_of_the_user_does_not_show(count):
     theirs = {
         "text.usetex": True, "font.size": 30, "lines.linewidth": 9, "figure.dpi": 30,
         "axes.unicode_minus": False, "path.sketch": (3, 30, 3), "text.color": "red",
     }  # fmt: skip
-    plain = made("png")[:2]
+    plain = made("png")[:count]
     with mpl.rc_context(theirs):
-        assert made_anew("png", 2) == plain
+        assert made_anew("png", count) == plain
 
 
 # --- Words

@@ -421,8 +421,10 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op("int", f"sdiv i64 {whole}, {divisor}")
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        """Translate comparisons; what stands in the middle is evaluated twice."""
+        """Translate comparisons; an operand in the middle, no call, is read twice."""
         (op, *ops), (operand, *operands) = node.ops, node.comparators
+        if ops and any(isinstance(x, ast.Call) for x in ast.walk(operand)):
+            raise self.error(operand, "is called within a chain of comparisons")
         first = self._compared(node, op, self._number(node.left), self._number(operand))
         if not ops:
             return first

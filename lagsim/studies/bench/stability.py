@@ -135,7 +135,7 @@ class Subject:
         self.systems: dict[str, System] = {}
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
-        values: Document = e.model.parameter_values
+        values: dict[str, Any] = e.model.parameter_values
         values |= dict(zip(("t", *e.state), some.T, strict=True))
         nodes = e.kinetic_form, e.energy
         kinetic, energy = evaluate_rows(e.graph, nodes, values, len(some))
@@ -492,7 +492,6 @@ class _Map:
         places = [(value, name) for value in self.values for name in self.cells]
         subject: Subject | str = self.subject
         for done, (value, name) in enumerate(places):
-            self.progress(done / len(places))
             varied = {} if value is None else {str(self.wish.name): value}
             if varied and name == next(iter(self.cells)):
                 try:
@@ -501,7 +500,10 @@ class _Map:
                     subject = _reason(error)
             trial = partial(self._trial, subject, name)
             steps = self.steps if name in self.fixed else [None]
-            strip: dict[Any, Trial] = {h: trial(h) for h in steps}
+            strip = dict[Any, Trial]()
+            for part, h in enumerate(steps):
+                self.progress((done + part / len(steps)) / len(places))
+                strip[h] = trial(h)
             self.cells[name] += [
                 {"method": name, "step": h, **varied, **found._asdict()}
                 for h, found in strip.items()
