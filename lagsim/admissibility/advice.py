@@ -8,6 +8,7 @@ from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import CONSTANT, VARIABLE, Graph
+from lagsim.language.names import in_file
 from lagsim.language.parser import ExpressionError, parse
 from lagsim.notes import Caution
 
@@ -189,7 +190,7 @@ def _rough(what: str, residual: Residual, advice: str) -> Caution:
 def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
     """Name the values of which one could be a guess."""
     names = equations.velocities if velocities else equations.q
-    free = [names[j] for j in row.A.entries]
+    free = [in_file(names[j]) for j in row.A.entries]
     if len(free) == 1:
         return f"mark {free[0]} as {{guess: ...}}"
     if not free or len(free) > MOST_NAMES:
@@ -237,7 +238,8 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
         name, *others = found
         text = f"the {'mode' if name in model.modes else 'parameter'} `{name}` is"
         if others:
-            text = f"`{name}` and {len(others)} other members of `{stem}` are"
+            many = "s" * (len(others) > 1)
+            text = f"`{name}` and {len(others)} other member{many} of `{stem}` are"
         yield Caution("unused-parameter", f"{text} given and used nowhere")
     for text in model.idle:
         yield Caution("no-effect", text)

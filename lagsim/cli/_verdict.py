@@ -9,6 +9,7 @@ from lagsim.cli._shared import coloured, counted, table
 from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
 from lagsim.errors import pointed
+from lagsim.language.names import in_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -163,13 +164,13 @@ def _repair(start: StartReport) -> list[str]:
         lines.append(f"  changing the guesses is not enough: {start.unsolved}")
     lines += ["  the nearest admissible state, for `initial:`"]
     lines += _pasteable(start.repair)
-    guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
+    guesses = ", ".join(f"{in_file(name)}: {{guess: ...}}" for name in start.repair)
     lines.append(f"  or let lagsim solve for some of them: {guesses}")
     return lines
 
 
 def _pasteable(values: Mapping[str, float]) -> list[str]:
-    return [f"    {name}: {value!r}" for name, value in values.items()]
+    return [f"    {in_file(name)}: {value!r}" for name, value in values.items()]
 
 
 def annotate_start(equations: Equations, start: StartReport) -> None:

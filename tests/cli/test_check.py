@@ -176,6 +176,25 @@ def test_repair_of_a_rough_start_gives_the_exact_state(lagsim, write):
     assert "the exact state" not in lagsim("check", write(ROUGH)).out
 
 
+MEMBERS = """\
+coordinates: {q(1..2): , r: {components: xy}}
+energy: {kinetic: "sum(i = 1..2, q_dot(i)^2) + dot(r_dot, r_dot)", potential: 0}
+constraints: {a(i = 1..2): 2*q(i) = i, b: norm(r) = 5}
+initial:
+  q(1..2): 3
+"""
+
+
+def test_a_repair_of_members_and_components_can_be_pasted(lagsim, write):
+    model = write(MEMBERS + "  r: [4, 4]\n")
+    lines = lagsim("check", model, "--repair", code=1).out.splitlines()
+    first = lines.index("  the nearest admissible state, for `initial:`") + 1
+    assert lines[first : first + 2] == ["    q(1): 0.5", "    q(2): 1.0"]
+    pasted = write(MEMBERS + "\n".join(line[2:] for line in lines[first : first + 4]))
+    assert "nothing to repair" in lagsim("check", pasted, "--repair", code=0).out
+    assert "q(1): {guess: ...}, q(2): {guess: ...}, r.x: {" in lines[first + 4]
+
+
 CONTRADICTORY = """\
 coordinates: {x: , y: }
 energy: {kinetic: x_dot^2 + y_dot^2, potential: 0}

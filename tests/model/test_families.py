@@ -239,7 +239,7 @@ expression-member | the name of a column |
 expression-member | the name of a column |
     definitions: {s(1..3): x}¶output: {sections: {c: {at: x = 0, plot: [⟪s.2⟫, x]}}}
 expression-member | the name of a column |
-    definitions: {s(1..3): x}¶initial: {x: 0, y: 0, ⟪s.2⟫: 0}
+    definitions: {s(1..3): x}¶initial: {x: 0, y: 0, s(2): 0, ⟪s.2⟫: 0}
 expression-member | the name of a column |
     scene: {points: {p(1..3): [x, y]}, links: [[p(1), ⟪p.2⟫]]}
 expression-member | the name of a column |
@@ -266,7 +266,7 @@ cycle | s.1 -> s.2 -> s.3 -> s.1 | definitions: {s(i = 1..3): ⟪s⟫(mod(i, 3) 
 # ranges
 expression-too-many | 1,000,000,000 members | definitions: {s(i = 1⟪..⟫10^9): x}
 expression-too-many | 1,000,000 terms |
-    definitions: {s(1..2): x, a: "⟪sum⟫(i = 1..10^7, x)"}
+    definitions: {s(1..2): x, a: "⟪sum⟫(i = 1..10^7, x)", b: "sum(i = 1..2, x)"}
 expression-range | takes a range | definitions: {s(1..2): x, a: ⟪sum⟫(s(1))}
 expression-range | no meaning | definitions: {s(1..2): x, a: 1 ⟪..⟫ 2}
 expression-range | empty range, 1..0 |
@@ -312,6 +312,8 @@ unknown-key | `component` in the coordinate |
     coordinates: {x: {}, y: {}, r: {⟪component⟫: xy}}¶definitions: {a: r.x, b: [x, y]}
 expression-component | found `xz` |
     coordinates: {x: {}, y: {}, r: {components: ⟪xz⟫}}¶definitions: {b: norm(r + r)}
+expression-component | must be `xy` or `xyz` |
+    coordinates: {x: {}, y: {}, r: {components: ⟪[x, y]⟫}}¶definitions: {a: r.x}
 not-a-mapping | found a list |
     coordinates: {x: {}, y: {}, r: ⟪[1, 2]⟫}¶definitions: {a: r.x, b: [x, y]}
 unknown-key | did you mean `definitions` | ⟪definition⟫: {s(1..3): x}¶forces: {s(2): 1}

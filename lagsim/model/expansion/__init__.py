@@ -495,8 +495,9 @@ class Expansion:
         if named := below.get("components"):
             text = named.text if isinstance(named, Scalar) else ""
             family.letters = tuple(text) if text in _COMPONENTS else ()
-            if isinstance(named, Scalar) and not family.letters:
-                about = f"`components` must be `xy` or `xyz`, found `{text}`"
+            if not family.letters and not isinstance(named, Broken):
+                about = "`components` must be `xy` or `xyz`"
+                about += f", found `{text}`" if text else ""
                 self.report("expression-component", about, named)
             return bool(family.letters)
         known = all(k in ("unit", "description") or k.startswith("x-") for k in below)
@@ -594,7 +595,7 @@ class Expansion:
                 if not ranged or name not in found:
                     found.pop(name, None)  # to stand where the one that wins does
                     found[name] = entry, ranged
-            if again:
+            if again and not _COLUMN.fullmatch(key.text):
                 self.report("duplicate-member", f"`{again}` is given twice", key)
         return [entry for entry, _ in found.values()]
 

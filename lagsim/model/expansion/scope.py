@@ -202,11 +202,11 @@ class Scope:
         it depends on what is faulty itself. Where the size of
         a definition is needed that is not known yet, this is an UnresolvedError.
         """
-        known, terms = set(self._faulty), self._terms
+        known, terms, full = set(self._faulty), self._terms, self.full
         try:
             left, right, _ = self.values(text, parser, indices)
         except ExpressionError as fault:
-            self._faulty, self.failed = known, fault
+            self._faulty, self.full, self.failed = known, full, fault
             return -(fault.code == SILENT)
         finally:
             self._terms = terms
@@ -329,6 +329,7 @@ class Scope:
         if self._terms > limits.TERMS:
             text = f"the sums of this file have more than {limits.TERMS:,} terms"
             code = SILENT if self.full else "too-many"
+            self.full = True
             raise token.fault(text, f"this one has {count:,}", code)
         op = OVER_RANGES[token.text]
         if not count and op != "add":
