@@ -224,8 +224,7 @@ class Crossing:
     sizes: Floats  # of the terms of all surfaces (K,)
     at_rest: Collection[int]  # surfaces whose rate is zero
     held: Mapping[int, int]  # the side of surfaces where it is known
-    settled: bool  # the motion has come to rest on the surfaces, by itself,
-    left: float  # in so much time
+    left: float  # the time in which the motion comes to rest on those
     hit: int | None  # the surface that has ended the arc before
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
     open: list[int] = field(default_factory=list)  # what forces decide
@@ -346,7 +345,9 @@ class Crossing:
                 ]
                 cone = self._cone(held)
         found = cone.select(now)
-        if found is None or cone.is_fork(found):
+        if found is None and self.at_rest:  # round and round to where it rests
+            found = [SLIDING] * len(now)
+        if found is None or cone.is_fork:
             self.undecided = self.open
         if self.loose:  # what steps together with a surface has its side, or follows it
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
@@ -460,11 +461,10 @@ class Crossing:
             # What has no value tells nothing.
             return np.nan_to_num(J @ a - b, nan=0.0, posinf=0.0, neginf=0.0)
 
-        def stays(corner: Sequence[int]) -> bool | None:
-            self._settle(corner)
-            return self._leads(
-                self.open, np.where(np.array(corner) == ABOVE, 1.0, -1.0)
-            )
+        def leads(w: Floats, i: int) -> bool | None:
+            self._share(w)
+            k = self.open[i]
+            return self._leads([k], np.array([2.0 * w[i] - 1.0]))
 
         count, sides = len(self.open), (BELOW, ABOVE)
         scale, least = np.zeros((2, count))
@@ -476,18 +476,20 @@ class Crossing:
             for aside in modes.asides(reach):
                 least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
         self.roundoff[self.open] = least
-        settled = self.settled or not np.all(scale > least)
-        return FilippovCone(
-            rates, scale, held, stays, self._ahead, roundoff=least, settled=settled
-        )
+        return FilippovCone(rates, scale, held, leads, self._ahead, roundoff=least)
+
+    def _share(self, w: Floats) -> None:
+        """Put the open surfaces between their sides, by shares (k,)."""
+        self._settle(np.round(w).astype(int).tolist())
+        for k, share in zip(self.open, w.tolist(), strict=True):
+            self.modes.put(k, self.levels[k], REDUNDANT, share)
+        self.modes.write()
 
     def _ahead(self, w: Floats) -> tuple[float, Floats]:
         """Return a short time, and how fast rates (k,) with shares (k,) change."""
         modes, arc = self.modes, self.modes.arc
         moment = arc.moment
-        for k, share in zip(self.open, w.tolist(), strict=True):
-            modes.put(k, self.levels[k], REDUNDANT, share)
-        modes.write()
+        self._share(w)
         y = arc.y + moment * modes.rates(arc.t, arc.y)
         change = modes.forced(y, arc.t + moment) - modes.forced(arc.y)
         return moment, np.asarray(change)[self.open] / moment

@@ -45,15 +45,38 @@ if TYPE_CHECKING:
 BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 REDUNDANT = 4  # on its level because others are: its share is constant
-# Where some surface does not attract, all modes are tried up to this many surfaces.
+# Steps that several surfaces multiply are products of shares of up to so many.
 FEW = 5
-MOST_EXCHANGES = 1000
 # Newton's steps to the shares of surfaces.
 MOST_STEPS = 20
 
 
+class Trial(NamedTuple):
+    """What a selection leads to, with n surfaces.
+
+    Attributes
+    ----------
+    mode : list of int
+    w : ndarray, shape (n,)
+        The shares.
+    leads : ndarray, shape (n,)
+        Of a surface that does not attract, the rate at which it leaves to the side that
+        it was put on: below 0 it is on the wrong one. Else infinity.
+    """
+
+    mode: list[int]
+    w: Floats
+    leads: Floats
+
+
 class FilippovCone:
     """Filippov's conditions at a point on `count` surfaces.
+
+    They are a complementarity problem: with p = -w the rates are rho = rho_0 - B p.
+    Where steps multiply, it is solved by Newton's method, linear in each of its steps.
+    A surface whose own upper side does not diminish its rate attracts nothing, and
+    several answers may hold. It has the side that it has now; the other one if its rate
+    leads there, or if only that side leads away.
 
     Parameters
     ----------
@@ -65,17 +88,18 @@ class FilippovCone:
         What the rounding of the state does to them.
     held
         Surfaces whose side is known.
-    stays
-        Whether the motion from a corner stays in it, as far as is known.
+    leads
+        Whether the motion with these shares (count,) leaves a surface to the side that
+        its share is of, where no rate tells; None if it stays.
     ahead
         A short time, and how fast rates with these shares (count,) change in it.
-    settled
-        The motion has come to rest on the surfaces, or some of them have no rates.
 
     Attributes
     ----------
     shares : ndarray, shape (count,)
-        Those of the mode that was selected, where some are redundant.
+        Those of the mode that was selected.
+    is_fork : bool
+        The other side of some surface would do as well.
     """
 
     def __init__(
@@ -83,102 +107,69 @@ class FilippovCone:
         rates: Rates,
         scale: Floats,
         held: Mapping[int, int] | None = None,
-        stays: Callable[[Corner], bool | None] = lambda _: None,
+        leads: Callable[[Floats, int], bool | None] = lambda _w, _k: None,
         ahead: Callable[[Floats], tuple[float, Floats]] = lambda w: (1.0, 0.0 * w),
         *,
         roundoff: Floats | float = 0.0,
-        settled: bool = False,
     ) -> None:
         self.count = len(scale)
-        self.tolerance = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
-        self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
+        least = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
+        self.tolerance = np.maximum(least, TINY)  # not 0, where nothing pushes
         self.held = held or {}
-        self.settled = settled
-        self.ahead = ahead
-        self.shares = np.zeros(self.count)
-        self.stays = cache(stays)
+        self.leads, self.ahead = leads, ahead
+        self.shares, self.is_fork = np.zeros(self.count), False
         few = self.count <= FEW
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
 
     def select(self, now: Sequence[int]) -> list[int] | None:
         """Select BELOW, ABOVE or SLIDING for each surface; None where none meets them.
 
-        Of several selections, those with fewer sliding surfaces and with the sides
-        `now` come first.
+        now : the sides that the surfaces have
         """
-        found = self._complementary(now) if self.count > 1 else None
-        if found is not None or self.count > FEW:
-            return found
-        choices = [
-            [self.held[k]] if k in self.held else [now[k], 1 - now[k], SLIDING]
-            for k in range(self.count)
-        ]
-        every = [list(mode) for mode in product(*choices)]
-        candidates = sorted(every, key=lambda mode: mode.count(SLIDING))
-        # On a side only with a rate above rounding, at first: else the motion follows
-        # the surface rather than to creep along it.
-        leading = next((w for w in candidates if self.holds(w, self._clear)), None)
-        if leading is not None:
-            return leading
-        creeping = [mode for mode in candidates if self.holds(mode, -self.tolerance)]
-        doubtful = []
-        for mode in creeping:
-            stays = SLIDING in mode or self.stays(tuple(mode))
-            if stays:
-                return mode
-            if stays is None:
-                doubtful.append(mode)
-        if doubtful or not self.settled:
-            return doubtful[0] if doubtful else None
-        # No side leads away: the motion stays, though no surface attracts alone.
-        resting = (w for w in candidates if self.holds(w, self._clear, alone=False))
-        return next(resting, None)
+        sides = tuple(self.held.get(k, side) for k, side in enumerate(now))
+        tried: set[Corner] = set()
+        while True:
+            tried.add(sides)
+            trial = self._solved(sides)
+            if trial is None:
+                return None
+            wrong = np.flatnonzero(trial.leads < 0.0).tolist()
+            others = wrong or self._others(sides, trial)
+            ways = [exchanged(sides, k) for k in others]
+            ways = [way for way in ways if way not in tried]
+            if not ways:
+                self.shares = trial.w
+                return None if wrong else trial.mode
+            sides = ways[0]
+
+    def _others(self, sides: Corner, trial: Trial) -> list[int]:
+        """First surface that leaves by its other side alone; note if one does by both.
+
+        A surface to which the motion comes back from either side is followed, though no
+        rate says so.
+        """
+        self.is_fork = False
+        for k in np.flatnonzero(trial.leads < math.inf).tolist():
+            here: bool | None = bool(trial.leads[k] > 0.0)
+            other = self._solved(exchanged(sides, k))
+            there: bool | None = other is not None and bool(
+                other.leads[k] > 0.0 and np.all(other.leads >= 0.0)
+            )
+            if not here and not there:
+                w = trial.w.copy()
+                here = self.leads(w, k)
+                w[k] = 1 - sides[k]
+                there = self.leads(w, k)
+                if here is there is False:
+                    trial.mode[k] = SLIDING
+            if there and not here:
+                return [k]
+            self.is_fork = self.is_fork or bool(here and there)
+        return []
 
     def attraction(self, k: int) -> float:
         """By how much the upper side of surface k adds to its rate, all below."""
         return float(self._change(np.zeros(self.count), k)[k])
-
-    def is_fork(self, mode: Sequence[int]) -> bool:
-        """Whether the other side of some surface would do as well."""
-        if REDUNDANT in mode:
-            return False
-        for i, k in enumerate(mode):
-            if k == SLIDING or i in self.held:
-                continue
-            other = [*mode[:i], 1 - k, *mode[i + 1 :]]
-            if self.holds(other, self._clear) or self._leads_off(other):
-                return True
-        return False
-
-    def _leads_off(self, mode: Sequence[int]) -> bool:
-        """Whether the motion stays on these sides though no rate says so."""
-        if self.count > FEW or SLIDING in mode or not self.holds(mode, -self.tolerance):
-            return False
-        return self.stays(tuple(mode)) is True
-
-    def _solved(self, mode: Sequence[int]) -> tuple[Floats, Floats, Floats]:
-        """Shares that keep sliding surfaces, rates, and attractions (count,).
-
-        The attraction of a surface is what its own upper side adds to its rate: below 0
-        where the sides push onto the surface. By Newton's method: in the shares of
-        several, rates have products where steps do.
-        """
-        along = [i for i, k in enumerate(mode) if k == SLIDING]
-        # Forces of which only the sum matters: the shares closest to one half.
-        w = np.array([0.5 if k == SLIDING else k for k in mode], dtype=float)
-        rho, own = self._blended(w), np.zeros(self.count)
-        for _ in range(MOST_STEPS if along else 0):
-            slopes = np.array([self._change(w, j) for j in along]).T[along]
-            slopes[np.abs(slopes) <= self.tolerance[along, None]] = 0.0
-            # Of the same size, whatever the units of each surface.
-            size = np.max(np.abs(slopes), axis=1)
-            size[size == 0.0] = 1.0
-            scaled = slopes / size[:, None], rho[along] / size
-            w[along] -= np.linalg.lstsq(*scaled, rcond=None)[0]
-            rho, own[along] = self._blended(w), np.diag(slopes)
-            if np.all(np.abs(rho[along]) <= self.tolerance[along]):
-                break
-        return w, rho, own
 
     def _change(self, w: Floats, j: int) -> Floats:
         """Change of rates (count,) from below surface j to above it."""
@@ -197,62 +188,40 @@ class FilippovCone:
             rates = rates + np.prod(parts) * self.rates(corner)
         return rates
 
-    def holds(self, mode: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
-        """Whether a mode meets the conditions, at rates of `least` or more.
+    def _solved(self, sides: Corner) -> Trial | None:
+        """Mode where surfaces that do not attract have these sides.
 
-        And whether each sliding surface attracts alone.
+        A surface with rate 0 whose share is at its end is left if the rates of the
+        shares ask for that, see `rates_at`; and one that keeps to its level because
+        others do has a share that is constant.
         """
-        w, rho, own = self._solved(mode)
-        known = [i in self.held for i in range(self.count)]
-        sides = np.array(mode)
-        inside = (w >= -SOLUTION_ROUNDOFF) & (w <= 1.0 + SOLUTION_ROUNDOFF)
-        attracts = (own < 0.0) | (not alone)
-        follows = inside & attracts & (np.abs(rho) <= self.tolerance)
-        leaves = np.where(sides == ABOVE, rho, -rho) >= least
-        return bool(np.all(known | np.where(sides == SLIDING, follows, leaves)))
-
-    def _complementary(self, now: Sequence[int]) -> list[int] | None:
-        """Mode by one complementarity problem; None where few do not all attract.
-
-        What does not attract is no part of it: it has the side that it has `now`, or
-        the other if its rate leads there, one exchanged after the other.
-
-        With p = -w the rates are rho = rho_0 - B p. A surface with rate 0 whose share
-        is at its end is left if the rates of the shares ask for that, see `rates_at`;
-        and one that keeps to its level because others do has a share that is constant.
-        """
-        n, none = self.count, np.zeros(self.count)
-        B = np.array([self._change(none, j) for j in range(n)]).T
-        # Each surface in a unit of its own: a power of two, so that nothing is rounded.
-        unit = np.exp2(-np.round(np.log2(np.maximum(np.max(np.abs(B), axis=1), TINY))))
-        B, tolerance = unit[:, None] * B, unit * self.tolerance
-        base, above = unit * self.rates((BELOW,) * n), unit * self.rates((ABOVE,) * n)
-        off, own = above - base - B.sum(axis=1), B.diagonal()
-        attract = (own < -tolerance) & (np.abs(off) <= tolerance * n)
-        if n <= FEW and not attract.all():
-            return None
-        ends, alone = np.zeros((4, n)), np.full(n, -1)
-        ends[0] = -1.0
-        aside = {k: now[k] for k in np.flatnonzero(~attract).tolist()}
-        aside.update(self.held)
-        for k, side in aside.items():  # what has reached its end is at it
-            ends[::2, k] = -side
-        for _ in range(MOST_EXCHANGES):
-            found = solve(Problem(-B, base, ends[:2], ends[2:], alone, alone))
+        n, at = self.count, np.array(sides)
+        w, alone, ends = np.zeros(n), np.full(n, -1), np.zeros((4, n))
+        for _ in range(MOST_STEPS):
+            B, base = (
+                np.array([self._change(w, j) for j in range(n)]).T,
+                self._blended(w),
+            )
+            # Each surface in a unit of its own: a power of two, which rounds nothing.
+            size = np.maximum(np.maximum(np.max(np.abs(B), axis=1), np.abs(base)), TINY)
+            unit = np.exp2(-np.round(np.log2(size)))
+            B, base, tolerance = unit[:, None] * B, unit * base, unit * self.tolerance
+            own = B.diagonal()
+            attract = own < -tolerance
+            fixed = ~attract
+            fixed[list(self.held)] = True
+            ends[0] = np.where(fixed, -at, -1.0)
+            ends[2] = np.where(fixed, -at, 0.0)
+            found = solve(Problem(-B, base - B @ w, ends[:2], ends[2:], alone, alone))
             if not found.found:
                 return None
-            leads = np.where(ends[0] < 0.0, found.w < -tolerance, found.w > tolerance)
-            wrong = [k for k in aside if k not in self.held and leads[k]]
-            if not wrong:
+            w, rho = np.where(fixed, at, -found.p), found.w
+            if np.all(np.abs(unit * self._blended(w) - rho) <= tolerance):
                 break
-            aside[wrong[0]] = 1 - aside[wrong[0]]
-            ends[::2, wrong[0]] = -aside[wrong[0]]
-        else:
-            return None
-        w, rho = -found.p, found.w
+        modes = np.where(rho > 0.0, ABOVE, BELOW)
+        still = np.abs(rho) <= tolerance
         small = tolerance / np.abs(np.where(own, own, 1.0))
-        sides = np.where(rho > 0.0, ABOVE, BELOW)
-        rests = np.flatnonzero(attract & (np.abs(rho) <= tolerance)).tolist()
+        rests = np.flatnonzero(attract & still).tolist()
         inside = [k for k in rests if small[k] < w[k] < 1.0 - small[k]]
         tied = [k for k in rests if k not in inside]
         w[tied] = np.round(w[tied])
@@ -262,16 +231,20 @@ class FilippovCone:
             ways = (2.0 * w - 1.0)[tied, None] * np.eye(n)[tied]
             moment, change = self.ahead(w)
             x, rate = rates_at(-B, unit * change, tolerance / moment, free, ways)
-            sides[tied] = np.where(w[tied] > 0.5, ABOVE, BELOW)
+            modes[tied] = np.where(w[tied] > 0.5, ABOVE, BELOW)
             tied = sorted([k for k in tied if not rate[k]], key=lambda k: -abs(x[k]))
         for k in (*inside, *tied):
             new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
-            sides[k] = SLIDING if new else REDUNDANT
-        for k, side in aside.items():
-            if not attract[k]:
-                sides[k] = side
-        self.shares = w
-        return [int(side) for side in sides]
+            modes[k] = SLIDING if new else REDUNDANT
+        leads = np.where(still, 0.0, np.where(at == ABOVE, rho, -rho))
+        leads[attract] = leads[list(self.held)] = math.inf
+        modes[~attract] = at[~attract]
+        return Trial(modes.tolist(), w, leads)
+
+
+def exchanged(sides: Corner, k: int) -> Corner:
+    """Sides with surface k on its other one."""
+    return (*sides[:k], 1 - sides[k], *sides[k + 1 :])
 
 
 def _affine(rates: Rates, count: int) -> Rates:

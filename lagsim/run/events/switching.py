@@ -154,10 +154,9 @@ class Switching(Source):
         cautions: tuple[Caution, ...] = ()
         rests = come_to_rest(modes, levels, sizes)
         if not rests:
-            settled = bool(at_rest) or any(kept[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(
-                modes, levels, sizes, at_rest, held, settled, left, met, self.resting
+                modes, levels, sizes, at_rest, held, left, met, self.resting
             )
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)

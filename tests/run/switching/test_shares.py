@@ -27,7 +27,7 @@ def cone(B, r, held=None):
 def test_one_surface(low, high, way):
     here = cone([[high - low]], [-low])
     assert here.select([ABOVE]) == [way]
-    assert here.is_fork([way]) == (low < 0 < high)
+    assert here.is_fork == (low < 0 < high)
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 7, 12])
@@ -49,6 +49,37 @@ def test_friction_has_one_way_and_it_is_found(count):
         assert np.all((w >= -1e-12) & (w <= 1 + 1e-12))
         for k, rate in zip(way, rho, strict=True):
             assert abs(rate) < 1e-9 if k == SLIDING else (rate > 0) == (k == ABOVE)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_steps_that_multiply(count):
+    # Each rate is bilinear in the shares; each surface attracts for all of them.
+    random = np.random.default_rng(count)
+    for _ in range(20):
+        base, B = random.normal(size=count), 0.3 * random.normal(size=(count, count))
+        B[range(count), range(count)] = random.uniform(-2, -1, count)
+        pairs = random.uniform(-0.2, 0.2, (count, count, count))
+        pairs *= np.triu(np.ones((count, count)), 1)
+
+        def rates(w, base=base, B=B, pairs=pairs):
+            w = np.array(w)
+            return base + B @ w + (pairs @ w) @ w
+
+        here = FilippovCone(rates, np.full(count, 10.0))
+        way = here.select([BELOW] * count)
+        assert np.all((here.shares >= 0.0) & (here.shares <= 1.0))
+        for k, w, rate in zip(way, here.shares, rates(here.shares), strict=True):
+            assert abs(rate) < 1e-10 if k == SLIDING else w == k
+            assert k == SLIDING or (rate > 0) == (k == ABOVE)
+
+
+@pytest.mark.parametrize("now", [[BELOW, ABOVE], [ABOVE, BELOW]])
+def test_of_two_ways_the_present_one_is_taken_and_told(now):
+    # The second surface repels, and its side decides what the first one does: (0, 1)
+    # has the rates -1.5 and 2, (1, 0) has 0.5 and -1.
+    here = cone([[-1.0, -3.0], [-2.0, 1.0]], [-1.5, -1.0])
+    assert here.select(now) == now
+    assert here.is_fork
 
 
 def test_no_way():
