@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 74_880
-LINES_OF_TESTS = 57_090
+LINES = 74_850
+LINES_OF_TESTS = 57_120
 
 
 def lines(folder):
