@@ -237,6 +237,21 @@ simulation: {duration: 40, output_step: 0.5}
         "expression of the column divides by from that time on",
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 1e300*g*theta}\n",
         _RUN),
+    warning("W321", "shared-friction",
+        "Friction slides by forces that are not unique, so the motion is not.",
+        "leave contacts out, or what holds beside them, until the others determine "
+        "their forces, or give them the same friction",
+        """\
+coordinates: {x: {}, y: {}}
+definitions: {}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints:
+  one: {relation: y >= 0, restitution: 0, friction: 0.1, slip: x_dot}
+  two: {relation: y >= 0, restitution: 0, friction: 0.5, slip: x_dot}
+initial: {x: 0, y: 0, x_dot: 3}
+simulation: {duration: 0.1, output_step: 0.1}
+""",
+        _RUN),
     warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: "
         "there is no page.",

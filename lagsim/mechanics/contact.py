@@ -343,12 +343,15 @@ class Modes:
     paradox : bool
         Painlevé's: no solution, or a sliding contact that presses with an effective
         mass that is not positive. What may part instead is let go.
+    open : bool
+        Friction slides by a multiplier that is not unique, and so is not the motion.
     """
 
     mode: tuple[Mode, ...]
     direction: Floats
     multipliers: Floats
     paradox: bool
+    open: bool = False
 
 
 def modes(
@@ -654,8 +657,30 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     for k in rows.one_sided:
         if least < p[k] < 0.0:
             p[k] = 0.0
-    jams = Mode.SLIDING in modes and _jams(rows, E, held, R, forces)
-    return Modes(tuple(modes), directions * parts, p, jams)
+    slides = Mode.SLIDING in modes
+    jams = slides and _jams(rows, E, held, R, forces)
+    is_open = (
+        slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
+    )
+    return Modes(tuple(modes), directions * parts, p, jams, is_open)
+
+
+def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
+    """Whether friction that slides moves something by multipliers of dependent rows.
+
+    Some of their multipliers, with their friction, accelerate no row that holds.
+    """
+    both = [Mode.HELD if mode is Mode.REDUNDANT else mode for mode in modes]
+    bears = ~rows.closed.bounded | (rows.sizes > 0.0)
+    rest = [k for k, mode in enumerate(both) if mode is Mode.HELD and bears[k]]
+    E, _ = _expressed(rows, both, directions)
+    Y = rows.closed.factor
+    lengths = np.linalg.norm(Y[:, rest], axis=0)
+    units = np.where(lengths > 0.0, lengths, 1.0)
+    F = (Y @ E)[:, rest] / units
+    _, s, V = np.linalg.svd(Y[:, rest].T @ F / units[:, None])
+    free = V[s <= DEPENDENT_SQUARE * s[0]]
+    return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
 
 
 def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) -> bool:

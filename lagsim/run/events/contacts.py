@@ -71,6 +71,10 @@ WARNINGS = {
         "at t = {t:.9g} the contacts {names} are redundant: the motion is unique, "
         "their forces are not, and one solution is given"
     ),
+    "shared-friction": (
+        "at t = {t:.9g} friction slides by forces of {names} that are not unique, so "
+        "the motion is not, and one solution is given"
+    ),
 }
 
 
@@ -194,7 +198,12 @@ class Contacts(Source):
             return found
         some = [k for k in some if closed[k] and self.laws[k].kind.strikes]
         if any(here.strikes(k) for k in some):
-            self._strike(here, some, ends, found)
+            free = {
+                k
+                for k, law in enumerate(self.laws)
+                if law.kind is Kind.FREEWHEEL and here.in_force[k]
+            }  # it may engage by that
+            self._strike(here, sorted(free.union(some)), ends, found)
             here = here.at(found.y)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
@@ -230,8 +239,9 @@ class Contacts(Source):
         redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
         shares = any(self.laws[k].kind.one_sided for k in redundant)
         p.law_shares = float(shares)
-        if shares:
-            self._report(found, "shared-contact", some, t=arc.t)
+        if shares or chosen.open:
+            code = "shared-friction" if chosen.open else "shared-contact"
+            self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
         """Kinematics with sliders without mass as they go on."""
@@ -438,6 +448,7 @@ class Chosen(NamedTuple):
     multipliers: Floats
     D: Floats
     paradox: bool
+    open: bool = False
 
 
 def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> Chosen:
@@ -475,7 +486,8 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
         if law.kind is Kind.SLIP and mode[law.normal] == kept.OFF:
             mode[k] = kept.OFF
     diagonal = np.diag(problem.D).copy()
-    return Chosen(mode, direction, some, found.multipliers, diagonal, found.paradox)
+    multipliers, paradox = found.multipliers, found.paradox
+    return Chosen(mode, direction, some, multipliers, diagonal, paradox, found.open)
 
 
 def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:

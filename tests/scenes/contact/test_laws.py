@@ -44,6 +44,28 @@ def test_a_freewheel_engages_again_without_an_impact():
     close(found["b_dot"][t < second], out[t < second])
 
 
+@pytest.mark.parametrize("method", [None, "moreau"])
+def test_a_freewheel_that_runs_on_engages_by_a_stop(method):
+    # The output bounces off a stop with e = 1/2, and takes the input along: -1 both,
+    # momentum 3 less the impulse of 5. Beside it, one that is still faster stays free.
+    text = scene(
+        "a b c", "(a_dot^2 + b_dot^2 + c_dot^2)/2", "0",
+        {
+            "wheel": {"relation": "b_dot >= a_dot"},
+            "other": {"relation": "b_dot >= c_dot"},
+            "stop": {"relation": "b <= 1", "restitution": 0.5},
+        },
+        {"a": 0, "a_dot": 1, "b": 0, "b_dot": 2, "c": 0, "c_dot": -2},
+        duration=1, output_step=0.25,
+    )  # fmt: skip
+    found = play(text, method=method, step="1e-3" if method else None)
+    for q, speed in {"a": -1.0, "b": -1.0, "c": -2.0}.items():
+        close(found[f"{q}_dot"][-1], speed)
+    if method is None:
+        assert np.max(found["impulse.stop"]) == pytest.approx(5.0, abs=GLOBAL)
+        assert found.instants("impact") == pytest.approx([0.5], abs=GLOBAL)
+
+
 def test_a_freewheel_passes_a_blow_on():
     # A third inertia at 6 rad/s is coupled to the input: all three share its momentum.
     text = scene(

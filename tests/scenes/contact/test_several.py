@@ -54,6 +54,29 @@ def test_four_legs_share_the_weight_with_the_least_norm(where):
         assert np.max(np.abs(found[q])) < 1e-14
 
 
+BESIDE = contact("y >= 0", 0, slip="x_dot")
+
+
+@pytest.mark.parametrize(
+    ("beside", "code"),
+    [
+        (BESIDE | {"friction": 0.1}, "shared-contact"),
+        (BESIDE | {"friction": 0.5}, "shared-friction"),
+        ({"relation": "y_dot = 0", "limit": 5.0}, "shared-friction"),
+    ],
+)
+def test_friction_by_forces_that_are_shared_leaves_the_motion_open(beside, code):
+    # Each may bear all of the weight: it slides back by 0.1 g or by 0.5 g; beside what
+    # holds the height by up to 5 N, by 0.1 (g - 5) to 0.1 (g + 5).
+    one = contact("y >= 0", 0, friction=0.1, slip="x_dot")
+    text = scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "g*y", {"one": one, "beside": beside},
+        {"x": 0, "x_dot": 3, "y": 0}, duration=0.1, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    assert [warning.code for warning in found.result.warnings] == [code]
+
+
 def test_where_the_shortest_would_pull_three_legs_carry():
     # x = 0.9, y = 0.3: a leg would get m g/4 (1 - 1.2) < 0. It gets nothing, and the
     # others what is then the only answer.
