@@ -670,9 +670,12 @@ def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
 
     Some of their multipliers, with their friction, accelerate no row that holds.
     """
-    both = [Mode.HELD if mode is Mode.REDUNDANT else mode for mode in modes]
     bears = ~rows.closed.bounded | (rows.sizes > 0.0)
-    rest = [k for k, mode in enumerate(both) if mode is Mode.HELD and bears[k]]
+    both: list[Mode] = [
+        Mode.HELD if mode is Mode.REDUNDANT and bears[k] else mode
+        for k, mode in enumerate(modes)
+    ]
+    rest = [k for k, mode in enumerate(both) if mode is Mode.HELD]
     E, _ = _expressed(rows, both, directions)
     Y = rows.closed.factor
     lengths = np.linalg.norm(Y[:, rest], axis=0)
