@@ -208,7 +208,7 @@ def examine(
     try:
         return examiner.report(classify=classify)
     except np.linalg.LinAlgError:
-        raise out_of_scale(equations.model) from None
+        raise out_of_scale(equations) from None
 
 
 def start_at(equations: Equations, state: Instant) -> Start:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
 
 # --- Energies, forces, masses and constraints must be finite
 
@@ -253,22 +252,30 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
         raise InputError(found)
 
 
-def out_of_scale(model: Model) -> InputError:
+def out_of_scale(equations: Equations) -> InputError:
     """Return what tells that doubles do not hold what the start asks for.
 
-    LAPACK fails for nothing else: what it is given has overflowed on the way.
+    LAPACK fails for nothing else: what it is given has overflowed on the way. Named are
+    the least and the largest number in energies, forces and constraints.
     """
-    stated = {value.name: value.value for value in model.initial}
-    known = stated | {p.name: p.value for p in model.parameters}
-    sizes = {name: abs(x) for name, x in known.items() if x}
+    g, model = equations.graph, equations.model
+    energies = (model.kinetic, model.potential, model.lagrangian, model.dissipation)
+    nodes = [node for node in energies if node is not None]
+    nodes += [force.node for force in model.forces]
+    nodes += [c.relation.node for c in model.constraints]
+    cone = g.cone(nodes)
+    sizes = {f"{x:.3g}": abs(x) for n in cone if (x := g.value(n)) is not None}
+    known = {x.name: x.value for x in (*model.initial, *model.parameters)}
+    used = g.depends(nodes) & known.keys()
+    sizes |= {f"`{x}` is {known[x]:.3g}": abs(known[x]) for x in sorted(used)}
+    sizes = {text: size for text, size in sizes.items() if size}
     text = (
         "the start cannot be examined: its numbers differ by more orders of magnitude "
         "than double precision has"
     )
     if sizes:
-        ends = [f(sizes, key=lambda name: sizes[name]) for f in (min, max)]
-        texts = [f"`{name}` is {known[name]:.3g}" for name in dict.fromkeys(ends)]
-        text += f" ({', '.join(texts)})"
+        ends = dict.fromkeys(f(sizes, key=lambda x: sizes[x]) for f in (min, max))
+        text += f" ({', '.join(ends)})"
     hint = "choose units in which masses and lengths are nearer to 1"
     return InputError([Problem("out-of-scale", text, hint=hint)])
 

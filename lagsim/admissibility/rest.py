@@ -33,7 +33,13 @@ from lagsim.admissibility.newton import (
     unwound,
 )
 from lagsim.admissibility.point import Condition, Lengths, conditions
-from lagsim.admissibility.verdict import acting, judge, judge_laws, one_sided
+from lagsim.admissibility.verdict import (
+    acting,
+    judge,
+    judge_laws,
+    judge_rest,
+    one_sided,
+)
 from lagsim.language.derivatives import gradient, slopes
 from lagsim.language.names import rate_of
 from lagsim.mechanics.algebra import (
@@ -387,6 +393,9 @@ def find_rest(
                 if not all(x.satisfied for x in judge(there)):
                     return None  # a relation that moves
                 if not changes:
+                    left = judge_rest(there, judge_laws(there, off)) if laws else ()
+                    if not all(x.satisfied for x in left):
+                        return None  # a wall that comes, or goes
                     sided = {k for k in held if laws[k].kind.one_sided}
                     touching = {laws[k].constraint for k in sided}
                     return AtRest(there, touching, rest.undetermined(end.x))

@@ -357,14 +357,15 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
     laws : the verdicts on these, of which those that are active act.
     """
     e = point.e
+    own = acting(point, laws)
+    v = own.v if own.struck else point.v  # a wall that comes sets in motion
     moving = [
         _at_rest(name, rate, abs(point.errors.get(name, 0.0)))
-        for name, rate in zip(e.velocities, point.v.tolist(), strict=True)
+        for name, rate in zip(e.velocities, v.tolist(), strict=True)
         if rate
     ]
     if not all(x.satisfied for x in moving):
         return moving
-    own = acting(point, laws)
     a, terms, K = _accelerations(point)
     pushes, sizes = point.jacobian(own.rows).T @ own.multipliers, point.sizes
     f, A = point.array(e.f) + pushes, point.gradients
@@ -501,6 +502,8 @@ class Acting(NamedTuple):
         Those that may act.
     multipliers : ndarray
         One for each of these.
+    v : ndarray, shape (n,)
+        The velocities after the impact of what is struck.
     """
 
     modes: Mapping[int, Mode]
@@ -508,6 +511,7 @@ class Acting(NamedTuple):
     paradox: bool = False
     rows: Sequence[Row] = ()
     multipliers: Floats = np.zeros(0)
+    v: Floats = np.zeros(0)
 
     @property
     def holding(self) -> set[int]:
@@ -539,12 +543,13 @@ def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
     gone = {k for k in parts if laws[k].kind.one_sided}
     left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
     if not left:
-        return Acting(sliders, struck)
+        return Acting(sliders, struck, v=point.v)
     after = _Rows(point, left)
     small = rounding[[chosen.index(k) for k in left]]
     found = modes(after.closed, *after.accelerations(), small)
     own = {**dict(zip(left, found.mode, strict=True)), **sliders}
-    return Acting(own, struck, found.paradox, after.rows, found.multipliers)
+    multipliers = found.multipliers
+    return Acting(own, struck, found.paradox, after.rows, multipliers, point.v)
 
 
 def _sliders(point: Point) -> dict[int, Mode]:

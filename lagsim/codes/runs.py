@@ -18,8 +18,9 @@ ROWS = (
         "The step size became too small.",
         "A step is large enough to change the time in double precision.",
         "the motion runs into a singularity (a division by zero, a coordinate that "
-        "loses its meaning) or is very stiff: look at the component named, stop before "
-        "that time, choose other coordinates there, or loosen rtol",
+        "loses its meaning, a force that drives it to infinity by then) or is very "
+        "stiff: look at the component named, stop before that time, choose other "
+        "coordinates there, or loosen rtol",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",

@@ -6,6 +6,7 @@ Besides, whether a run will ever come to its end.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import signal
 import threading
@@ -18,17 +19,20 @@ if TYPE_CHECKING:
 
 # More steps than any run makes, unless it is told otherwise.
 MOST_STEPS = 100_000_000
-# Steps at which it is first asked whether a run comes to its end, then twice as many.
-ASKED = 1 << 17
-# Twice the steps bring less than this part of the time that half of them brought.
-SLOWER = 0.75
+# Steps at which it is first asked whether a run comes to its end, then twice as many;
+# and so many times are compared.
+ASKED, COMPARED = 1 << 13, 6
+# Twice the steps bring no more than so many times what half of them brought: of a
+# frequency that grows as a power of the time, steps grow with a lower one than 4.
+SLOWER = 1.2
 
 
 class Horizon:
-    """Time to which the steps converge: no number of steps passes it.
+    """Time to which the steps lead: no number of steps passes it.
 
     Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
     doubling of their number brings half of the time that the one before has brought.
+    Where a motion turns ever faster, as exp(t), each doubling brings the same.
 
     Attributes
     ----------
@@ -51,16 +55,17 @@ class Horizon:
         if steps < self.ask_at:
             return None
         self.ask_at *= 2
-        self._times = [*self._times[-3:], t]
-        if len(self._times) < 4:
+        self._times = [*self._times[1 - COMPARED :], t]
+        took = [b - a for a, b in itertools.pairwise(self._times)]
+        if len(took) < COMPARED - 1 or min(took) <= 0.0:
             return None
-        a, b, c, _ = self._times
-        if not (0.0 < t - c < SLOWER * (c - b) and c - b < SLOWER * (b - a)):
+        share = max(b / a for a, b in itertools.pairwise(took))
+        if share > SLOWER:
             return None
-        share = (t - c) / (c - b)
-        doublings = max(0.0, math.log2(most / steps))
-        passed = t + (t - c) * share * (1.0 - share**doublings) / (1.0 - share)
-        return passed if passed < end else None
+        doublings, left = max(0.0, math.log2(most / steps)), 0.0
+        for k in range(1, 1 + math.ceil(doublings)):
+            left += took[-1] * share**k
+        return t + left if t + left < end else None
 
 
 ENDING = (signal.SIGINT, signal.SIGTERM)

@@ -334,6 +334,46 @@ def test_a_brake_holds_up_to_its_limit(x, rest):
     assert coordinates(start) == pytest.approx([rest], abs=1e-14)
 
 
+# Springs to 0.5 and to each other: alone both rest at 0.5.
+WALL = """
+coordinates: {x: , y: }
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: (x - 0.5)^2/2 + (y - x)^2/2}
+constraints: {wall: {relation: RELATION, restitution: E}}
+initial: {x: {guess: 1}, y: {guess: 0.9}}
+simulation: {duration: 1, begin: rest}
+"""
+
+
+@pytest.mark.parametrize("e", ["0", "0.7"])
+@pytest.mark.parametrize(
+    ("relation", "time", "rests"),
+    [
+        ("x >= 1", 0, True),
+        ("x >= 1 + t^3", 0, True),
+        ("x >= 0.4 + 0.1*t", 0, True),
+        ("x >= 0.5 - 0.1*t", 0, True),  # nothing leans on it
+        ("x >= 1 - 0.1*t", 0, False),
+        ("x >= 0.5 + 0.1*t", 0, False),
+        ("x >= 0.8 + 0.1*t", 2, False),
+        ("500*x >= 500 + 50*t", 0, False),
+        ("x >= 1 + 1e-7*t", 0, False),
+        ("x >= 1 + 0.05*t^2", 0, False),
+    ],
+)
+def test_nothing_rests_at_a_wall_that_comes(relation, time, rests, e):
+    found = at_rest(WALL.replace("RELATION", relation).replace("E}", f"{e}}}"), time)
+    assert found.admissible == rests
+    assert found.repair is None or rests
+
+
+@pytest.mark.parametrize("e", [0, 0.7])
+def test_a_wall_that_comes_is_told_by_what_it_sets_in_motion(e):
+    text = WALL.replace("RELATION", "x >= 1 + 0.1*t").replace("E}", f"{e}}}")
+    start = at_rest(text.replace("{guess: 1}", "1").replace("{guess: 0.9}", "1"))
+    left = {v.name: v.position.value for v in start.verdicts if v.kind == "at rest"}
+    assert left == pytest.approx({"x_dot": 0.1 * (1 + e)})  # by Newton's law
+
+
 # --- On the command line, and in Python
 
 CAR = """

@@ -4,6 +4,7 @@ import math
 import re
 from operator import attrgetter
 
+import numpy as np
 import pytest
 
 from lagsim.errors import InputError
@@ -378,3 +379,17 @@ def test_what_is_to_be_written_comes_to_rest_but_for_a_creep(v):
     # Held by 1/3 of the friction: u = 1/3 hypot(c, u).
     assert found["x_dot"][-1] == pytest.approx(1e-4 / 8**0.5, rel=1e-6)
     assert abs(found["y_dot"][-1]) < 1e-9
+
+
+def test_numbers_out_of_scale_are_those_that_count():
+    """A parameter without use is not to blame."""
+    text = (
+        "parameters: {unused: 1e-305, large: 1e300}\n"
+        "coordinates: {x: , y: }\n"
+        "energy: {kinetic: 1e-200*x_dot^2/2 + y_dot^2/2, potential: x}\n"
+        "constraints: {c: large*x*y + 1e-300*y^3 = 1e154}\ninitial: {x: 2, y: 1}\n"
+    )
+    with pytest.raises(InputError) as raised, np.errstate(all="ignore"):
+        run(text + "simulation: {duration: 1}\n")
+    [problem] = raised.value.problems
+    assert problem.text.endswith("(1e-300, `large` is 1e+300)")

@@ -6,6 +6,7 @@ import signal
 
 import numpy as np
 import pytest
+from scipy.special import j0, j1, jv, jvp
 
 from lagsim.program.system import BLOCK, Pace
 from lagsim.run.interrupt import Interrupt
@@ -129,6 +130,29 @@ def test_steps_that_never_pass_a_time(method):
     assert trajectory.statistics.steps < 3_000_000
     assert trajectory.end == pytest.approx(0.6, abs=1e-6)
     assert "100,000,000 would not pass t = 0.6)" in trajectory.reason
+
+
+def test_a_motion_that_turns_ever_faster_never_ends():
+    # x'' = -exp(2 t) x has J_0(exp(t)): 10^13 turns by t = 32.
+    text = oscillator("duration: 32", force="x - exp(2*t)*x", x=j0(1), v=-j1(1))
+    found = run(text)
+    assert found.trajectory.outcome is Outcome.TOO_MANY_STEPS
+    assert found.trajectory.statistics.steps < 300_000
+    assert "100,000,000 would not pass t = 1" in found.trajectory.reason
+    assert np.max(np.abs(found["x"] - j0(np.exp(found["t"])))) < 1e-8
+
+
+@pytest.mark.slow
+def test_a_motion_whose_frequency_is_a_power_of_the_time_goes_on():
+    # x'' = -t^6 x has sqrt(t) J_(1/8)(t^4/4).
+    x, v = jv(0.125, 0.25), 0.5 * jv(0.125, 0.25) + jvp(0.125, 0.25)
+    force, past = "x - t^6*x", "start: 1, duration: 34, output_step: 1"
+    found = run(oscillator(past, force=force, x=x, v=v))
+    t = found["t"]
+    assert found.trajectory.outcome is Outcome.DONE
+    assert found.trajectory.statistics.steps > 1 << 18
+    exact = np.sqrt(t) * jv(0.125, t**4 / 4)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-5 * x
 
 
 @pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.01"])
