@@ -265,7 +265,7 @@ def out_of_scale(equations: Equations) -> InputError:
     nodes += [c.relation.node for c in model.constraints]
     cone = g.cone(nodes)
     sizes = {f"{x:.3g}": abs(x) for n in cone if (x := g.value(n)) is not None}
-    known = {x.name: x.value for x in (*model.initial, *model.parameters)}
+    known = model.parameter_values | {x.name: x.value for x in model.initial}
     used = g.depends(nodes) & known.keys()
     sizes |= {f"`{x}` is {known[x]:.3g}": abs(known[x]) for x in sorted(used)}
     sizes = {text: size for text, size in sizes.items() if size}
