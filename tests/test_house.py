@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 74_910
-LINES_OF_TESTS = 57_170
+LINES = 74_940
+LINES_OF_TESTS = 57_250
 
 
 def lines(folder):
