@@ -360,7 +360,8 @@ def gather(p: Parameters, out: Floats) -> None:
     """Bound of the accelerations of coordinates (n,) by constraint forces.
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
-    Where they cancel, what the addends of their rows could do counts.
+    Where they cancel, what the addends of their rows could do counts: forces, and what
+    M couples a coordinate with.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -374,7 +375,11 @@ def gather(p: Parameters, out: Floats) -> None:
         for j in range(n):
             if row[j] != 0.0 and M[j * n + j] > 0.0:
                 square += row[j] * row[j] / M[j * n + j]
-                asked += abs(row[j] * p.f[j]) / M[j * n + j]
+                push = abs(p.f[j])
+                for i in range(n):
+                    if i != j:
+                        push += abs(M[j * n + i] * p.motion[i])
+                asked += abs(row[j]) * push / M[j * n + j]
                 first = j
         if square > 0.0:
             force = max(lam[k] * lam[k] * square, asked * asked / square)

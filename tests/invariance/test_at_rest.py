@@ -170,3 +170,36 @@ simulation: {{duration: 10, output_step: 0.1}}
     assert result.trajectory.outcome.complete
     # Of an energy of 10; the lever arm falls to 1e-10, where doubles have few digits.
     assert result.drift < 1e-5
+
+
+# A cart that a law holds at 0 while links hang from it: what M couples it with cancels.
+HELD_CART = """
+parameters: {{m(1..3): [0.683, 0.969, 1.052], L: {0!r}, l: 0.375*L, g: 9.81*L}}
+coordinates: {{x: {{}}, q(1..3): {{}}}}
+definitions:
+  a(0): 0
+  a(i = 1..3): a(i-1) + q(i)
+  p(0): vec(x, 0)
+  p(i = 1..3): p(i-1) + l*vec(sin(a(i)), -cos(a(i)))
+gravity: [0, -g]
+bodies: {{bob(i = 1..3): {{mass: m(i), at: p(i)}}}}
+energy: {{kinetic: bodies + 3.654*x_dot^2/2, potential: bodies + 3.15*x^2}}
+forces: {{x: 1.78*L*sin(2.69*t)}}
+constraints: {{hold: {{relation: x = 0{1}}}}}
+initial:
+  x: 0
+  x_dot: 0
+  q(1..3): [0.01, 0.819, 0.174]
+  q_dot(1..3): [0.56, -0.255, -0.002]
+simulation: {{duration: 0.3, output_step: 0.1, method: dop853}}
+"""
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
+def test_what_a_law_holds_at_0_against_links(unit):
+    always, at_times = (
+        run(HELD_CART.format(unit, when)) for when in ("", ", when: t < 1")
+    )
+    assert at_times["q.3"] == pytest.approx(always["q.3"], abs=1e-9)
+    steps = [x.trajectory.statistics.steps for x in (always, at_times)]
+    assert abs(steps[1] - steps[0]) <= 0.1 * steps[0]
