@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
 LINES = 74_940
-LINES_OF_TESTS = 57_250
+LINES_OF_TESTS = 57_280
 
 
 def lines(folder):
