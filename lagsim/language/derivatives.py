@@ -86,6 +86,10 @@ class _Reverse:
             elif n in self.selections:
                 for v, slope in self.selections[n].items():
                     add(result, v, g.call("mul", weight, slope))
+            elif g.ops[n] == "add":  # of long sums there are many
+                for a in g.args[n]:
+                    if a in self.active:
+                        add(adjoint, a, weight)
             else:
                 for a, slope in local_slopes(g, n):
                     if a in self.active:
@@ -119,7 +123,7 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
     """
     nodes = list(nodes)
     rates: dict[int, int] = {}
-    for n in g.cone(nodes, seed):
+    for n in g.cone(nodes, seed) if seed else ():
         if n in seed:
             rates[n] = seed[n]
         elif not rates.keys().isdisjoint(g.args[n]):

@@ -172,8 +172,11 @@ def roundings(
                 linear[n] = g.call("mul", *(linear.get(a, a) for a in args))
         if n in varying and args:
             error = _bound(g, n, [errors.get(a, g.zero) for a in args])
-            if n in linear:
-                alike = g.call("mul", g.constant(SHIFTED), g.call("abs", linear[n]))
+            if n in linear and error != g.zero:
+                alike = g.call("abs", linear[n])
+                if alike == error:
+                    continue
+                alike = g.call("mul", g.constant(SHIFTED), alike)
                 error = g.call("max", g.call("sub", error, alike), g.zero)
             errors[n] = error
     return [errors.get(n, g.zero) for n in nodes]

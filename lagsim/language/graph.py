@@ -178,6 +178,10 @@ class Graph:
         """Node of `op` on `args` if there is one already."""
         return self._known[op].get(args)
 
+    def has(self, ops: Iterable[str]) -> bool:
+        """Whether some node, in whatever expression, is one of these operations."""
+        return any(self._known.get(op) for op in ops)
+
     def constant(self, x: float) -> int:
         """Node of the number `x`."""
         x = float(x) + 0.0  # -0.0 becomes 0.0
@@ -251,14 +255,14 @@ class Graph:
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
         """`nodes` and all below them as far as `ends`, in order of evaluation."""
-        seen = set(nodes)
-        stack = [n for n in seen if n not in ends]
-        while stack:
-            for a in self.args[stack.pop()]:
+        seen, args = set(nodes), self.args
+        waiting = [n for n in seen if n not in ends] if ends else list(seen)
+        for n in waiting:  # grows on the way
+            for a in args[n]:
                 if a not in seen:
                     seen.add(a)
                     if a not in ends:
-                        stack.append(a)
+                        waiting.append(a)
         self.count(len(seen) / LOOKUPS)
         return sorted(seen)
 
@@ -276,12 +280,15 @@ class Graph:
         self, nodes: Iterable[int], *several: Collection[str]
     ) -> list[set[int]]:
         """Nodes in the cone of `nodes` that depend on any of the names, for several."""
-        cone, made = self.cone(nodes), []
-        variables = [(n, self._payload[n]) for n in cone if self.ops[n] == VARIABLE]
-        for names in map(frozenset, several):
-            found = {n for n, name in variables if name in names}
+        known, args = self._known[VARIABLE], self.args
+        leaves = [{known[x] for x in names if x in known} for names in several]
+        first = min((n for some in leaves for n in some), default=len(args))
+        cone = self.cone(nodes, range(first))  # what is older depends on none
+        made = []
+        for some in leaves:
+            found = some.intersection(cone)
             for n in cone if found else ():
-                if not found.isdisjoint(self.args[n]):
+                if not found.isdisjoint(args[n]):
                     found.add(n)
             made.append(found)
         return made
@@ -303,14 +310,14 @@ class Graph:
         self, nodes: Iterable[int], names: Collection[str]
     ) -> list[Degrees | None]:
         """Degrees of several, as `degree` gives them."""
-        nodes, names = list(nodes), frozenset(names)
+        nodes, one = list(nodes), Degrees(1, 1)
+        moving = self.dependent(nodes, names)
         found: dict[int, Degrees | None] = {self.zero: NOTHING}
-        for n in self.cone(nodes):
-            if self.ops[n] == VARIABLE and self._payload[n] in names:
-                found[n] = Degrees(1, 1)
-            elif n != self.zero:
-                found[n] = self._degrees_of(n, [found[a] for a in self.args[n]])
-        return [found[n] for n in nodes]
+        for n in sorted(moving):
+            args = self.args[n]
+            below = [found.get(a, FLAT) for a in args]
+            found[n] = self._degrees_of(n, below) if args else one
+        return [found.get(n, FLAT) for n in nodes]
 
     def _degrees_of(self, n: int, below: list[Degrees | None]) -> Degrees | None:
         op = self.ops[n]
@@ -338,7 +345,7 @@ class Graph:
         """`nodes` with each key of `new` replaced by its value."""
         nodes = list(nodes)
         done: dict[int, int] = {}  # those that are not themselves
-        cone = self.cone(nodes)
+        cone = self.cone(nodes, range(min(new, default=len(self))))
         for n in cone if not new.keys().isdisjoint(cone) else ():
             if n in new:
                 made = new[n]

@@ -67,8 +67,8 @@ def mass_matrix(
     InputError
         Where too many entries do not vanish.
     """
-    names, variables = {g.payload(v) for v in rates}, frozenset(rates)
-    entries = sum(len(names & g.depends([p])) for p in momenta)
+    variables = frozenset(rates)
+    entries = _entries(g, momenta, rates) if len(rates) ** 2 > limits.INERTIAS else 0
     if entries > limits.INERTIAS:
         text = (
             f"the mass matrix has {entries:,} entries that are not 0, and the limit is "
@@ -83,6 +83,18 @@ def mass_matrix(
             if places[v] <= i:
                 M[i][places[v]] = M[places[v]][i] = node
     return tuple(SparseVector(g, len(rates), row) for row in M)
+
+
+def _entries(g: Graph, momenta: Iterable[int], rates: Iterable[int]) -> int:
+    """Count of the pairs of a momentum and a velocity that it depends on."""
+    below = {v: 1 << j for j, v in enumerate(rates)}  # node -> bit set of velocities
+    momenta = list(momenta)
+    for n in g.cone(momenta):
+        if n not in below:
+            below[n] = 0
+            for a in g.args[n]:
+                below[n] |= below[a]
+    return sum(below[p].bit_count() for p in momenta)
 
 
 def in_fewer_terms(
@@ -128,6 +140,7 @@ def in_fewer_terms(
 WORK = "work"
 # The column, and the variable, of the integral of L.
 ACTION = "action.S"
+CIRCULAR = ("sin", "cos")
 # Of so few coordinates the entries of M always take fewer operations than chains.
 FEW = 5
 
@@ -282,7 +295,8 @@ class Equations:
     @property
     def is_set(self) -> bool:
         """Whether events change the energy: its nodes contain modes."""
-        return not self.model.modes.isdisjoint(self.graph.depends([self.energy]))
+        modes = self.model.modes
+        return bool(modes) and not modes.isdisjoint(self.graph.depends([self.energy]))
 
     @property
     def powers(self) -> list[int]:
@@ -502,8 +516,9 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
 
 def _turns(g: Graph, model: Model) -> bool:
     """Whether sines and cosines stand in the kinetic energy."""
-    cone = [] if model.kinetic is None else g.cone([model.kinetic])
-    return any(g.ops[node] in ("sin", "cos") for node in cone)
+    if model.kinetic is None or not g.has(CIRCULAR):
+        return False
+    return any(g.ops[node] in CIRCULAR for node in g.cone([model.kinetic]))
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
@@ -631,19 +646,24 @@ def groups(e: Equations) -> list[list[int]]:
     # Of each node one of the coordinates below it: the others are in the same set.
     touched: dict[int, int] = {}
 
-    def unite(below: list[int], nodes: Iterable[int]) -> int | None:
-        below = below + [touched[n] for n in nodes if n in touched]
-        for j in below[1:]:
-            found.merge(below[0], j)
-        return below[0] if below else None
+    def unite(first: int | None, nodes: Iterable[int]) -> int | None:
+        for n in nodes:
+            j = touched.get(n)
+            if first is None:
+                first = j
+            elif j is not None and j != first:
+                found.merge(first, j)
+        return first
 
     for node in g.cone(node for nodes, _ in together for node in nodes):
         leaf = g.ops[node] == VARIABLE
-        j = names.get(str(g.payload(node))) if leaf else unite([], g.args[node])
+        j = names.get(str(g.payload(node))) if leaf else unite(None, g.args[node])
         if j is not None:
             touched[node] = j
     for nodes, own in together:
-        unite(own, nodes)
+        unite(own[0] if own else None, nodes)
+        for j in own[1:]:
+            found.merge(own[0], j)
     return found.sets()
 
 

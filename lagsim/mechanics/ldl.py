@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.forms import Collected
 from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
+from lagsim.mechanics.equations import CIRCULAR
 from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations, has_masses
 
@@ -96,8 +97,8 @@ def dense_operations(n: int, m: int) -> int:
 def turns(e: Equations) -> bool:
     """Whether there are angles, and no rows."""
     g = e.graph
-    below = [] if e.rows else g.cone([e.model.lagrangian])
-    return any(g.ops[node] in ("sin", "cos") for node in below)
+    below = () if e.rows or not g.has(CIRCULAR) else g.cone([e.model.lagrangian])
+    return any(g.ops[node] in CIRCULAR for node in below)
 
 
 def eliminated(equations: Equations) -> Elimination | None:
@@ -175,9 +176,10 @@ class Elimination:
         self.operations = self.budget.operations
         self.budget.stop()
         found = accelerations(e) if turns(e) else None
-        costs = [g.cost(x, e.moving) for x in (found or (), self._motion[0])]
         # `operations` stays that of L D L^T: tapes pay as early as before.
-        self.along_links = found is not None and costs[0] < costs[1]
+        self.along_links = found is not None and (
+            g.cost(found, e.moving) < g.cost(self._motion[0], e.moving)
+        )
         if found is not None and self.along_links:
             self._motion = found, []
 

@@ -311,7 +311,7 @@ def conserved(equations: Equations) -> list[int]:
     e, g = equations, equations.graph
     if e.is_set:
         return []  # momenta jump where events set an inertia
-    seen = g.depends([*e.of_motion, e.energy, *e.momenta])
+    seen = g.depends([*e.of_motion, e.energy, *e.momenta]) if e.unforced else ()
     inertias = e.inertias
     held = {c for A in e.slopes for c in A.entries}
     return [

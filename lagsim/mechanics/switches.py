@@ -76,6 +76,8 @@ def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
 
 # What has no derivatives at 0.
 ROOTS = ("pow", "sqrt", "cbrt")
+# What can be a switch.
+SWITCHING = ("cbrt", *(op for op, x in OPERATIONS.items() if x.switch or x.condition))
 
 
 class Roots(NamedTuple):
@@ -541,7 +543,7 @@ def find_switches(
     }
     modes_of = {n: g.variable(modes[d].variable) for n, d in finder.time.items()}
     state = dict(sorted(finder.state.items()))
-    among = frozenset(g.cone(dynamics)) - ignored
+    among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
     while True:
         sides, sides_of = _sides(g, {d: state[d] for d in watched})
@@ -620,6 +622,7 @@ class _Finder:
         speeds: Collection[str],
     ) -> None:
         self.g = g
+        nodes = nodes if g.has(SWITCHING) else []
         found = g.dependents(nodes, moving, speeds, ("t",))
         self.moving, self.fast, timed = found
         self.timed = timed - self.moving
