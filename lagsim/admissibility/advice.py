@@ -72,7 +72,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
     defined = {d.node: (d.name, d.unit) for d in model.definitions if d.unit}
     found: list[tuple[str, _Term]] = []
     for g, own in ((model.graph, defined), (numbers, {})):
-        functions = [n for n, op in enumerate(g.ops) if op in _OF_ANGLES]
+        functions = g.of(_OF_ANGLES)
         terms = _terms(g, [g.args[n][0] for n in functions], model, own)
         entering = ((g.ops[n], terms.get(g.args[n][0])) for n in functions)
         found += [(op, term) for op, term in entering if term]

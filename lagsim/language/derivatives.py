@@ -86,14 +86,11 @@ class _Reverse:
             elif n in self.selections:
                 for v, slope in self.selections[n].items():
                     add(result, v, g.call("mul", weight, slope))
-            elif g.ops[n] == "add":  # of long sums there are many
-                for a in g.args[n]:
-                    if a in self.active:
-                        add(adjoint, a, weight)
             else:
                 for a, slope in local_slopes(g, n):
                     if a in self.active:
-                        add(adjoint, a, g.call("mul", weight, slope))
+                        one = slope == g.one
+                        add(adjoint, a, weight if one else g.call("mul", weight, slope))
         return result
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
@@ -157,6 +154,8 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
     grows as exp does, what that has in its exponent: x/y has a slope where y overflows.
     """
     args = g.args[n]
+    if g.ops[n] == "add":  # of long sums there are many
+        return [(a, g.one) for a in args]
     if g.ops[n] == "pow" and g.ops[args[0]] in ("hypot", "sqrt"):
         root, exponent = args[0], g.value(args[1])
         if exponent is not None and exponent >= 2.0:

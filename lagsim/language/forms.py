@@ -677,7 +677,7 @@ class Collected:
         users.update(nodes)
         done: dict[int, int] = {}
         for n in cone:
-            if n in functions or not self.moves(n):
+            if not self.moves(n) or n in functions:
                 done[n] = n
                 continue
             new = g.call(g.ops[n], *(done[a] for a in g.args[n]))
@@ -687,8 +687,10 @@ class Collected:
             elif n in users:
                 new = self.sum((sign, *self.parts(x)) for sign, x in self.addends(new))
             done[n] = new
-        found = [done[n] for n in nodes]
-        return min(list(nodes), found, key=lambda x: g.cost(x, self.moving))
+        given, found = list(nodes), [done[n] for n in nodes]
+        if given == found:
+            return given
+        return min(given, found, key=lambda x: g.cost(x, self.moving))
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
         """Return what `node` is a sum of: signs, as nodes, and addends.
@@ -727,7 +729,7 @@ class Collected:
         """Return what stands still, and what moves, of which `n` is the product."""
         known = self._parts
         if n not in known:
-            near = known.keys() >= {*self.g.args[n]}
+            near = all(map(known.__contains__, self.g.args[n]))
             for below in (n,) if near else self.g.cone([n], known):
                 if below not in known:
                     known[below] = self._apart(below)
@@ -736,10 +738,11 @@ class Collected:
     def _apart(self, n: int) -> tuple[int, int]:
         g = self.g
         op, args = g.ops[n], g.args[n]
-        if op == VARIABLE and g.payload(n) in self.moving:
-            return g.one, n
+        if not args:
+            moves = op == VARIABLE and g.payload(n) in self.moving
+            return (g.one, n) if moves else (n, g.one)
         found = [self._parts[a] for a in args]
-        if all(core == g.one for _, core in found):
+        if {core for _, core in found} == {g.one}:
             return n, g.one
         if op == "pow" and g.value(args[1]) == 2.0:
             c, x = found[0]
@@ -773,7 +776,7 @@ class Collected:
     def still(self, factors: Sequence[int]) -> int:
         """Product of factors that stand still; what divides it cancels."""
         g = self.g
-        key = tuple(n for n in factors if n != g.one)
+        key = tuple([n for n in factors if n != g.one])
         if len(key) < 2:
             return key[0] if key else g.one
         if key not in self._still:
@@ -787,10 +790,10 @@ class Collected:
             self._still[key] = g.call("div", top, bottom)
         return self._still[key]
 
-    def _powers(self, factors: Sequence[int]) -> tuple[float, Counter[int]]:
+    def _powers(self, factors: Sequence[int]) -> tuple[float, dict[int, int]]:
         """Return the number, and the exponents of the nodes, of a product."""
         g = self.g
-        number, powers = 1.0, Counter[int]()
+        number, powers = 1.0, dict[int, int]()
         waiting = [(n, 1) for n in factors]
         while waiting:
             n, e = waiting.pop()
@@ -805,5 +808,5 @@ class Collected:
             elif value is not None and e > 0 and is_normal(number * value):
                 number *= value
             else:
-                powers[n] += e
+                powers[n] = powers.get(n, 0) + e
         return number, powers

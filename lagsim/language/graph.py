@@ -41,6 +41,8 @@ TRUTH = "truth"
 DATA = "data"
 # To look at so many nodes takes as long as to make one.
 LOOKUPS = 7
+# The last cone of so many nodes is kept: it is often asked for again.
+LONG, CONE = 1000, "cone"
 
 
 class Degrees(NamedTuple):
@@ -178,9 +180,9 @@ class Graph:
         """Node of `op` on `args` if there is one already."""
         return self._known[op].get(args)
 
-    def has(self, ops: Iterable[str]) -> bool:
-        """Whether some node, in whatever expression, is one of these operations."""
-        return any(self._known.get(op) for op in ops)
+    def of(self, ops: Iterable[str]) -> list[int]:
+        """Nodes of some operations, in whatever expressions, in order."""
+        return sorted(n for op in ops for n in self._known.get(op, {}).values())
 
     def constant(self, x: float) -> int:
         """Node of the number `x`."""
@@ -256,6 +258,11 @@ class Graph:
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
         """`nodes` and all below them as far as `ends`, in order of evaluation."""
         seen, args = set(nodes), self.args
+        last, found = self.memoized.get(CONE, ((), []))
+        if seen == last and not ends:
+            self.count(len(found) / LOOKUPS)
+            return list(found)
+        roots = None if ends or len(seen) < LONG else frozenset(seen)
         waiting = [n for n in seen if n not in ends] if ends else list(seen)
         for n in waiting:  # grows on the way
             for a in args[n]:
@@ -264,7 +271,11 @@ class Graph:
                     if a not in ends:
                         waiting.append(a)
         self.count(len(seen) / LOOKUPS)
-        return sorted(seen)
+        found = sorted(seen)
+        if roots is not None:
+            self.memoized[CONE] = roots, found
+            return list(found)
+        return found
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:
         """Return the names of the variables below `nodes`."""
@@ -281,8 +292,10 @@ class Graph:
     ) -> list[set[int]]:
         """Nodes in the cone of `nodes` that depend on any of the names, for several."""
         known, args = self._known[VARIABLE], self.args
-        leaves = [{known[x] for x in names if x in known} for names in several]
-        first = min((n for some in leaves for n in some), default=len(args))
+        leaves = [
+            {n for n in map(known.get, names) if n is not None} for names in several
+        ]
+        first = min((min(some) for some in leaves if some), default=len(args))
         cone = self.cone(nodes, range(first))  # what is older depends on none
         made = []
         for some in leaves:

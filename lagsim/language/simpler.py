@@ -238,7 +238,7 @@ def sub(g: Builder, x: int, y: int) -> int | None:
 
 def mul(g: Builder, x: int, y: int) -> int | None:
     """Simplify x*y."""
-    if g.value(x) is None:
+    if g.ops[x] != "constant":
         x, y = y, x
     c = g.value(x)
     if c is not None:
@@ -277,6 +277,8 @@ def is_normal(x: float) -> bool:
 
 def div(g: Builder, x: int, y: int) -> int | None:
     """Simplify x/y."""
+    if y == g.one:
+        return x
     if x == g.zero and y != g.zero:
         return g.zero
     if x == y and x != g.zero:

@@ -8,7 +8,7 @@ from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -145,6 +145,16 @@ class DisjointSets:
         """Make one set of those of `i` and `j`."""
         i, j = self.leader(i), self.leader(j)
         self._leader[max(i, j)] = min(i, j)
+
+    def unite(self, some: Iterable[int | None]) -> int | None:
+        """Make one set of those of several, and return the first; None counts not."""
+        first = None
+        for j in some:
+            if first is None:
+                first = j
+            elif j is not None and j != first:
+                self.merge(first, j)
+        return first
 
     def sets(self) -> list[list[int]]:
         """Return them, each in order, by their first indices."""

@@ -516,7 +516,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
 
 def _turns(g: Graph, model: Model) -> bool:
     """Whether sines and cosines stand in the kinetic energy."""
-    if model.kinetic is None or not g.has(CIRCULAR):
+    if model.kinetic is None or not g.of(CIRCULAR):
         return False
     return any(g.ops[node] in CIRCULAR for node in g.cone([model.kinetic]))
 
@@ -646,24 +646,14 @@ def groups(e: Equations) -> list[list[int]]:
     # Of each node one of the coordinates below it: the others are in the same set.
     touched: dict[int, int] = {}
 
-    def unite(first: int | None, nodes: Iterable[int]) -> int | None:
-        for n in nodes:
-            j = touched.get(n)
-            if first is None:
-                first = j
-            elif j is not None and j != first:
-                found.merge(first, j)
-        return first
-
     for node in g.cone(node for nodes, _ in together for node in nodes):
         leaf = g.ops[node] == VARIABLE
-        j = names.get(str(g.payload(node))) if leaf else unite(None, g.args[node])
+        below = map(touched.get, g.args[node])
+        j = names.get(str(g.payload(node))) if leaf else found.unite(below)
         if j is not None:
             touched[node] = j
     for nodes, own in together:
-        unite(own[0] if own else None, nodes)
-        for j in own[1:]:
-            found.merge(own[0], j)
+        found.unite([*own, *map(touched.get, nodes)])
     return found.sets()
 
 
@@ -749,7 +739,7 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
     acts = acts or e.is_set or any(may_strike(e, row) for row in e.rows)
     # L may depend on time in each group and not as a whole: seen from a moving frame.
-    timed = "t" in g.depends([model.lagrangian])
+    timed = bool(g.dependent([model.lagrangian], ("t",)))
     found = groups(e)
     if len(found) > 1 and (acts or timed):
         several = _of_groups(e, Q, timed, found)

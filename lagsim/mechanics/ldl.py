@@ -97,7 +97,7 @@ def dense_operations(n: int, m: int) -> int:
 def turns(e: Equations) -> bool:
     """Whether there are angles, and no rows."""
     g = e.graph
-    below = () if e.rows or not g.has(CIRCULAR) else g.cone([e.model.lagrangian])
+    below = () if e.rows or not g.of(CIRCULAR) else g.cone([e.model.lagrangian])
     return any(g.ops[node] in CIRCULAR for node in below)
 
 

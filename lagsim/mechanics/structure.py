@@ -37,7 +37,7 @@ def structure(equations: Equations) -> Structure:
     everything = [*entries, *A, *right, *(row.rate for row in rows)]
     levels = {row.holonomic for row in rows}
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
-    constants = g.depends([*entries, *A])
+    constants = g.dependent([*entries, *A], moving)
     degrees = g.degrees(right, state)
     power = equations.powers
     # Multipliers are affine where all else is.
@@ -46,12 +46,11 @@ def structure(equations: Equations) -> Structure:
         mass_varies_with=_varies(equations, entries),
         diagonal=all(len(set(together)) == 1 for together in coupled),
         blocks=len(set(joined(len(equations.q), coupled))),
-        constant_rows=not g.depends(A) & moving,
+        constant_rows=not g.dependent(A, moving),
         constraints=kinds.get(tuple(levels), "mixed"),
-        forces_free_of_velocities=not g.depends(equations.f)
-        & frozenset(equations.velocities),
-        autonomous="t" not in g.depends([*everything, *power]),
-        linear=not constants & moving
+        forces_free_of_velocities=not g.dependent(equations.f, equations.velocities),
+        autonomous=not g.dependent([*everything, *power], ("t",)),
+        linear=not constants
         and all(d is not None and d.most <= 1 for d in degrees)
         and all(d is not None and d.most <= 2 for d in of_power),
         unknowns=len(equations.q) + len(rows),

@@ -622,7 +622,7 @@ class _Finder:
         speeds: Collection[str],
     ) -> None:
         self.g = g
-        nodes = nodes if g.has(SWITCHING) else []
+        nodes = nodes if g.of(SWITCHING) else []
         found = g.dependents(nodes, moving, speeds, ("t",))
         self.moving, self.fast, timed = found
         self.timed = timed - self.moving

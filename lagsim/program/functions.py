@@ -552,18 +552,21 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     Signs are those of `_force_rounding`.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
-    rates = [g.call("abs", x) for x in elimination.motion()[0]]
     if e.chains is not None:
+        rates = [g.call("abs", x) for x in elimination.motion()[0]]
         return _in_parts(g, e.chains.sizes(g, rates, moving))
     off = [(i, *entry) for i, row in enumerate(e.M) if len(row.entries) > 1
            for entry in row.entries.items()]  # fmt: skip
+    if not off:
+        return [g.zero] * len(e.q)
     nodes = [node for *_, node in off]
     varying = g.dependent(nodes, moving)
     sizes: list[list[tuple[int, int]]] = [[] for _ in e.q]
     errors = roundings(g, nodes, moving, e.q)
     for (i, j, node), error in zip(off, errors, strict=True):
         if node in varying:
-            sizes[i].append((g.call("add", g.call("abs", node), error), rates[j]))
+            rate = g.call("abs", elimination.motion()[0][j])
+            sizes[i].append((g.call("add", g.call("abs", node), error), rate))
     return _in_parts(g, [g.product_sum(row) for row in sizes])
 
 

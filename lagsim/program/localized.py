@@ -11,6 +11,7 @@ these points, see `methods.parts.missed`.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +20,7 @@ from lagsim.language.graph import memoize, memoized
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
@@ -56,8 +57,8 @@ def indicators(
     g, state = equations.graph, equations.state
 
     def found() -> list[Indicator]:
-        some = _Search(equations, nodes).among(g.dependent(nodes, state))
-        some += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
+        some = _Search(equations, nodes).among(state)
+        some += _Search(equations, ends).among((*state, "t"))
         return list(dict.fromkeys(some))
 
     return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
@@ -66,10 +67,9 @@ def indicators(
 def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
     """Return the indicators that depend on t and on nothing that moves."""
     e, g = equations, equations.graph
-    if "t" not in g.depends(nodes):
+    if not g.dependent(nodes, ("t",)):
         return []
-    timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, _moves(e))
-    return _Search(equations, nodes).among(timed)
+    return _Search(equations, nodes).among(("t",), _moves(e))
 
 
 def _moves(e: Equations) -> tuple[str, ...]:
@@ -102,7 +102,8 @@ def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[s
 @memoized
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     """Return the names in exponents."""
-    powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
+    powers = {n for n in g.of(("pow",)) if g.value(g.args[n][1]) is None}
+    powers = powers.intersection(g.cone(chain(*nodes)) if powers else ())
     return sorted(g.depends(g.args[n][1] for n in powers))
 
 
@@ -111,15 +112,26 @@ class _Search:
 
     def __init__(self, equations: Equations, nodes: Sequence[int]) -> None:
         g = self.g = equations.graph
-        self.cone = g.cone(nodes)
+        self.nodes, self.cone = nodes, g.cone(nodes)
         self.ops = {g.ops[n] for n in self.cone}
-        self.moving = g.dependent(nodes, (*_moves(equations), "t"))
+        self.moves = (*_moves(equations), "t")
         self.values = {p.name: p.value for p in equations.model.parameters}
 
-    def among(self, those: set[int]) -> list[Indicator]:
-        """Return the indicators of nodes of `those`, with arguments among them too."""
+    @cached_property
+    def moving(self) -> set[int]:
+        """Nodes that depend on what moves."""
+        return self.g.dependent(self.nodes, self.moves)
+
+    def among(
+        self, names: Collection[str], others: Collection[str] = ()
+    ) -> list[Indicator]:
+        """Return the indicators that depend, with arguments, on `names` alone."""
+        if not self.ops & MAY_BE_LOCALIZED:
+            return []
+        those, more = self.g.dependents(self.nodes, names, others)
+        those -= more
         found: dict[Indicator, None] = {}
-        for n in self.cone if self.ops & MAY_BE_LOCALIZED else ():
+        for n in self.cone:
             if n in those:
                 found |= dict.fromkeys(self._of(n, those))
         return list(found)

@@ -160,6 +160,7 @@ class _Tapes:
     ) -> None:
         self.g, self.layout = g, layout
         self.opcodes: dict[tuple[Any, ...], int] = {STORE: 1}
+        self.plain: dict[str, int] = {}  # of operations on values alone
         cone = g.cone(chain.from_iterable(functions.values()))
         fixed = fixed_nodes(g, functions, layout.fixed)
         leaves = [n for n in cone if not g.args[n]]
@@ -210,8 +211,9 @@ class _Tapes:
         nodes, opcodes, widths, fields = [], [], [], []
         for n in cone:
             if args[n]:
-                level[n] = max([level[a] for a in args[n]]) + (not inner[n])
+                level[n] = max([level[a] for a in args[n]])
                 if not inner[n]:
+                    level[n] += 1
                     opcode, operands = self._kind(n, inner)
                     nodes.append(n)
                     opcodes.append(opcode)
@@ -258,6 +260,9 @@ class _Tapes:
         """Opcode of an evaluation, and the nodes that it takes."""
         g = self.g
         op, args = g.ops[n], g.args[n]
+        known = self.plain.get(op)
+        if known is not None and not (inner[args[0]] or inner[args[-1]]):
+            return known, args
         if op in CIRCULAR:
             return self.opcodes.setdefault(SINCOS, 1 + len(self.opcodes)), args
         arrays = OPERATIONS[op].data
@@ -268,7 +273,10 @@ class _Tapes:
             several = [g.args[a] if inner[a] else (a,) for a in args]
             args = tuple(chain.from_iterable(several))
         kind = op, exponent_of(g, n), products, data
-        return self.opcodes.setdefault(kind, 1 + len(self.opcodes)), args
+        opcode = self.opcodes.setdefault(kind, 1 + len(self.opcodes))
+        if op != "pow" and not arrays and True not in products:
+            self.plain[op] = opcode
+        return opcode, args
 
     def tape(self, k: int, results: Sequence[int]) -> Ints:
         """Tape of function k, which writes `results` to out: a flat array of int32."""
