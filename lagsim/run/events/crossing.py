@@ -223,7 +223,6 @@ class Crossing:
     levels: Mapping[int, float]  # of each surface that the state is on
     sizes: Floats  # of the terms of all surfaces (K,)
     at_rest: Collection[int]  # surfaces whose rate is zero
-    held: Mapping[int, int]  # the side of surfaces where it is known
     left: float  # the time in which the motion comes to rest on those
     hit: int | None  # the surface that has ended the arc before
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
@@ -333,9 +332,8 @@ class Crossing:
     def _by_forces(self, now: list[int]) -> None:
         """Decide the rest by what the forces do on each side."""
         several = list(self.open)
-        held = {i: self.held[k] for i, k in enumerate(self.open) if k in self.held}
-        cone = self._cone(held)
-        if not (held or self.at_rest):
+        cone = self._cone()
+        if not self.at_rest:
             resting = self._let_rest(cone)
             if not self.open:
                 return
@@ -343,7 +341,7 @@ class Crossing:
                 now = [
                     side for k, side in zip(several, now, strict=True) if k in self.open
                 ]
-                cone = self._cone(held)
+                cone = self._cone()
         found = cone.select(now)
         if found is None and self.at_rest:  # round and round to where it rests
             found = [SLIDING] * len(now)
@@ -447,7 +445,7 @@ class Crossing:
             if side == REDUNDANT:
                 modes.put(k, self.levels[k], REDUNDANT, share)
 
-    def _cone(self, held: dict[int, int]) -> FilippovCone:
+    def _cone(self) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
 
@@ -476,7 +474,7 @@ class Crossing:
             for aside in modes.asides(reach):
                 least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
         self.roundoff[self.open] = least
-        return FilippovCone(rates, scale, held, leads, self._ahead, roundoff=least)
+        return FilippovCone(rates, scale, leads, self._ahead, roundoff=least)
 
     def _share(self, w: Floats) -> None:
         """Put the open surfaces between their sides, by shares (k,)."""

@@ -32,7 +32,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.surfaces import Side
@@ -47,8 +47,9 @@ LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 REDUNDANT = 4  # on its level because others are: its share is constant
 # Steps that several surfaces multiply are products of shares of up to so many.
 FEW = 5
-# Newton's steps to the shares of surfaces.
+# Newton's steps to the shares of surfaces, and sides that are tried.
 MOST_STEPS = 20
+MOST_EXCHANGES = 1000
 
 
 class Trial(NamedTuple):
@@ -86,8 +87,6 @@ class FilippovCone:
         The size of the terms of the rates.
     roundoff : ndarray, shape (count,)
         What the rounding of the state does to them.
-    held
-        Surfaces whose side is known.
     leads
         Whether the motion with these shares (count,) leaves a surface to the side that
         its share is of, where no rate tells; None if it stays.
@@ -106,7 +105,6 @@ class FilippovCone:
         self,
         rates: Rates,
         scale: Floats,
-        held: Mapping[int, int] | None = None,
         leads: Callable[[Floats, int], bool | None] = lambda _w, _k: None,
         ahead: Callable[[Floats], tuple[float, Floats]] = lambda w: (1.0, 0.0 * w),
         *,
@@ -115,7 +113,6 @@ class FilippovCone:
         self.count = len(scale)
         least = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
         self.tolerance = np.maximum(least, TINY)  # not 0, where nothing pushes
-        self.held = held or {}
         self.leads, self.ahead = leads, ahead
         self.shares, self.is_fork = np.zeros(self.count), False
         few = self.count <= FEW
@@ -126,21 +123,22 @@ class FilippovCone:
 
         now : the sides that the surfaces have
         """
-        sides = tuple(self.held.get(k, side) for k, side in enumerate(now))
+        ways = [tuple(now)]
         tried: set[Corner] = set()
-        while True:
+        while ways and len(tried) < MOST_EXCHANGES:
+            sides = ways.pop()
             tried.add(sides)
             trial = self._solved(sides)
             if trial is None:
-                return None
+                continue
             wrong = np.flatnonzero(trial.leads < 0.0).tolist()
-            others = wrong or self._others(sides, trial)
-            ways = [exchanged(sides, k) for k in others]
-            ways = [way for way in ways if way not in tried]
-            if not ways:
+            others = [exchanged(sides, k) for k in wrong or self._others(sides, trial)]
+            others = [way for way in others if way not in tried]
+            if not wrong and not others:
                 self.shares = trial.w
-                return None if wrong else trial.mode
-            sides = ways[0]
+                return trial.mode
+            ways += reversed(others)
+        return None
 
     def _others(self, sides: Corner, trial: Trial) -> list[int]:
         """First surface that leaves by its other side alone; note if one does by both.
@@ -208,14 +206,12 @@ class FilippovCone:
             B, base, tolerance = unit[:, None] * B, unit * base, unit * self.tolerance
             own = B.diagonal()
             attract = own < -tolerance
-            fixed = ~attract
-            fixed[list(self.held)] = True
-            ends[0] = np.where(fixed, -at, -1.0)
-            ends[2] = np.where(fixed, -at, 0.0)
+            ends[0] = np.where(attract, -1.0, -at)
+            ends[2] = np.where(attract, 0.0, -at)
             found = solve(Problem(-B, base - B @ w, ends[:2], ends[2:], alone, alone))
             if not found.found:
                 return None
-            w, rho = np.where(fixed, at, -found.p), found.w
+            w, rho = np.where(attract, -found.p, at), found.w
             if np.all(np.abs(unit * self._blended(w) - rho) <= tolerance):
                 break
         modes = np.where(rho > 0.0, ABOVE, BELOW)
@@ -237,7 +233,7 @@ class FilippovCone:
             new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
             modes[k] = SLIDING if new else REDUNDANT
         leads = np.where(still, 0.0, np.where(at == ABOVE, rho, -rho))
-        leads[attract] = leads[list(self.held)] = math.inf
+        leads[attract] = math.inf
         modes[~attract] = at[~attract]
         return Trial(modes.tolist(), w, leads)
 

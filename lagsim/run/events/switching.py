@@ -16,7 +16,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
-from lagsim.run.events.filippov import ABOVE, BELOW, Modes
+from lagsim.run.events.filippov import Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4
-# One farther past it where it is located has not left by its bound: no share keeps to
-# the surface there.
-HELD = 1e-6
 # What is left of accumulating switches, against the speeds there were.
 LEFT = 1e-4
 # Towards a surface past which there are no finite values, steps end after this part of
@@ -131,12 +128,6 @@ class Switching(Source):
         modes.arc = arc
         time = arc.t if time is None else time
         before, kept = self.slides, modes.holds
-        held = {}
-        if hit is not None and before[hit]:
-            arc.runner.event_functions(arc.t, arc.y)
-            share = modes.p.share[hit]
-            if share >= 0.0 - HELD and share <= 1.0 + HELD:
-                held[hit] = ABOVE if share > 0.5 else BELOW
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
         self.met = self.met if hit is None else (arc.t, hit)
@@ -155,9 +146,7 @@ class Switching(Source):
         rests = come_to_rest(modes, levels, sizes)
         if not rests:
             left = max(0.0, time - arc.t) if at_rest else 0.0
-            crossing = Crossing(
-                modes, levels, sizes, at_rest, held, left, met, self.resting
-            )
+            crossing = Crossing(modes, levels, sizes, at_rest, left, met, self.resting)
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
             modes.choose(crossing.undecided)

@@ -6,10 +6,10 @@ import pytest
 from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING, FilippovCone
 
 
-def cone(B, r, held=None):
+def cone(B, r):
     B, r = np.array(B, dtype=float), np.array(r, dtype=float)
     scale = np.abs(B).sum(axis=1) + np.abs(r)
-    return FilippovCone(lambda corner: B @ np.array(corner) - r, scale, held)
+    return FilippovCone(lambda corner: B @ np.array(corner) - r, scale)
 
 
 @pytest.mark.parametrize(
