@@ -335,12 +335,8 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 def hold_left(p: Parameters, k: int) -> float:
     """Event function of a held row: the distance of its multiplier from its bound."""
-    lam = p.multipliers
-    i = p.m - p.laws + k
     if is_one_sided(p, k):
-        return float(lam[i])
-    if p.law_kind[k] == LIMITED and p.law_pair[k] < 0.0:
-        return float(p.law_statics[k] - abs(lam[i]))
+        return float(p.multipliers[p.m - p.laws + k])
     bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
     return grip(p, k) if bounded else ENDLESS
 
@@ -369,7 +365,7 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Event function of a sticking slip; of two the first has that of both."""
+    """Event function of a row that sticks; of two slips the first has that of both."""
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])
