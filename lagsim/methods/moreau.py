@@ -440,7 +440,8 @@ def satisfy(
             return 0.0
         return satisfy_disc(p, i, other, h, v, w)
     found = before - (rate(p, k, w) - p.aims[i]) / own
-    if kind == SLIP or kind == LIMITED:
+    # Kinds in their order: one-sided, bounded, two-sided.
+    if FREEWHEEL < kind <= LIMITED:
         bound = limit(p, k, h, v, abs(found))
         found = min(max(found, -bound), bound)
     else:
