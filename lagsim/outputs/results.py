@@ -490,7 +490,7 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
                 yield f"{name} = {values[name]!r}"
     for name in OPTIONS:
         if name in before and before[name] != now[name]:
-            yield f"{name} {before[name]}"
+            yield f"{name} {before[name]}" if before[name] is not None else f"no {name}"
     whole = before.get("outcome") == now["outcome"] == "done"
     if whole and before.get("end") != now["end"]:
         yield f"end {before.get('end')}"

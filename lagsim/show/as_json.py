@@ -24,7 +24,8 @@ def as_json(content: Content) -> dict[str, Any]:
             return {key: written(value) for key, value in part.items()}
         if isinstance(part, list | tuple):
             return [written(value) for value in part]
-        return part if part is None or isinstance(part, str | float) else write(part)
+        plain = part is None or isinstance(part, str | float | bool)
+        return part if plain else write(part)
 
     model, gauss, called = x.equations.model, found["gauss"], ("function", "rate")
     if gauss is not None:

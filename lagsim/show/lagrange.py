@@ -357,7 +357,7 @@ def content(
             event.name: {
                 "at": event.at and event.at.text,
                 "every": event.every or None,
-                "once": str(event.once).lower(),
+                "once": event.once,
                 "set": {
                     mode: x.sympy([node], written=True)[0] for mode, node in event.sets
                 },

@@ -255,8 +255,11 @@ class Translation:
         speeds = {APPROACH_SPEED} & g.depends(physics)
         self.speeds = [symbol(name) for name in speeds]  # of an impact
         self._parameters = frozenset(parameters)
-        given = [p for p in model.parameters if substitute]
-        self.known = {g.variable(p.name): number(p.value) for p in given}
+        self.known = {
+            g.variable(p.name): number(p.value)
+            for p in model.parameters
+            if substitute and p.name not in model.modes
+        }
         kept = self._well_read(physics) if named is None else named
         self.kept = {}
         for n, name in sorted(kept.items()):

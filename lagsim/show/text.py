@@ -201,7 +201,8 @@ class Outline:
         for name, event in events.items():
             at, every = event["at"], event["every"] or 0.0
             when = f"at {self._plain(at)}" if at else f"every {every:g}"
-            self._say(f"{self._plain(name)} acts {when}")
+            once = "once, " * event["once"]
+            self._say(f"{self._plain(name)} acts {once}{when}")
             self._rows([(self.show(mode), e) for mode, e in event["set"].items()])
 
     def _forces(self) -> None:

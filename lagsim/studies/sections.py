@@ -209,7 +209,23 @@ def _located(session: Session, ends: Floats, values: Floats, name: int) -> Float
         done = (value == 0.0) | (np.ptp(ends[open_], axis=1) <= near)
         open_ = open_[~(done | ~np.isfinite(value))]
     small = np.abs(rows[:, name]) <= SMALL * sizes
+    jumps |= _with_set_modes(session, ends, ~(small | jumps), rows)
     return np.asarray(rows[small | jumps])
+
+
+def _with_set_modes(
+    session: Session, ends: Floats, apart: Floats, rows: Floats
+) -> Floats:
+    """Where, of those apart, an event sets a mode (k,); it fills the rows after it."""
+    names = session.columns.names
+    modes = [names.index(mode) for mode in session.equations.model.modes]
+    found = apart & (np.ptp(ends, axis=1) <= 8.0 * np.spacing(np.abs(ends[:, 1])))
+    if not modes or not found.any():
+        return np.zeros_like(found)
+    before, after = (rows_at(session, times) for times in ends[found].T)
+    rows[found] = after
+    found[found] = (before[:, modes] != after[:, modes]).any(axis=1)
+    return found
 
 
 def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:

@@ -65,6 +65,8 @@ def test_another_result_is_not_replaced_without_a_word(lagsim, write):
     warnings = manifest("results/pendulum")["warnings"]
     assert [w["code"] for w in warnings] == ["result-replaced"]
     assert lagsim(*quiet, "-q").err == ""
+    called = lagsim(*quiet, "--step", "0.1", "--method", "rk4", code=0)
+    assert "the result with method taylor, rtol 1e-11, no step in" in called.err
     # Where the folder is named, it is meant.
     for length in ("1", "2"):
         assert lagsim(*quiet, "--set", f"l={length}", "-o", "here").err == ""

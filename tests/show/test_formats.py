@@ -255,6 +255,18 @@ def test_what_a_law_may_take_away_is_not_conserved(law):
     assert kept(small(text.replace(", LAW", ""))).keys() == {(), ("y",)}
 
 
+def test_modes_keep_their_names_where_parameters_are_numbers():
+    c = small(
+        scene("x: 1", "k*u*x^2", parameters="k: 3", modes="u: 1")
+        + "events: {turn: {at: x <= 0, set: {u: u + k}, once: true}}\n",
+        substitute=True,
+    )
+    assert as_json(c)["accelerations"]["q_ddot"] == ["-6*u*x"]
+    turn = {"at": "x <= 0", "every": None, "once": True, "set": {"u": "3 + u"}}
+    assert as_json(c)["events"] == {"turn": turn}
+    assert "  turn acts once, at x <= 0\n  u = 3 + u\n" in as_text(c)
+
+
 INSIDE = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
 LONG = """\
 name: long

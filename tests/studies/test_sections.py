@@ -189,6 +189,34 @@ def test_beside_impacts_switches_and_until():
     assert len(found["t"]) == 0
 
 
+RELAY = """
+coordinates: {x: {}}
+modes: {u: 1}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+events: {relay: {at: x <= 0, set: {u: 4 - u}}}
+initial: {x: 1}
+simulation: {duration: 7}
+output: {sections: {cut: {SECTION}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("section", "times", "modes"),
+    [
+        ("at: u = 2", (math.pi / 4.0, math.pi * 1.25), (3, 1)),
+        ("at: u = 2, direction: down", (math.pi * 1.25,), (1,)),
+        # It jumps up with u, where x = 0, and down where x = cos(2 t) = -1/2.
+        ("at: x + u = 2.5, direction: up", (math.pi / 4.0, math.pi * 2.0 / 3.0), (3, 3)),
+        ("at: u = 3", (), ()),  # it is met, and left where it was met from
+        ("at: 1/(x - 0.3) = 0", (), ()),  # a pole
+    ],
+)
+def test_modes_that_jump_over_a_section(section, times, modes):
+    found = sections(section, RELAY)
+    assert found["t"] == pytest.approx(times, abs=1e-12)
+    assert tuple(found["u"]) == modes  # after the event
+
+
 def test_parts_that_are_integrated_apart():
     text = """
 coordinates: {a: {}, b: {}}
