@@ -206,7 +206,7 @@ output: {sections: {cut: {SECTION}}}
         ("at: u = 2", (math.pi / 4.0, math.pi * 1.25), (3, 1)),
         ("at: u = 2, direction: down", (math.pi * 1.25,), (1,)),
         # It jumps up with u, where x = 0, and down where x = cos(2 t) = -1/2.
-        ("at: x + u = 2.5, direction: up", (math.pi / 4.0, math.pi * 2.0 / 3.0), (3, 3)),
+        ("at: x + u = 2.5, direction: up", (math.pi / 4, math.pi * 2 / 3), (3, 3)),
         ("at: u = 3", (), ()),  # it is met, and left where it was met from
         ("at: 1/(x - 0.3) = 0", (), ()),  # a pole
     ],
