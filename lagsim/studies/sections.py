@@ -225,7 +225,7 @@ def _with_set_modes(
     before, after = (rows_at(session, times) for times in ends[found].T)
     rows[found] = after
     found[found] = (before[:, modes] != after[:, modes]).any(axis=1)
-    return found
+    return np.asarray(found)
 
 
 def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:

@@ -59,6 +59,9 @@ def test_a_fault_of_the_file_has_its_row(tmp_path, content, code, text, place):
         assert tuple(found[0].place)[1:4] == place
         assert found[0].place.source == content.splitlines()[place[0] - 1]
     assert len(found) == 1 + (content == "")
+    if code == "table-file" and "UTF" not in text:
+        names = content.partition("\n")[0].replace(",", "`, `")
+        assert found[0].hint.endswith(names + "`" if names else "has no columns")
 
 
 @pytest.mark.parametrize(

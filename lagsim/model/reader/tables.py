@@ -170,9 +170,10 @@ class _Reader:
             name = below.text(key)
             columns.append(header.index(name) if name in header else -1)
             if header.count(name) != 1:
-                many = "two columns" if name in header else "no column"
-                hint = self.x.faults.did_you_mean(name, header)
-                hint = hint or f"its first line has {listed(header)}"
+                many, near = "two columns", ""
+                if name not in header:
+                    many, near = "no column", self.x.faults.did_you_mean(name, header)
+                hint = near or f"its first line has {listed(header) or 'no columns'}"
                 text = f"`{path}` has {many} `{name}`"
                 self._fault("table-file", text, below.at(key), hint)
         return self._read(rows, columns, lines, path) if self._is_sound() else None
