@@ -288,6 +288,54 @@ def test_crossings_are_no_chatter():
     assert acts(found, "equal") == pytest.approx(both, abs=1e-10)
 
 
+@pytest.mark.parametrize("options", [
+    {}, {"method": "dop853"}, {"method": "rk4", "step": 0.1}, {"start": 1000},
+])  # fmt: skip
+@pytest.mark.parametrize("apart", [1e-3, 1e-5, 1e-6])
+def test_two_roots_of_an_equation_close_together(apart, options):
+    """At a uniform speed, far closer than a step is long."""
+    at = f"(x - 1)*(x - 1 - {apart}) = 0"
+    text = f"modes: {{n: 0}}\nevents: {{hit: {{at: {at}, set: {{n: n + 1}}}}}}"
+    found = simulate(scene(text, "x: 0, x_dot: 1", **options))
+    assert found.outcome == "done"
+    times = np.array(acts(found, "hit")) - options.get("start", 0)
+    # The second is known to what rounding leaves of f there, where f' is `apart`.
+    assert times == pytest.approx([1, 1 + apart], abs=1e-12 + 3e-14 / apart)
+
+
+@pytest.mark.parametrize("at", ["y = G", "y <= G", "y - (G) = 0"])
+@pytest.mark.parametrize(("e", "ground", "unit", "options"), [
+    (0.9, "0", 1, {}),
+    (0.9, "5", 1, {}),
+    (0.5, "0", 1, {}),
+    (0.7, "0.3*t", 1, {}),
+    (0.9, "5e6", 1e6, {"start": 1000}),
+    (0.9, "0", 1e-3, {"method": "rk4", "step": 0.0037}),
+])  # fmt: skip
+def test_an_event_at_the_ground_counts_each_impact(at, e, ground, unit, options):
+    """Down to the last flight, of some 1e-6 s, at the times of all impacts."""
+    at = at.replace("G", ground)
+    text = (
+        f"modes: {{n: 0}}\nevents: {{hit: {{at: {at!r}, set: {{n: n + 1}}}}}}\n"
+        f"constraints: {{ground: {{relation: y >= {ground}, restitution: {e}}}}}"
+    )
+    sections = (
+        "coordinates: {y: {}}\n"
+        f"energy: {{kinetic: y_dot^2/2, potential: {9.81 * unit!r}*y}}\n"
+    )
+    first = "0" if "t" in ground else ground
+    found = simulate(
+        scene(text, f"y: {first} + {0.7 * unit!r}", 9, sections, **options)
+    )
+    struck = [x.time for x in found.events if x.kind == "impact"]
+    assert acts(found, "hit") == struck
+    assert found["n"][-1] == len(struck)
+    if ground == "0":
+        # Flights get shorter by e, down to 1e-11 of the height: by e^2 each.
+        tolerance = 1e-11 if "method" not in options else 1e-9
+        assert len(struck) >= math.log(tolerance) / (2 * math.log(e))
+
+
 @pytest.mark.parametrize("name", ["dop853", "euler", "rk4"])
 def test_what_an_impact_makes_true_for_the_shortest_flight(name):
     """A ball's rate becomes positive at every impact, also where a step is a flight."""

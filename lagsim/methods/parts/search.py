@@ -90,6 +90,10 @@ PART = 0.25
 # part of a stretch of an end is at the end.
 CLOSEST = 80
 AT_END = 1e-9
+# After a root the next is looked for from this part of the first place on, at places
+# each so much farther.
+NEXT = 2.0**-26
+FARTHER = 4.0
 # The error of a minimum is of the square of the part of a stretch, 1e-8, that it is
 # located to by so many golden sections.
 NARROW = 39
@@ -301,6 +305,8 @@ def find_end(s: Events, p: Parameters) -> None:
         for k in range(s.conditions):
             if follows(s, k):
                 s.orientation[k] = 0.0
+            elif s.orientation[k] != 0.0 and s.cut == 0.0:
+                s.leeway[k] = 0.0
 
 
 def true_at_once(s: Events, p: Parameters) -> bool:
@@ -322,12 +328,37 @@ def follow_true(s: Events, p: Parameters) -> None:
     for k in range(s.conditions):
         waits = waits or s.orientation[k] == 0.0
     if waits:
+        if s.step_t == s.arc_start:
+            follow_roots(s, p)
         x = BESIDE / POINTS
         interpolate(s, p, x, s.work)
         orient(s, p, s.step_t + x * s.step_h, s.work, 0.0)
         for k in range(s.conditions):
             if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
                 s.orientation[k] = 1.0
+
+
+def follow_roots(s: Events, p: Parameters) -> None:
+    """Arm the equations that hold at the start of the first step of an arc.
+
+    By the side that comes first: another root may follow close by. Where that is not
+    the side of the rounding at the start, their leeway stays for this step.
+    """
+    x = NEXT * BESIDE / POINTS
+    while x < BESIDE / POINTS:
+        interpolate(s, p, x, s.work)
+        located(s.step_t + x * s.step_h, s.work, p, s.values)
+        for k in range(s.conditions):
+            value = s.values[k]
+            if s.orientation[k] == 0.0 and s.equation[k] > 0.0:
+                if abs(value) > s.leeway[k]:
+                    s.orientation[k] = 1.0 if value > 0.0 else -1.0
+        x *= FARTHER
+    interpolate(s, p, 0.0, s.work)
+    located(s.step_t, s.work, p, s.values)
+    for k in range(s.conditions):
+        if s.equation[k] > 0.0 and s.values[k] * s.orientation[k] > 0.0:
+            s.leeway[k] = 0.0
 
 
 def follows(s: Events, k: int) -> bool:

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 NEAR, EARLY = 4.0, 1e-3
 # Rates are differences over this part of a step.
 BACK = 2.0**-10
+# A miss of 0 counts as this: less than any other, and more than what moves at once.
+LEAST = 1e-250
 # Where `sequence.STUCK` acts take no more than this part of a run, it does not end.
 HARDLY = 1e-9
 
@@ -142,8 +144,9 @@ def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     """
     state = arc.state
     misses = arc.located(arc.t, y) * state.orientation
-    met = (misses > 0.0) & (arc.located(arc.t, closed) * state.orientation <= 0.0)
-    state.leeway[met] = -misses[met]
+    met = arc.located(arc.t, closed) * state.orientation <= 0.0
+    met &= state.orientation != 0.0
+    state.leeway[met] = -np.maximum(misses[met], LEAST)
 
 
 def _same(arc: Arc, time: float) -> float:
