@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 75_020
-LINES_OF_TESTS = 57_330
+LINES = 75_050
+LINES_OF_TESTS = 57_370
 
 
 def lines(folder):
