@@ -350,9 +350,9 @@ def follow_roots(s: Events, p: Parameters) -> None:
         located(s.step_t + x * s.step_h, s.work, p, s.values)
         for k in range(s.conditions):
             value = s.values[k]
-            if s.orientation[k] == 0.0 and s.equation[k] > 0.0:
-                if abs(value) > s.leeway[k]:
-                    s.orientation[k] = 1.0 if value > 0.0 else -1.0
+            waits = s.equation[k] > 0.0 and s.orientation[k] == 0.0
+            if waits and abs(value) > s.leeway[k]:
+                s.orientation[k] = 1.0 if value > 0.0 else -1.0
         x *= FARTHER
     interpolate(s, p, 0.0, s.work)
     located(s.step_t, s.work, p, s.values)
