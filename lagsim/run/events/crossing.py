@@ -326,23 +326,16 @@ class Crossing:
             if found is not None:
                 leader, factor = found
                 side = corner[self.open.index(leader)]
-                modes.put(k, level, side if factor > 0.0 else 1 - side)
+                turned = factor < 0.0 and side != LEVEL
+                modes.put(k, level, 1 - side if turned else side)
         modes.write()
 
     def _by_forces(self, now: list[int]) -> None:
         """Decide the rest by what the forces do on each side."""
-        several = list(self.open)
         cone = self._cone()
-        if not self.at_rest:
-            resting = self._let_rest(cone)
-            if not self.open:
-                return
-            if resting:
-                now = [
-                    side for k, side in zip(several, now, strict=True) if k in self.open
-                ]
-                cone = self._cone()
-        found = cone.select(now)
+        # Not to be at rest: a surface that it has just come to may have to hold it.
+        still = [i for i, k in enumerate(self.open) if k != self.hit]
+        found = cone.select(now, still)
         if found is None and self.at_rest:  # round and round to where it rests
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
@@ -351,61 +344,12 @@ class Crossing:
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
         self._take(found or now, cone.shares)
 
-    def _let_rest(self, cone: FilippovCone) -> list[int]:
-        """Select rest on the level of the surfaces that the motion does not leave.
-
-        With the values that are written there, sign(0) = 0, and whatever the others do.
-        Surfaces that attract are none: it may have to be held on these; nor is one that
-        it has just come to. Give them.
-        """
-        modes = self.modes
-        former = modes.value.copy(), modes.kind.copy()
-        drawn = [cone.attraction(i) for i in range(len(self.open))]
-        free = -cone.tolerance <= np.array(drawn)
-        free &= np.array(self.open) != self.hit
-        near = [k for k in self.loose if k in self.levels and k != self.hit]
-        resting = [*(k for k, x in zip(self.open, free, strict=True) if x), *near]
-        for k in (*self.open, *near):
-            modes.put(k, self.levels[k], LEVEL)
-        most = np.zeros(modes.count)
-        most[self.open] = cone.tolerance
-        resting = [k for k in resting if self._stays(k, most[k])]
-        modes.restore(*former)
-        for k in resting:
-            modes.put(k, self.levels[k], LEVEL)
-        others = [k for k in self.open if k not in resting]
-        for side in (BELOW, ABOVE) if others else ():
-            for k in others:
-                modes.put(k, self.levels[k], side)
-            if not all(self._stays(k, most[k]) for k in resting):
-                resting = []
-        if not resting or set(resting).isdisjoint(self.open):
-            modes.restore(*former)
-            return []
-        self.open = others
-        self.loose = [k for k in self.loose if k not in resting]
-        modes.watched = resting
-        return resting
-
-    def _stays(self, k: int, tolerance: float) -> bool:
-        """Whether the motion stays on surface k in the mode there is.
-
-        A short step tells, whatever the order in which it would leave.
-        """
-        self.modes.write()
-        if not abs(float(self.modes.forced(self.modes.arc.y)[k])) <= tolerance:
-            return False
-        return self._leads([k], np.ones(1)) is None
-
-    def _leads(self, some: Sequence[int], sides: Floats) -> bool | None:
-        """Try by short steps whether the motion leaves surfaces to sides, -1 or 1.
-
-        None where it leaves none to the wrong side, nor all to the right one.
-        """
-        modes, arc = self.modes, self.modes.arc
-        t, y = arc.t, arc.y
-        levels = np.array([self.levels[k] for k in some])
-        clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[some]
+    def _leaves(self, w: Floats, i: int) -> int | None:
+        """Side to which short steps with shares w (k,) leave an open surface."""
+        self._share(w)
+        modes, arc, k = self.modes, self.modes.arc, self.open[i]
+        t, y, level = arc.t, arc.y, self.levels[k]
+        clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
         step = FIRST * arc.settings.duration
         for _ in range(MOST):
             # The classical Runge-Kutta method.
@@ -414,18 +358,16 @@ class Crossing:
             c = modes.rates(t + 0.5 * step, y + 0.5 * step * b)
             d = modes.rates(t + step, y + step * c)
             after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-            found = sides * (modes.values(t + step, after)[some] - levels)
-            if np.any(found < -clear):
-                return False
-            if np.all(found > clear):
-                return True
+            found = modes.values(t + step, after)[k] - level
+            if abs(found) > clear:
+                return ABOVE if found > 0.0 else BELOW
             step *= LONGER
         return None
 
     def _take(self, sides: Sequence[int], shares: Floats) -> None:
         """Take sides, with what steps together with the surfaces that it follows."""
         modes = self.modes
-        base = [side if side in (BELOW, ABOVE) else BELOW for side in sides]
+        base = [BELOW if side in (SLIDING, REDUNDANT) else side for side in sides]
         self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
         along = [i for i, side in enumerate(sides) if side == SLIDING]
@@ -444,6 +386,8 @@ class Crossing:
         for k, side, share in zip(self.open, sides, shares, strict=True):
             if side == REDUNDANT:
                 modes.put(k, self.levels[k], REDUNDANT, share)
+            elif side == LEVEL:
+                modes.watched.append(k)
 
     def _cone(self) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""
@@ -459,11 +403,6 @@ class Crossing:
             # What has no value tells nothing.
             return np.nan_to_num(J @ a - b, nan=0.0, posinf=0.0, neginf=0.0)
 
-        def leads(w: Floats, i: int) -> bool | None:
-            self._share(w)
-            k = self.open[i]
-            return self._leads([k], np.array([2.0 * w[i] - 1.0]))
-
         count, sides = len(self.open), (BELOW, ABOVE)
         scale, least = np.zeros((2, count))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
@@ -474,13 +413,14 @@ class Crossing:
             for aside in modes.asides(reach):
                 least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
         self.roundoff[self.open] = least
-        return FilippovCone(rates, scale, leads, self._ahead, roundoff=least)
+        return FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
 
     def _share(self, w: Floats) -> None:
-        """Put the open surfaces between their sides, by shares (k,)."""
+        """Put the open surfaces between their sides, by shares (k,), or at levels."""
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
-            self.modes.put(k, self.levels[k], REDUNDANT, share)
+            if share != LEVEL:
+                self.modes.put(k, self.levels[k], REDUNDANT, share)
         self.modes.write()
 
     def _ahead(self, w: Floats) -> tuple[float, Floats]:

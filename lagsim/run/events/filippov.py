@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 REDUNDANT = 4  # on its level because others are: its share is constant
-# Steps that several surfaces multiply are products of shares of up to so many.
+# Rates are products of so many shares at most, beyond that sums.
 FEW = 5
 # Newton's steps to the shares of surfaces, and sides that are tried.
 MOST_STEPS = 20
@@ -59,10 +59,10 @@ class Trial(NamedTuple):
     ----------
     mode : list of int
     w : ndarray, shape (n,)
-        The shares.
+        The shares, LEVEL at a level.
     leads : ndarray, shape (n,)
         Of a surface that does not attract, the rate at which it leaves to the side that
-        it was put on: below 0 it is on the wrong one. Else infinity.
+        it was put on: below 0 it is wrong there. Else infinity.
     """
 
     mode: list[int]
@@ -75,21 +75,24 @@ class FilippovCone:
 
     They are a complementarity problem: with p = -w the rates are rho = rho_0 - B p.
     Where steps multiply, it is solved by Newton's method, linear in each of its steps.
-    A surface whose own upper side does not diminish its rate attracts nothing, and
-    several answers may hold. It has the side that it has now; the other one if its rate
-    leads there, or if only that side leads away.
+
+    Several answers may hold where the own upper side of a surface does not diminish its
+    rate, so that it does not attract. Such a surface keeps to its level, with the value
+    that is written there, if nothing moves it from there: sign(0) = 0. Else it has the
+    side that it has now, or the other one if its rate leads there, or if only that side
+    leads away.
 
     Parameters
     ----------
     rates
-        The rates (count,) with each surface BELOW or ABOVE.
+        The rates (count,) with each surface BELOW, ABOVE or at its LEVEL.
     scale : ndarray, shape (count,)
         The size of the terms of the rates.
     roundoff : ndarray, shape (count,)
         What the rounding of the state does to them.
-    leads
-        Whether the motion with these shares (count,) leaves a surface to the side that
-        its share is of, where no rate tells; None if it stays.
+    leaves
+        The side to which the motion with these shares (count,) leaves a surface, where
+        no rate tells; None if it stays.
     ahead
         A short time, and how fast rates with these shares (count,) change in it.
 
@@ -105,7 +108,7 @@ class FilippovCone:
         self,
         rates: Rates,
         scale: Floats,
-        leads: Callable[[Floats, int], bool | None] = lambda _w, _k: None,
+        leaves: Callable[[Floats, int], int | None] = lambda _w, _k: None,
         ahead: Callable[[Floats], tuple[float, Floats]] = lambda w: (1.0, 0.0 * w),
         *,
         roundoff: Floats | float = 0.0,
@@ -113,17 +116,23 @@ class FilippovCone:
         self.count = len(scale)
         least = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
         self.tolerance = np.maximum(least, TINY)  # not 0, where nothing pushes
-        self.leads, self.ahead = leads, ahead
+        self.rates = cache(rates)
+        self.leaves, self.ahead = leaves, ahead
         self.shares, self.is_fork = np.zeros(self.count), False
-        few = self.count <= FEW
-        self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
 
-    def select(self, now: Sequence[int]) -> list[int] | None:
-        """Select BELOW, ABOVE or SLIDING for each surface; None where none meets them.
+    def select(
+        self, now: Sequence[int], still: Collection[int] = ()
+    ) -> list[int] | None:
+        """Select a mode for each surface; None where none meets the conditions.
 
-        now : the sides that the surfaces have
+        Parameters
+        ----------
+        now
+            The sides that the surfaces have.
+        still
+            Surfaces that may be at their level.
         """
-        ways = [tuple(now)]
+        ways = [tuple(LEVEL if k in still else side for k, side in enumerate(now))]
         tried: set[Corner] = set()
         while ways and len(tried) < MOST_EXCHANGES:
             sides = ways.pop()
@@ -132,12 +141,13 @@ class FilippovCone:
             if trial is None:
                 continue
             wrong = np.flatnonzero(trial.leads < 0.0).tolist()
-            others = [exchanged(sides, k) for k in wrong or self._others(sides, trial)]
-            others = [way for way in others if way not in tried]
-            if not wrong and not others:
+            others = wrong or self._others(sides, trial)
+            exchanged = [exchange(sides, k, now[k]) for k in others]
+            exchanged = [way for way in exchanged if way not in tried]
+            if not wrong and not exchanged:
                 self.shares = trial.w
                 return trial.mode
-            ways += reversed(others)
+            ways += reversed(exchanged)
         return None
 
     def _others(self, sides: Corner, trial: Trial) -> list[int]:
@@ -148,26 +158,27 @@ class FilippovCone:
         """
         self.is_fork = False
         for k in np.flatnonzero(trial.leads < math.inf).tolist():
-            here: bool | None = bool(trial.leads[k] > 0.0)
-            other = self._solved(exchanged(sides, k))
-            there: bool | None = other is not None and bool(
+            side, w = sides[k], trial.w.copy()
+            if side == LEVEL:
+                if self.leaves(w, k) is not None:
+                    return [k]
+                continue
+            other = self._solved(exchange(sides, k))
+            here = bool(trial.leads[k] > 0.0)
+            there = other is not None and bool(
                 other.leads[k] > 0.0 and np.all(other.leads >= 0.0)
             )
             if not here and not there:
-                w = trial.w.copy()
-                here = self.leads(w, k)
-                w[k] = 1 - sides[k]
-                there = self.leads(w, k)
-                if here is there is False:
+                way = self.leaves(w, k)
+                w[k] = 1 - side
+                back = self.leaves(w, k)
+                here, there = way == side, back == 1 - side
+                if way == 1 - side and back == side:
                     trial.mode[k] = SLIDING
             if there and not here:
                 return [k]
-            self.is_fork = self.is_fork or bool(here and there)
+            self.is_fork = self.is_fork or (here and there)
         return []
-
-    def attraction(self, k: int) -> float:
-        """By how much the upper side of surface k adds to its rate, all below."""
-        return float(self._change(np.zeros(self.count), k)[k])
 
     def _change(self, w: Floats, j: int) -> Floats:
         """Change of rates (count,) from below surface j to above it."""
@@ -177,13 +188,17 @@ class FilippovCone:
 
     def _blended(self, w: Floats) -> Floats:
         """Rates (count,) between corners, linear in each of the shares w (count,)."""
-        if self.count > FEW:
-            return self.rates(tuple(w))
-        sides = [(int(x),) if x in (BELOW, ABOVE) else (BELOW, ABOVE) for x in w]
+        between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
+        low = w.astype(int)
+        base = self.rates(tuple(low.tolist()))
+        if len(between) > FEW:
+            effects = (self.rates(exchange(low.tolist(), j)) - base for j in between)
+            return sum((w[j] * x for j, x in zip(between, effects, strict=True)), base)
         rates = np.zeros(self.count)
-        for corner in product(*sides):
-            parts = np.where(np.array(corner) == ABOVE, w, 1.0 - w)
-            rates = rates + np.prod(parts) * self.rates(corner)
+        for corner in product((BELOW, ABOVE), repeat=len(between)):
+            low[between] = corner
+            parts = np.where(np.array(corner) == ABOVE, w[between], 1.0 - w[between])
+            rates = rates + np.prod(parts) * self.rates(tuple(low.tolist()))
         return rates
 
     def _solved(self, sides: Corner) -> Trial | None:
@@ -194,7 +209,7 @@ class FilippovCone:
         others do has a share that is constant.
         """
         n, at = self.count, np.array(sides)
-        w, alone, ends = np.zeros(n), np.full(n, -1), np.zeros((4, n))
+        w, alone, ends = at.astype(float), np.full(n, -1), np.zeros((4, n))
         for _ in range(MOST_STEPS):
             B, base = (
                 np.array([self._change(w, j) for j in range(n)]).T,
@@ -206,9 +221,12 @@ class FilippovCone:
             B, base, tolerance = unit[:, None] * B, unit * base, unit * self.tolerance
             own = B.diagonal()
             attract = own < -tolerance
-            ends[0] = np.where(attract, -1.0, -at)
-            ends[2] = np.where(attract, 0.0, -at)
-            found = solve(Problem(-B, base - B @ w, ends[:2], ends[2:], alone, alone))
+            if np.any(attract & (w == LEVEL)):
+                w[attract] = BELOW
+                continue
+            ends[0] = np.where(attract, -1.0, 0.0)
+            c = base - B[:, attract] @ w[attract]
+            found = solve(Problem(-B, c, ends[:2], ends[2:], alone, alone))
             if not found.found:
                 return None
             w, rho = np.where(attract, -found.p, at), found.w
@@ -232,22 +250,16 @@ class FilippovCone:
         for k in (*inside, *tied):
             new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
             modes[k] = SLIDING if new else REDUNDANT
-        leads = np.where(still, 0.0, np.where(at == ABOVE, rho, -rho))
-        leads[attract] = math.inf
         modes[~attract] = at[~attract]
+        off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
+        leads = np.where(attract, math.inf, np.where(still, 0.0, off))
         return Trial(modes.tolist(), w, leads)
 
 
-def exchanged(sides: Corner, k: int) -> Corner:
-    """Sides with surface k on its other one."""
-    return (*sides[:k], 1 - sides[k], *sides[k + 1 :])
-
-
-def _affine(rates: Rates, count: int) -> Rates:
-    """Rates that are affine in the shares, from those of count + 1 corners."""
-    base, sides = rates((BELOW,) * count), np.eye(count, dtype=int).tolist()
-    effects = np.array([rates(tuple(corner)) - base for corner in sides])
-    return lambda corner: base + np.array(corner, dtype=float) @ effects
+def exchange(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
+    """Sides with surface k on its other one; from its level, on `now`."""
+    other = now if sides[k] == LEVEL else 1 - sides[k]
+    return (*sides[:k], other, *sides[k + 1 :])
 
 
 KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
