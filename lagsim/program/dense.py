@@ -508,7 +508,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
     if p.augmented > 0.0:
         mass.augment_force(p)
     if LAWS:
-        drive(p)
+        drive(t, p)
     solve_terms(p)
 
 

@@ -38,6 +38,7 @@ from lagsim.methods.parts.parameters import (
     SLIDER,
     SLIDING,
     SLIP,
+    TURNS,
     Parameters,
 )
 from lagsim.methods.parts.state import of_model
@@ -269,7 +270,21 @@ def hold(p: Parameters) -> None:
     p.factored = min(p.constant, 1.0)
 
 
-def drive(p: Parameters) -> None:
+def begun(t: float, p: Parameters, k: int) -> float:
+    """Part of the stretch in which slip k begins that has passed."""
+    return float((t - p.law_begun[k]) / p.law_lasts[k])
+
+
+def way(t: float, p: Parameters, k: int) -> float:
+    """Direction of row k, of two slips that begin."""
+    x = begun(t, p, k)
+    turn = 0.0
+    for j in range(TURNS):
+        turn = (turn + p.law_turn[(k + 1) * TURNS - 1 - j]) * x
+    return float(p.law_direction[k] + turn)
+
+
+def drive(t: float, p: Parameters) -> None:
     """Store the parts of sliding rows, and add the forces of limited ones."""
     first = p.m - p.laws
     direction, part = p.law_direction, p.law_part
@@ -282,8 +297,11 @@ def drive(p: Parameters) -> None:
             part[k] = direction[k] * p.law_bounds[k]
             other = int(p.law_pair[k])
             if other >= 0:
-                x = p.law_speeds[k] - p.law_floor[k] * direction[k]
-                z = p.law_speeds[other] - p.law_floor[k] * direction[other]
+                x = p.law_speeds[k]
+                z = p.law_speeds[other]
+                if p.law_floor[k] > 0.0:
+                    x -= p.law_floor[k] * way(t, p, k)
+                    z -= p.law_floor[k] * way(t, p, other)
                 speed = sqrt(x * x + z * z)
                 if speed > 0.0:
                     part[k] = -p.law_bounds[k] * x / speed
@@ -320,7 +338,7 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
         elif mode[k] == SLIDING:
-            out[k] = slide_left(p, k, out[k])
+            out[k] = slide_left(t, p, k, out[k])
             if p.law_varies[k] > 0.0:  # it may not become negative
                 out[k] = min(out[k], p.law_bounds[k])
         elif mode[k] == REDUNDANT or not is_one_sided(p, k):
@@ -341,11 +359,11 @@ def hold_left(p: Parameters, k: int) -> float:
     return grip(p, k) if bounded else ENDLESS
 
 
-def slide_left(p: Parameters, k: int, speed: float) -> float:
+def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     """Event function of a sliding row: its speed; of two slips one has that of both.
 
     Until their way has turned, and has to be noted anew. Of those that begin, how much
-    they are below what they begin with, and forward.
+    they are below what they begin with, in time, too, and forward.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])
@@ -358,7 +376,8 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
     speed = sqrt(x * x + z * z)
     ahead = -(direction[k] * x + direction[other] * z)
     if p.law_floor[k] > 0.0:
-        return float(min(BEGUN * p.law_floor[k] - speed, ahead))
+        left = BEGUN * p.law_floor[k]
+        return float(min(left - speed, left * (1.0 - begun(t, p, k)), ahead))
     if ahead < 0.0:
         return float(-speed)
     return float(min(speed - p.law_still[k], ahead - TURNED * speed))

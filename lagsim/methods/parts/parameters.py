@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from lagsim.language.arrays import Floats
 from lagsim.native.layout import Block, Memory, after, array, block, part
 
@@ -22,7 +24,7 @@ REDUNDANT_SIDE = -3.0
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
     "leader", "roundoff", "floor", "least_root", "law_mode", "law_direction",
-    "law_still", "law_floor", "law_rounding",
+    "law_still", "law_floor", "law_begun", "law_lasts", "law_turn", "law_rounding",
     "knot_times", "knot_modes", "cells_before", "cells_after",
 )  # fmt: skip
 
@@ -40,6 +42,8 @@ OFF = 0.0
 HELD = 1.0
 SLIDING = 2.0
 REDUNDANT = 3.0
+# The degree of the polynomial by which a slip's direction turns where it begins.
+TURNS = 16
 
 
 def each_coordinate(p: Parameters) -> int:
@@ -186,8 +190,12 @@ class Laws(Surfaces):
     law_still: Floats = array("laws")  # two slips together no faster have stopped
     # What the laws of an arc could do to each rate of the state.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
-    # Two slips that begin keep about this speed's direction; 0 once they are faster.
+    # Two slips that begin keep about this speed's direction; 0 once they are faster. It
+    # turns, since then and so long, by a polynomial in parts of that time.
     law_floor: Floats = array("laws")
+    law_begun: Floats = array("laws")
+    law_lasts: Floats = array("laws", inf)
+    law_turn: Floats = array(lambda p: TURNS * p.laws)
     law_rounding: Floats = array("laws")  # of its margin, while it is out of force
     law_opens: Floats = array("laws")  # 1: parts in the step that an event has cut
     law_part: Floats = array("laws")  # of the contact's multiplier, or the force

@@ -24,6 +24,7 @@ from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.sliders import at_edge, settle
+from lagsim.run.events.slips import begin_slips
 from lagsim.run.events.transitions import count_closed
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
@@ -38,7 +39,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Floats, Ints
     from lagsim.mechanics.contact import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
@@ -135,7 +136,9 @@ class Contacts(Source):
         if p.law_mode[k] == kept.HELD:
             self.left.add(k)
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
-            p.law_floor[[k, pair]] = 0.0  # the beginning on a disc has ended
+            # The beginning on a disc has ended, and of those that began with it.
+            also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
+            p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
         found = self._through(arc, k)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
@@ -501,6 +504,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     """
     arc, p = here.arc, here.arc.system.p
     floors, stills = np.zeros(here.count), np.zeros(here.count)
+    begun, steady = [], math.inf
     rtol = float(arc.plan.tolerance)
     for k, law in enumerate(here.laws):
         pair = [k, law.pair]
@@ -512,11 +516,14 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
         if k in slid or law.pair in slid:
-            floors[pair], stills[pair] = p.law_floor[k], p.law_still[k]
+            # A smooth beginning is over where anything else happens.
+            floors[pair] = p.law_floor[k] if math.isinf(p.law_lasts[k]) else 0.0
+            stills[pair] = p.law_still[k]
             continue
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
-        scale = rubs * _steady(here, found, pair, rubs)
+        changes = _steady(here, found, pair, rubs)
+        scale = rubs * changes
         # Below this it would turn and stop in fewer roundings of the time than steps
         # need.
         rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
@@ -526,7 +533,28 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         stills[pair] = max(rtol * scale, rounded)
         if speed < floor:
             floors[pair] = floor
-    p.law_floor[:], p.law_still[:] = floors, stills
+            begun.append(pair)
+            steady = min(steady, changes)
+    p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
+    p.law_turn[:] = 0.0
+    if begun:
+        _begin_along(here, found, np.array(begun), steady)
+
+
+def _begin_along(here: Kinematics, found: Chosen, pairs: Ints, steady: float) -> None:
+    """Set the ways along which slips (P, 2) begin, where these are smooth."""
+    p, rows = here.arc.system.p, pairs.ravel()
+    places = [found.some.index(k) for k in rows.tolist()]
+    friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
+    D = here.answer.D[np.ix_(rows, rows)]
+    beginning = begin_slips(here, pairs, friction, D, steady)
+    if beginning is None or (beginning.speeds < p.law_floor[pairs[:, 0]]).any():
+        return
+    p.law_begun[rows], p.law_lasts[rows] = here.t, beginning.lasts
+    p.law_floor[pairs] = beginning.floors[:, None]
+    ways = beginning.ways.reshape(len(rows), -1)
+    p.law_direction[rows] = -ways[:, 0]
+    p.law_turn.reshape(here.count, -1)[rows] = -ways[:, 1:]
 
 
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:

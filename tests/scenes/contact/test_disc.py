@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from tests.scenes.contact.motions import G, contact, play, scene
 
@@ -83,3 +84,68 @@ def test_a_force_that_begins_to_turn_at_a_rate_of_0(rows):
     for q, x in zip("xz", expected, strict=True):
         seconds = found[q][[round(1.0 / rows), -1]]
         assert seconds == pytest.approx(x, abs=1e-8 * np.ptp(expected))
+
+
+# Forces along x and z that outgrow friction of size 1.962 and turn; inertias.
+PUSHES = {
+    "both grow": (lambda t: (3 * np.sin(t), 2 * np.sin(2 * t)), 1, 1),
+    "two inertias": (lambda t: (3 * np.sin(t), 2 * np.sin(2 * t)), 1, 4),
+    "one is nearly enough": (lambda t: (1.8, 3 * t * (2 - t)), 1, 1),
+}
+TEXTS = {
+    "both grow": ("3*sin(t)", "2*sin(2*t)"), "two inertias": ("3*sin(t)", "2*sin(2*t)"),
+    "one is nearly enough": ("1.8", "3*t*(2 - t)"),
+}  # fmt: skip
+
+
+@functools.cache
+def begun(name):
+    """Time of the beginning, and x, z (2,) at 2, by Radau with an exact Jacobian."""
+    push, *m = PUSHES[name]
+    m, c, after = np.array(m), 0.2 * G, 1e-5
+    since = brentq(lambda t: np.hypot(*push(t)) - c, 0.0, 0.9, xtol=1e-15)
+
+    def rates(t, s):
+        return [*s[2:], *((push(t) - c * s[2:] / np.hypot(*s[2:])) / m)]
+
+    def slopes(_, s):
+        v, J = np.hypot(*s[2:]), np.eye(4, k=2)
+        J[2:, 2:] = c * (np.outer(s[2:], s[2:]) / v**3 - np.eye(2) / v) / m[:, None]
+        return J
+
+    # |f| - c grows evenly at first, and d m d s' is as much.
+    way = np.array(push(since + after)) / np.hypot(*push(since + after))
+    v = way * (np.hypot(*push(since + after)) - c) * after / 2 / (way @ (m * way))
+    return since, solve_ivp(
+        rates, (since + after, 2.0), [*(v * after / 3), *v], "Radau", (2.0,),
+        rtol=1e-11, atol=1e-16, jac=slopes,
+    ).y[:2, 0]  # fmt: skip
+
+
+def pushed(name, **simulation):
+    forces = dict(zip("xz", TEXTS[name], strict=True))
+    kinetic = f"({PUSHES[name][1]}*x_dot^2 + {PUSHES[name][2]}*z_dot^2)/2"
+    brake = {"relation": ["x_dot = 0", "z_dot = 0"], "limit": "0.2*g"}
+    return play(scene(
+        "x z", kinetic, "0", {"brake": brake}, {"x": 0, "z": 0}, forces=forces,
+        duration=2, output_step=0.1, **simulation,
+    ))  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PUSHES)
+def test_a_slip_that_begins_takes_tens_of_steps(name):
+    found = pushed(name, method="dop853")
+    since, (x, z) = begun(name)
+    assert found.times("slip", "brake") == pytest.approx([since], abs=1e-12)
+    assert [found[q][-1] for q in "xz"] == pytest.approx([x, z], rel=2e-10)
+    # Turned by friction from rest on, which is stiff there, it took 3000 and more.
+    assert found.result.record["steps"] < 130
+
+
+def test_a_slip_that_begins_is_of_the_order_of_a_fixed_step():
+    off = []
+    for step in 0.04, 0.02:
+        found = pushed("both grow", method="rk4", step=step)
+        x, z = begun("both grow")[1]
+        off.append(np.hypot(found["x"][-1] - x, found["z"][-1] - z))
+    assert off[1] < min(1e-7, off[0] / 10)
