@@ -6,9 +6,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 243
-LINES = 75_010
-LINES_OF_TESTS = 57_370
+FILES = 244
+LINES = 75_250
+LINES_OF_TESTS = 57_440
 
 
 def lines(folder):
