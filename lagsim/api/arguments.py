@@ -133,10 +133,14 @@ def number_or_text(name: str, value: object) -> None:
     Raises
     ------
     TypeError
+    ValueError
+        If it is an integer too large for a double.
     """
     given = None if isinstance(value, (bool, np.bool_)) else value
     try:
         isinstance(value, str) or float(given)  # type: ignore[arg-type]
+    except OverflowError:
+        raise ValueError(f"{name}: the largest number is about 1.8e308") from None
     except (TypeError, ValueError):
         text = f"{name}={value!r:.60}: a number is expected, or an expression in quotes"
         raise TypeError(text) from None
@@ -153,7 +157,7 @@ def numbers(name: str, value: object) -> Floats:
         found = np.asarray(value)
         if found.dtype.kind in "iufO" and None not in found.ravel().tolist():
             return found.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
     raise TypeError(f"{name}={value!r:.60}: a number is expected, or numbers")
 

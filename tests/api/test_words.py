@@ -101,12 +101,16 @@ def test_words_and_lists_are_checked(spring):
             lagsim.sweep(spring, {"k": values})
     with pytest.raises(TypeError, match="ouput_step"):
         sweep(spring, ouput_step=1)
+    for call in (spring.bind, lambda k: lagsim.sweep(spring, {"k": [k]})):
+        with pytest.raises(ValueError, match=r"^k: the largest number is about"):
+            call(k=10**400)
     with pytest.raises(ValueError, match=r"table='xls': one of 'csv'"):
         lagsim.simulate(spring, error_bar="never").write("nowhere", table="xls")
 
 
 @pytest.mark.parametrize(
-    "wrong", ["a", "1.5", None, 1j, {"x": 1}, [[1], [1, 2]], ["a"], True, [None]]
+    "wrong",
+    ["a", "1.5", None, 1j, {"x": 1}, [[1], [1, 2]], ["a"], True, [None], 10**400],
 )
 def test_times_and_states_name_themselves(spring, wrong):
     result = lagsim.simulate(spring, error_bar="never")
