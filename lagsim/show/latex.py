@@ -171,7 +171,7 @@ class _Latex(Outline):
         write = self.write
         over, under = write.fraction(term)
         below = write.product(under)
-        if _width(below) > room:
+        if under and _width(below) > room:
             parts = self.pieces(sp.Mul(*under, evaluate=False), room - 4)  # its sign
             stack = r" \\ ".join(_filled("", parts, room - 4, ""))
             below = rf"\begin{{gathered}} {stack} \end{{gathered}}"

@@ -317,6 +317,11 @@ def test_a_denominator_of_latex_longer_than_a_line_is_stacked():
         assert whole.count(found) >= 6
 
 
+def test_names_longer_than_a_line_of_latex():
+    x = "x" * LONGEST_LINE
+    check(as_latex(small(scene(f"{x}: 1", f"{x}/(1 + {x}^2)", f"{x}_dot^2/2"))))
+
+
 def test_a_factor_of_latex_longer_than_a_line_keeps_its_power():
     sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {INSIDE})^7.5")
     document = as_latex(small(sought))
