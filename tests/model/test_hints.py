@@ -183,7 +183,7 @@ CASES = [
     ("parameter", 12345678.5, "{value: 12,345,678.5}   12,345,678.5"),
     ("rate", 10.0, "10 1/s   10 s⁻¹   36 kph   10 rad·s^{-1}"),
     ("relation", None, "ẋ = 0   xdot² = 0   x² − x² = x_dot   x_dot = 0 m"),
-    ("relation", None, "x_dot == 0   x_dot := 0   x_dot ≈ 0   x_dot ="),
+    ("relation", None, "x_dot == 0   x_dot := 0   x_dot ≈ 0   x_dot =   x_dot > 0"),
 ]  # fmt: skip
 SPELT = [(where, text, x) for where, x, texts in CASES for text in texts.split("   ")]
 

@@ -315,6 +315,8 @@ SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
 _IN_RELATIONS = {
     "==": "write `=`",
     "=": "write 0",
+    "<": "write `<=`",
+    ">": "write `>=`",
     **dict.fromkeys("≈≡→≃", "write `=`"),
     **dict.fromkeys(("!=", "<>"), "a relation is written with `=`, `>=` or `<=`"),
 }
