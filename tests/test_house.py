@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 244
-LINES = 75_250
-LINES_OF_TESTS = 57_440
+LINES = 75_260
+LINES_OF_TESTS = 57_450
 
 
 def lines(folder):
