@@ -362,6 +362,7 @@ def modes(
     slip_noise: Floats,
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
     left: Flags | None = None,
+    placed: Floats | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -381,10 +382,17 @@ def modes(
     left : ndarray of bool, shape (r,), optional
         What held until now, and has reached the edge of what it bears: there it does
         not go on where no rate decides.
+    placed : ndarray, shape (r,), optional
+        Directions of what bears its bound at no slip, for a switch bears the rest.
     """
     left = np.zeros(len(rates), dtype=bool) if left is None else left
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
+    if placed is not None:
+        given, directions = (
+            given | (placed != 0.0),
+            np.where(placed, placed, directions),
+        )
     while True:
         sizes = np.where(given | begun, closed.bounds, closed.statics)
         problem = _problem(closed, accelerations, sizes, directions, given=given)

@@ -30,6 +30,7 @@ from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quote
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
+    DEPENDENT_SQUARE,
     LEAST_CLOSING,
     SATISFIED,
     SOLUTION_ROUNDOFF,
@@ -71,6 +72,10 @@ WARNINGS = {
     "shared-contact": (
         "at t = {t:.9g} the contacts {names} are redundant: the motion is unique, "
         "their forces are not, and one solution is given"
+    ),
+    "mixed-friction": (
+        "at t = {t:.9g} {names} and switches hold the same bodies by forces that are "
+        "not unique: which of them gives way, and when, is a choice"
     ),
     "shared-friction": (
         "at t = {t:.9g} friction slides by forces of {names} that are not unique, so "
@@ -246,6 +251,12 @@ class Contacts(Source):
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
 
+        holds = np.flatnonzero(p.law_mode == kept.HELD)
+        if p.sliding and any(
+            here.is_shared(k, holds) and not here.is_own(k) for k in redundant
+        ):
+            self._report(found, "mixed-friction", chosen.some, t=arc.t)
+
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
         """Kinematics with sliders without mass as they go on."""
         arc, before = here.arc, found.y
@@ -316,11 +327,12 @@ class Contacts(Source):
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
-        deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
-        if deep:
-            y[arc.state.positions] -= lift(deep, here.gaps[deep])
+        touch = [k for k in some if k in self.contacts]
+        deep = np.minimum(here.gaps[touch], 0.0)
+        if deep.any():
+            y[arc.state.positions] -= lift(touch, deep)
         y[arc.velocities] += response @ result.impulses
-        if deep:
+        if deep.any():
             left = rates + problem.D @ result.impulses
             y[arc.velocities] -= _moving_again(here, y, some, left)
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
@@ -464,7 +476,8 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
         pressed = law.kind is not Kind.SLIP or law.normal in some
         if pressed and here.slides_in_place(k):
             mode[k], direction[k] = kept.SLIDING, p.law_direction[k]
-            continue
+            if here.answer.D[k, k] <= DEPENDENT_SQUARE * here.shape.reply.D[k, k]:
+                continue  # it changes no acceleration
         leaves = law.kind.one_sided and rates[k] > here.still[k]
         if law.kind is Kind.SLIP:
             leaves = law.normal not in some
@@ -483,6 +496,7 @@ def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> C
         np.maximum(here.still, 2.0 * p.law_still)[some],
         _ahead(here, some),
         np.array([k in left for k in some]),
+        direction[some],
     )
     mode[some], direction[some] = [float(x) for x in found.mode], found.direction
     for k, law in enumerate(laws):

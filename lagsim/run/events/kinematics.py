@@ -18,6 +18,8 @@ from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
+    COMPUTED_ZERO,
+    DEPENDENT_ROWS,
     DEPENDENT_SQUARE,
     SAME_TIME,
     SOLUTION_ROUNDOFF,
@@ -27,7 +29,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Floats, Ints
     from lagsim.run.arc import Arc
 
 # How far a state is moved, by parts, to see what its rounding does; and these parts.
@@ -52,6 +54,14 @@ class Shape:
         """Change of q or q' (n,) by which some laws have these rates (r,) less."""
         D = self.reply.D[np.ix_(some, some)]
         return self.reply.response[:, some] @ least_squares(D, rates, None)
+
+
+def _left_of(factor: Floats, k: int, others: Ints) -> float:
+    """Square of row k's column of a factor D = factor^T factor that others leave."""
+    own, Y = factor[:, k], factor[:, others]
+    if Y.size:
+        own = own - Y @ np.linalg.lstsq(Y, own, rcond=DEPENDENT_ROWS)[0]
+    return float(own @ own)
 
 
 @lru_cache(maxsize=4)
@@ -271,15 +281,38 @@ class Kinematics:
         """Whether a law bears its bound, and a surface keeps its slip at 0.
 
         Nothing but the switch there knows how much more is borne: `sign` of a slip that
-        has a `limit` or friction too. What the law gives changes no acceleration.
+        has a `limit` or friction too, or of one that other laws join to it.
         """
-        law, p, own = self.laws[k], self.arc.system.p, self.shape.reply.D[k, k]
+        law, p = self.laws[k], self.arc.system.p
         slides = p.law_mode[k] == kept.SLIDING and abs(self.rates[k]) <= self.still[k]
         bounded = law.kind in (Kind.LIMITED, Kind.SLIP)
         alone = bounded and law.pair < 0 and not law.slider
         if not (alone and slides and p.sliding):
             return False
-        return bool(self.answer.D[k, k] <= DEPENDENT_SQUARE * own)
+        return self.is_shared(k, np.flatnonzero(p.law_mode == kept.HELD))
+
+    def is_shared(self, k: int, others: Ints) -> bool:
+        """Whether surfaces that the motion follows, with other laws, hold law k.
+
+        Which they would not without the surfaces.
+        """
+        least = DEPENDENT_SQUARE * self.shape.reply.D[k, k]
+        beside, free = (
+            _left_of(reply.factor, k, others)
+            for reply in (self.answer, self.shape.reply)
+        )
+        return beside <= least < free
+
+    def is_own(self, k: int) -> bool:
+        """Whether the slip of law k is that of a surface that the motion follows."""
+        _, J = self.arc.surface_rows(self.t, self.y)
+        along = J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
+        row, squares = self.rows[k], (along * along).sum(axis=1)
+        parts = along @ row / np.where(squares > 0.0, squares, 1.0)
+        off = row - parts[:, None] * along
+        return bool(
+            (np.abs(off) <= COMPUTED_ZERO * np.abs(row).max()).all(axis=1).any()
+        )
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.

@@ -115,6 +115,24 @@ def test_friction_by_switches_is_that_by_limits_where_more_rubs_than_moves(pairs
     agree("abcdef", 10, bound=bound, pairs=pairs, force=force)
 
 
+@pytest.mark.parametrize(
+    ("brake", "x", "a"), [(2.0, 4 / 3, 0.0), (0.5, 19 / 12, 49 / 48)]
+)
+def test_friction_by_a_switch_beside_a_clutch_to_a_brake(brake, x, a):
+    # A load t on x, which rubs with 1; a clutch of 1 joins it to what is braked: both
+    # bear 2 before x goes, x'' = t - 2. A brake of 0.5 gives way first, at t = 1.5, and
+    # both go, (t - 1.5)/2, until the clutch slips at 2.5: then t - 2 and 0.5.
+    text = mechanical(
+        "x a", "(x_dot^2 + a_dot^2)/2", "0",
+        {"brake": {"relation": "a_dot = 0", "limit": brake},
+         "clutch": {"relation": "a_dot = x_dot", "limit": 1}},
+        {"x": 0, "a": 0}, forces={"x": "t - sign(x_dot)"}, duration=4, output_step=0.5,
+    )  # fmt: skip
+    found = run(read(text, "clutch.yaml"))
+    assert [found[q][-1] for q in ("x", "a")] == pytest.approx([x, a], abs=1e-9)
+    assert [w.code for w in found.trajectory.warnings] == ["mixed-friction"]
+
+
 # Scenes that ended in switches without end, or jumped, where ties were broken one by
 # one: all rub on the ground and each on the next.
 @pytest.mark.parametrize("seed", one_quick(0, *range(1, 24)))
