@@ -301,7 +301,7 @@ class Kinematics:
             _left_of(reply.factor, k, others)
             for reply in (self.answer, self.shape.reply)
         )
-        return beside <= least < free
+        return bool(beside <= least < free)
 
     def is_own(self, k: int) -> bool:
         """Whether the slip of law k is that of a surface that the motion follows."""
