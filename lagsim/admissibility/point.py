@@ -27,7 +27,6 @@ from lagsim.language.sparse import Budget
 from lagsim.mechanics.algebra import (
     Entries,
     factored,
-    is_diagonal,
     largest_eigenvalue,
     least_squares,
     sizes_of,
@@ -247,13 +246,18 @@ class Point:
             sizes = self.array(self.e.inertias)
             sound = np.all(np.isfinite(own)) and np.all(sizes > 0)
             return bool(sound and np.min(own / sizes) > SAFELY_INDEPENDENT)
-        M = self.mass_entries().sparse(self.n, self.n)
-        diagonal = M.diagonal()
-        if not (np.all(np.isfinite(M.data)) and np.all(diagonal > 0)):
+        entries = self.mass_entries()
+        own = entries.values[entries.i == entries.j]
+        if len(own) < self.n or not (
+            np.all(np.isfinite(entries.values)) and np.all(own > 0)
+        ):
             return False
-        if is_diagonal(M):
+        if len(own) == len(entries.values):
             return True
         from scipy.sparse import diags
+
+        M = entries.sparse(self.n, self.n)
+        diagonal = M.diagonal()
 
         scale = diags(1.0 / np.sqrt(diagonal))
         factors = factored(scale @ M @ scale, symmetric=True)

@@ -670,8 +670,10 @@ class Collected:
         Which of both takes less.
         """
         g = self.g
-        functions = {n for n in g.cone(nodes) if g.ops[n] not in ARITHMETIC}
-        cone = g.cone(nodes, functions)  # what is below these is shared as it is
+        cone = g.cone(nodes)
+        functions = {n for n in cone if g.ops[n] not in ARITHMETIC}
+        if any(g.args[n] for n in functions):  # below these, what is shared is kept
+            cone = g.cone(nodes, functions)
         linear = ("add", "sub", "neg")
         users = {a for n in cone if g.ops[n] not in linear for a in g.args[n]}
         users.update(nodes)
@@ -680,7 +682,8 @@ class Collected:
             if not self.moves(n) or n in functions:
                 done[n] = n
                 continue
-            new = g.call(g.ops[n], *(done[a] for a in g.args[n]))
+            args = tuple([done[a] for a in g.args[n]])
+            new = n if args == g.args[n] else g.call(g.ops[n], *args)
             if g.ops[n] not in linear:
                 still, core = self.parts(new)
                 new = g.call("mul", still, core)
@@ -728,11 +731,12 @@ class Collected:
     def parts(self, n: int) -> tuple[int, int]:
         """Return what stands still, and what moves, of which `n` is the product."""
         known = self._parts
-        if n not in known:
-            near = all(map(known.__contains__, self.g.args[n]))
-            for below in (n,) if near else self.g.cone([n], known):
-                if below not in known:
-                    known[below] = self._apart(below)
+        if n in known:
+            return known[n]
+        near = all(map(known.__contains__, self.g.args[n]))
+        for below in (n,) if near else self.g.cone([n], known):
+            if below not in known:
+                known[below] = self._apart(below)
         return known[n]
 
     def _apart(self, n: int) -> tuple[int, int]:
@@ -742,7 +746,7 @@ class Collected:
             moves = op == VARIABLE and g.payload(n) in self.moving
             return (g.one, n) if moves else (n, g.one)
         found = [self._parts[a] for a in args]
-        if {core for _, core in found} == {g.one}:
+        if not [core for _, core in found if core != g.one]:
             return n, g.one
         if op == "pow" and g.value(args[1]) == 2.0:
             c, x = found[0]

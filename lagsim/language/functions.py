@@ -267,9 +267,11 @@ def _power(x: float, y: float) -> float:
 
 def _power_partials(g: Builder, a: tuple[int, ...], itself: int) -> tuple[int, ...]:
     x, y = a
-    slope = g.call("mul", y, g.call("pow", x, g.call("sub", y, g.constant(1.0))))
-    if g.value(y) is not None:
-        return slope, g.zero
+    exponent = g.value(y)
+    if exponent is not None:
+        less = g.constant(exponent - 1.0)
+        return g.call("mul", y, g.call("pow", x, less)), g.zero
+    slope = g.call("mul", y, g.call("pow", x, g.call("sub", y, g.one)))
     # x^y log(x) tends to 0 with x for every y > 0.
     zero = g.call("le", g.call("abs", itself), g.zero)
     log = g.call("mul", itself, g.call("log", x))

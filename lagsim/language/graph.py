@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import operator
 from collections import defaultdict
-from functools import wraps
+from functools import cache, wraps
+from itertools import repeat
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -41,8 +42,8 @@ TRUTH = "truth"
 DATA = "data"
 # To look at so many nodes takes as long as to make one.
 LOOKUPS = 7
-# The last cone of so many nodes is kept: it is often asked for again.
-LONG, CONE = 1000, "cone"
+# Cones of so many nodes are kept, the last few: they are often asked for again.
+LONG, MOST_CONES, CONES = 1000, 8, "cones"
 
 
 class Degrees(NamedTuple):
@@ -57,6 +58,31 @@ class Degrees(NamedTuple):
 
 
 FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # what is not named, and 0
+
+
+@cache
+def _degrees_of(
+    op: str, exponent: float | None, *below: Degrees | None
+) -> Degrees | None:
+    """Degrees of an operation from those of its arguments."""
+    if all(d in (FLAT, NOTHING) for d in below):
+        return FLAT
+    known = [d for d in below if d is not None]
+    if len(known) < len(below):
+        return None
+    if op in ("add", "sub"):
+        return known[0] | known[1]
+    if op == "neg":
+        return known[0]
+    if op == "mul":
+        return Degrees(*map(operator.add, *known))
+    if op == "div" and known[1] in (FLAT, NOTHING):
+        return known[0]
+    if op == "if" and known[0] in (FLAT, NOTHING):
+        return known[1] | known[2]
+    if exponent in (2.0, 3.0, 4.0, 5.0, 6.0):
+        return Degrees(*(int(exponent) * d for d in known[0]))
+    return None
 
 
 class TooMuchError(InputError):
@@ -257,12 +283,12 @@ class Graph:
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
         """`nodes` and all below them as far as `ends`, in order of evaluation."""
-        seen, args = set(nodes), self.args
-        last, found = self.memoized.get(CONE, ((), []))
-        if seen == last and not ends:
-            self.count(len(found) / LOOKUPS)
-            return list(found)
-        roots = None if ends or len(seen) < LONG else frozenset(seen)
+        roots, args = frozenset(nodes), self.args
+        known: dict[object, list[int]] = self.memoized.setdefault(CONES, {})
+        if not ends and roots in known:
+            self.count(len(known[roots]) / LOOKUPS)
+            return list(known[roots])
+        seen = set(roots)
         waiting = [n for n in seen if n not in ends] if ends else list(seen)
         for n in waiting:  # grows on the way
             for a in args[n]:
@@ -272,9 +298,10 @@ class Graph:
                         waiting.append(a)
         self.count(len(seen) / LOOKUPS)
         found = sorted(seen)
-        if roots is not None:
-            self.memoized[CONE] = roots, found
-            return list(found)
+        if len(found) >= LONG and not ends:
+            known[roots] = list(found)
+            if len(known) > MOST_CONES:
+                del known[next(iter(known))]
         return found
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:
@@ -292,11 +319,10 @@ class Graph:
     ) -> list[set[int]]:
         """Nodes in the cone of `nodes` that depend on any of the names, for several."""
         known, args = self._known[VARIABLE], self.args
-        leaves = [
-            {n for n in map(known.get, names) if n is not None} for names in several
-        ]
+        leaves = [set(map(known.get, names, repeat(-1))) - {-1} for names in several]
         first = min((min(some) for some in leaves if some), default=len(args))
-        cone = self.cone(nodes, range(first))  # what is older depends on none
+        # What is older depends on none.
+        cone = self.cone(nodes, range(first) if first > LONG else ())
         made = []
         for some in leaves:
             found = some.intersection(cone)
@@ -323,36 +349,22 @@ class Graph:
         self, nodes: Iterable[int], names: Collection[str]
     ) -> list[Degrees | None]:
         """Degrees of several, as `degree` gives them."""
-        nodes, one = list(nodes), Degrees(1, 1)
-        moving = self.dependent(nodes, names)
-        found: dict[int, Degrees | None] = {self.zero: NOTHING}
-        for n in sorted(moving):
-            args = self.args[n]
-            below = [found.get(a, FLAT) for a in args]
-            found[n] = self._degrees_of(n, below) if args else one
+        nodes = list(nodes)
+        found = self.degrees_below(nodes, names)
         return [found.get(n, FLAT) for n in nodes]
 
-    def _degrees_of(self, n: int, below: list[Degrees | None]) -> Degrees | None:
-        op = self.ops[n]
-        if all(d in (FLAT, NOTHING) for d in below):
-            return FLAT
-        known = [d for d in below if d is not None]
-        if len(known) < len(below):
-            return None
-        if op in ("add", "sub"):
-            return known[0] | known[1]
-        if op == "neg":
-            return known[0]
-        if op == "mul":
-            return Degrees(*map(operator.add, *known))
-        if op == "div" and known[1] in (FLAT, NOTHING):
-            return known[0]
-        if op == "if" and known[0] in (FLAT, NOTHING):
-            return known[1] | known[2]
-        exponent = self.value(self.args[n][-1]) if op == "pow" else None
-        if exponent in (2.0, 3.0, 4.0, 5.0, 6.0):
-            return Degrees(*(int(exponent) * d for d in known[0]))
-        return None
+    def degrees_below(
+        self, nodes: Iterable[int], names: Collection[str]
+    ) -> dict[int, Degrees | None]:
+        """Degrees of 0, and of all nodes below `nodes` that depend on `names`."""
+        one = Degrees(1, 1)
+        found: dict[int, Degrees | None] = {self.zero: NOTHING}
+        for n in sorted(self.dependent(nodes, names)):
+            args = self.args[n]
+            exponent = self.value(args[-1]) if self.ops[n] == "pow" else None
+            below = [found.get(a, FLAT) for a in args]
+            found[n] = _degrees_of(self.ops[n], exponent, *below) if args else one
+        return found
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
         """`nodes` with each key of `new` replaced by its value."""

@@ -320,8 +320,7 @@ def shorter_chains(
     g: Graph, lagrangian: int, rates: Sequence[int], names: Sequence[str]
 ) -> Chains | None:
     """Chains of `lagrangian` where they take fewer operations than M does."""
-    cone = g.cone([lagrangian])
-    degrees = zip(cone, g.degrees(cone, names), strict=True)
+    degrees = g.degrees_below([lagrangian], names).items()
     if not any(g.args[n] and d is not None and d.most == 1 for n, d in degrees):
         return None  # no velocities are added
     found = chains(g, lagrangian, rates, names)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from array import array
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.native.graph.lines import LANES
@@ -95,23 +96,26 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     """
     made = nodes_of(functions)
     orders = [(name, f.order) for name, f in functions.items() if isinstance(f, Loop)]
-    cone = g.cone(n for nodes in made.values() for n in nodes)
-    place = {n: k for k, n in enumerate(cone)}
+    cone = g.cone(chain.from_iterable(made.values()))
+    place = np.full(len(g), -1)
+    place[cone] = range(len(cone))
     leaves = [(k, g.payload(n)) for k, n in enumerate(cone) if not g.args[n]]
     ops, args = [g.ops[n] for n in cone], [g.args[n] for n in cone]
-    rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
+    kinds = {op: k for k, op in enumerate(dict.fromkeys(ops))}
+    rows = [OPERATIONS[op] for op in kinds if op in OPERATIONS]
     parts = [
         repr(sys.version_info[:2]),
         text_beside(__file__),
         repr([(x.native, x.declares, x.condition) for x in rows]),
         repr((PIECE, LANES, orders, manner)),
-        repr(ops),
+        repr([*kinds]),
         repr(leaves),
-        repr([(name, [place[n] for n in nodes]) for name, nodes in made.items()]),
-        repr((place.get(g.zero), layout.size, sorted(layout.fixed))),
+        repr([(name, place[nodes].tolist()) for name, nodes in made.items()]),
+        repr((int(place[g.zero]), layout.size, sorted(layout.fixed))),
         repr((list(layout.y.items()), list(layout.p.items()))),
     ]
     digest = hashlib.sha256("\n".join(parts).encode())
+    digest.update(bytes(map(kinds.__getitem__, ops)))
     digest.update(bytes(map(len, args)))
-    digest.update(array("q", map(place.__getitem__, chain.from_iterable(args))))
+    digest.update(place[list(chain.from_iterable(args))])
     return digest.hexdigest()
