@@ -57,6 +57,8 @@ DEEP = 5
 # The power that takes each away.
 UNDONE = {"sqrt": 2, "hypot": 2, "abs": 2, "cbrt": 3}
 _NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
+# Mantissas of powers of two, products with which are exact.
+HALVES = (0.5, -0.5)
 # Nodes that are looked at for a sign: sums of squares of bodies are long.
 MOST = 200
 
@@ -169,6 +171,22 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
     return g.call("pow", base, g.constant(whole))
 
 
+def joined_product(g: Builder, x: int, y: int) -> int | None:
+    """Return (c u)(d v) as (c d)(u v), of variables u, v: exact for powers of two.
+
+    So the force of a spring, k q^2/2, is -k q and not (-k/2)(2 q).
+    """
+    if g.ops[x] != "mul" or g.ops[y] != "mul":
+        return None
+    (a, u), (b, v) = g.args[x], g.args[y]
+    c, d = g.value(a) or 0.0, g.value(b) or 0.0
+    if g.ops[u] != "variable" or g.ops[v] != "variable" or not is_normal(c * d):
+        return None
+    if math.frexp(c)[0] not in HALVES or math.frexp(d)[0] not in HALVES:
+        return None
+    return g.call("mul", g.constant(c * d), g.call("mul", u, v))
+
+
 def rooted_product(g: Builder, x: int, y: int) -> int | None:
     """Return x y where one is a root that is a factor of the other, too, else None."""
     for a, b in ((x, y), (y, x)):
@@ -247,8 +265,11 @@ def mul(g: Builder, x: int, y: int) -> int | None:
         return g.call("neg", g.call("mul", g.args[x][0], y))
     if g.ops[y] == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
-    found = directed_product(g, x, y)
-    return rooted_product(g, x, y) if found is None else found
+    for simpler in (joined_product, directed_product, rooted_product):
+        found = simpler(g, x, y)
+        if found is not None:
+            return found
+    return None
 
 
 def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
@@ -291,7 +312,7 @@ def div(g: Builder, x: int, y: int) -> int | None:
     if g.ops[y] == "neg":
         return g.call("neg", g.call("div", x, g.args[y][0]))
     c = g.value(y)
-    if c is not None and c != 0.0 and math.frexp(c)[0] in (0.5, -0.5):
+    if c is not None and c != 0.0 and math.frexp(c)[0] in HALVES:
         reciprocal = 1.0 / c
         if math.isfinite(reciprocal):  # exact for a power of two
             return g.call("mul", g.constant(reciprocal), x)
