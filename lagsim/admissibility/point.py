@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.chains import Chains
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
@@ -180,8 +179,6 @@ class Point:
     @cached_property
     def mass_matrix(self) -> Floats:
         """The mass matrix M (n, n)."""
-        if self.e.chains is not None:
-            return self._chained_mass(self.e.chains)
         return self._entries([x.entries for x in self.e.M]).dense(self.n, self.n)
 
     @cached_property
@@ -189,26 +186,9 @@ class Point:
         """The constraint Jacobian A (m, n)."""
         return self.jacobian(self.e.rows)
 
-    def _chained_mass(self, chains: Chains) -> Floats:
-        """M (n, n) without an expression for each entry."""
-        values = dict(zip(chains.nodes, self.array(chains.nodes), strict=True))
-        along = np.eye(self.n + len(chains.sums), self.n)
-        for k, form in enumerate(chains.sums, self.n):
-            for i, node in form.items():
-                along[k] += values[node] * along[i]
-        pushed = np.zeros_like(along)
-        for (i, j), node in chains.squares.items():
-            for a, b in {(i, j), (j, i)}:
-                pushed[a] += values[node] * along[b]
-        return np.asarray(along.T @ pushed)
-
     def mass_entries(self, among: Sequence[int] | None = None) -> Entries:
         """Entries of M, or of rows and columns `among`, that are not zero."""
         chosen = range(self.n) if among is None else among
-        if self.e.chains is not None:
-            M = self.mass_matrix[np.ix_(chosen, chosen)]
-            i, j = np.nonzero(M)
-            return Entries(i, j, M[i, j])
         place = {j: k for k, j in enumerate(chosen)}
         rows = (self.e.M[j].entries for j in chosen)
         return self._entries(

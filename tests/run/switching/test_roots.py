@@ -76,6 +76,7 @@ def test_a_force_far_below_the_root_moves_by_what_keeps_it_up(p, rate):
         "-cbrt(x_dot)",
         "-sign(x_dot)*abs(x_dot)^0.4",
         "-if(x_dot > 0, x_dot^0.3, -(-x_dot)^0.3)",
+        "sqrt(-min(0, x_dot)) - 2*if(x_dot > 0, x_dot, 0)^0.4",
     ),
 )
 def test_rows_show_the_force_that_acts(law):
