@@ -268,6 +268,9 @@ expression-too-many | 1,000,000,000 members | definitions: {s(i = 1⟪..⟫10^9)
 expression-too-many | 1,000,000 terms |
     definitions: {s(1..2): x, a: "⟪sum⟫(i = 1..10^7, x)", b: "sum(i = 1..2, x)"}
 expression-range | takes a range | definitions: {s(1..2): x, a: ⟪sum⟫(s(1))}
+expression-range | cannot follow a table: `k` |
+    tables: {h: {points: [[0, 0], [2, 1]]}}¶parameters: {m: 2*h(2), k: m}¶
+    definitions: {s(1..⟪k⟫): x}
 expression-range | no meaning | definitions: {s(1..2): x, a: 1 ⟪..⟫ 2}
 expression-range | empty range, 1..0 |
     definitions: {s(1..2): x, a: "⟪max⟫(i = 1..0, x)"}

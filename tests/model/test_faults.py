@@ -53,6 +53,7 @@ unknown-interpolation | known are `error`, `hold` | CURVE outside: ⟪clamp⟫}}
 unknown-key | in the table `f` | CURVE ⟪colour⟫: red}}
 not-a-list | `points` must be a list | TABLE {points: ⟪1⟫}}
 table-points | found `0` | TABLE {points: [⟪0⟫]}}
+table-points | a list of 2, found `0` | TABLE {points: [⟪0⟫, 1, 2, 3]}}
 table-points | a list of 2, found a list of 1 | TABLE {points: [[0, 1], ⟪[2]⟫]}}
 table-points | a list of 3, found | TABLE {points: [[0, 1, 2], ⟪[2, 3]⟫]}}
 table-points | has 1 point | tables: {⟪f⟫: {points: [[0, 1]]}}¶forces: {x: f(t)}

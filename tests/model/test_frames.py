@@ -285,6 +285,9 @@ reserved-name | `bodies` is the word |
 cycle | `a` is on itself: a -> a | frames: {a: {on: ⟪a⟫, angle: x}}
 out-of-range | has no direction | frames: {a: {axis: ⟪[0, 1 - 1, 0]⟫, angle: x}}
 not-constant | `x` is none | frames: {a: {axis: [0, 0, ⟪x⟫], angle: x}}
+not-constant | cannot follow a table: `k` |
+    tables: {h: {points: [[0, 0], [2, 1]]}}¶parameters: {k: h(1)}¶
+    frames: {a: {axis: [0, ⟪k⟫, 1], angle: x}}¶definitions: {w: omega(a)}
 wrong-count | 3 components, found 2 | frames: {a: {axis: ⟪[0, 1]⟫, angle: x}}
 wrong-count | 4 components, found 3 | frames: {a: {quaternion: ⟪[x, y, 1]⟫}}
 wrong-count | 3 components, found 2 | frames: {a: {angles: ⟪[x, y]⟫, axes: zxz}}
@@ -347,6 +350,8 @@ unknown-name | unknown name `bodies` | energy: {kinetic: ⟪bodies⟫, potential
 unknown-name | unknown name `k` |
     bodies: {b: {mass: 2*⟪k⟫, at: [x, y]}}¶energy: {kinetic: bodies, potential: 0}
 wrong-count | 2 or 3 components, found 4 | gravity: ⟪[0, 0, 0, 1]⟫
+wrong-count | 2 or 3 components, found 1 |
+    gravity: ⟪9.8⟫¶bodies: {b: {POINT}}¶energy: {kinetic: bodies, potential: bodies}
 """
 SHORT = {
     "PLANE": "frames: {a: {angle: x}}¶definitions:",

@@ -436,8 +436,10 @@ class Expansion:
             parsed = (reading or self.plain).parsed(text, parse)
             self.scope.uses[name] = {used.text for used in parsed.names}
             self.scope.numbers[name] = self.scope.number(parsed)
-        except (ExpressionError, UnresolvedError):
+        except UnresolvedError:
             return  # the reader reports it
+        except ExpressionError as fault:  # it reports others
+            self.scope.of_tables |= {name} if fault.code == "range" else set()
 
     def _resolve(self, given: list[_Given]) -> None:
         """Find the sizes of definitions, each after those that it uses."""

@@ -364,15 +364,19 @@ class Frames(Section):
 
     def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
         """Value of a tree of parameters."""
-        for used in parsed(tree, at.text).names:
-            if used.text not in self.scope.numbers:
+        found = parsed(tree, at.text)
+        for used in found.names:
+            if used.text not in {*self.scope.numbers, *self.scope.of_tables}:
                 family = self.scope.variables.get(used.text.partition(".")[0])
                 if family and family.section == "parameters":
                     raise silent()
                 text = f"{what} is made of parameters; `{used.text}` is none"
                 place = at.place_of(used.offset, len(used.text))
                 self.refuse("not-constant", text, place)
-        return self.scope.number(parsed(tree, at.text))
+        try:
+            return self.scope.number(found)
+        except ExpressionError as fault:
+            self.refuse("not-constant", fault.text, at, fault.hint)
 
     def _quaternion(self, called: Called, name: str) -> Chart:
         given = self._given[called]

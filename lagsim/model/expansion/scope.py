@@ -132,6 +132,7 @@ class Scope:
         self.used: set[str] = set()
         self.frame: Callable[[Steps, Indices], Frame] | None = None
         self.tables: frozenset[str] = frozenset()
+        self.of_tables: set[str] = set()  # parameters that follow one
         self._asked: set[str] = set()
         self._terms = 0
         self._faulty: set[str] = set()
@@ -391,8 +392,7 @@ class Scope:
                 args = stack[-int(payload) :]
                 del stack[-int(payload) :]
                 if op in self.tables:
-                    about = f"a range cannot follow a table, `{op}`"
-                    raise ExpressionError(0, 1, about, "", "range")
+                    raise _follows_table(op, 0)
                 stack.append(OPERATIONS[op](*args))
         return stack.pop()
 
@@ -400,6 +400,8 @@ class Scope:
         """Raise where a name has no value that ranges may use."""
         if name in self.numbers:
             return
+        if name in self.of_tables:
+            raise _follows_table(name, offset)
         family = self.variables.get(name.partition(".")[0])
         if family and family.section == "parameters":
             raise ExpressionError(offset, len(name), "", code=SILENT)
@@ -407,6 +409,12 @@ class Scope:
         about = f"`{name}` is none"
         code = self._once({name}, "subscript")
         raise ExpressionError(offset, len(name), text + about, "", code)
+
+
+def _follows_table(name: str, offset: int) -> ExpressionError:
+    about = f"a range, a subscript or an axis cannot follow a table: `{name}` does"
+    hint = "write the number itself"
+    return ExpressionError(offset, len(name), about, hint, "range")
 
 
 def _parsed(text: str, parser: Parser) -> Any:

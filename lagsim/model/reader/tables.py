@@ -114,6 +114,8 @@ class _Reader:
                 text = f"a point of {self.what} is a list of {width}, found {found}"
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
                 self._fault("table-points", text, row, hint)
+                if not own:
+                    break  # of a flat list all are so
         fitting = [own for own in parts if len(own) == width]
         numbers = [[self._number(part) for part in own] for own in fitting]
         if len(fitting) < len(parts):
