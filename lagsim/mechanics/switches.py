@@ -700,7 +700,9 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
     if not e.model.tables:
         return _found(e.graph, *known, sizes)
-    rates = None if e.laws or e.states else tuple(row.rate for row in e.rows)
+    rates = None
+    if not e.states and not any(law.slider for law in e.laws):
+        rates = tuple(row.rate for row in e.every_row)
     return _found(e.graph, *known, sizes, (*e.of_accelerations, *beside), rates)
 
 

@@ -72,10 +72,13 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def take_cells(t: float, y: Floats, p: Parameters) -> None:
-    """Take the cells of tables in which a state is, as far as kernels pass them."""
+    """Take the cells of tables in which a state is, as far as kernels pass them.
+
+    But for those along whose levels the motion slides: they have both.
+    """
     for k in range(p.surfaces):
         p.side_before[k] = p.side[k]
-        if p.first_met[k] <= p.side[k] < p.last_met[k]:
+        if p.slides[k] == 0.0 and p.first_met[k] <= p.side[k] < p.last_met[k]:
             surfaces(t, y, p, p.rows)
             last = p.last_met[k] - 1.0
             p.side[k] = max(p.first_met[k], min(floor(p.rows[k]), last))

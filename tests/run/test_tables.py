@@ -525,3 +525,55 @@ def test_members_of_families_call_tables():
         with pytest.raises(InputError) as fault:
             load(FAMILY.replace(old, new))
         assert {p.code for p in fault.value.problems} == {code}
+
+
+BESIDE = """
+coordinates: {x: , y: }
+tables: {f: {points: POINTS, interpolation: linear, outside: extend}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "9.81*y + f(ARGUMENT)"}
+constraints: {ground: {relation: y >= 0, restitution: 0.5LAW}}
+initial: {x: 0, y: 0, x_dot: 1}
+simulation: {start: START, duration: 8, output_step: 0.05}
+"""
+
+
+def beside(points, argument="x", law="", start=0):
+    text = BESIDE.replace("POINTS", str(points)).replace("ARGUMENT", argument)
+    return run(text.replace("LAW", law).replace("START", str(start)))
+
+
+@pytest.mark.parametrize("start", [0, 1000])
+@pytest.mark.parametrize("mu", [0, 0.004])
+def test_forces_that_jump_beside_a_contact_end_no_arc(mu, start):
+    """By the energy v^2 = 1 - 2 f(x) - 2 mu g x, over 300 points and more."""
+    points = [[k / 50, (-1) ** k * 0.001 - 0.001] for k in range(-5, 500)]
+    law = f", friction: {mu}, slip: x_dot" if mu else ""
+    found = beside(points, "x", law, start)
+    x, statistics = found["x"], found.trajectory.statistics
+    f = np.interp(x, *np.transpose(points))
+    speed = np.sqrt(1 - 2 * f - 2 * mu * 9.81 * x)
+    assert np.max(np.abs(found["x_dot"] - speed)) < 1e-10
+    assert x[-1] > 6
+    passed = found.trajectory.event_counts["switch"]
+    assert passed == math.floor(50 * x[-1])
+    assert statistics.arcs < 10
+    assert found.drift < 1e-12
+
+
+def test_a_force_that_jumps_lifts_a_body_off():
+    # Past x + y = 1 the slope is -20: x'' = 20, y'' = 20 - 9.81.
+    found = beside([[-1, 0], [1, 0], [2, -20]], "x + y")
+    t, late = found["t"], np.maximum(found["t"] - 1, 0)
+    assert [e.kind for e in found.trajectory.events if e.constraint] == ["release"]
+    assert np.max(np.abs(found["x"] - t - 10 * late**2)) < 1e-9
+    assert np.max(np.abs(found["y"] - 10.19 / 2 * late**2)) < 1e-9
+
+
+def test_what_a_table_holds_has_the_energy_of_its_level():
+    """Friction brings it to rest in a valley, whose level it keeps."""
+    points = [[-1, 3], [0, 0], [0.5, 4], [1, 0]]
+    found = beside(points, "x", ", friction: 0.2, slip: x_dot")
+    assert found["x"][-1] == pytest.approx(0, abs=1e-12)
+    assert found["x_dot"][-1] == 0
+    assert found["potential"][-1] == pytest.approx(0, abs=1e-12)
+    assert found.drift < 1e-12

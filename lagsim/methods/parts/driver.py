@@ -13,9 +13,10 @@ from lagsim.methods.parts import missed, search
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import REDUNDANT, Parameters
 from lagsim.methods.parts.search import Events
 from lagsim.methods.parts.state import (
+    event_functions,
     inertias,
     interpolate,
     observe,
@@ -53,6 +54,8 @@ class State(Events):
     cross_times: Floats = array("noted")
     cross_surfaces: Floats = array("noted")  # the number of each one's surface
     cross_levels: Floats = array("noted")
+    met_surface: float  # the number, from 1, of the table met last where y' jumps ...
+    met_level: float  # ... and at which of its levels
     # The farthest a state was pulled onto what it slides along, against the motion.
     projected: float
     longest: float  # no step is longer than this; 0: any
@@ -151,17 +154,17 @@ def passes_level(s: State, p: Parameters) -> bool:
     value = s.values[k]
     way = 1.0 if value - p.least[k] > p.most[k] - value else -1.0
     level = p.most[k] if way > 0.0 else p.least[k]
-    if not p.first_smooth[k] < level < p.last_smooth[k]:
-        if not p.first_met[k] < level < p.last_met[k] or not is_met(
-            s, p, k, way, level
-        ):
+    jumps = not p.first_smooth[k] < level < p.last_smooth[k]
+    if jumps and (
+        not p.first_met[k] < level < p.last_met[k] or not is_met(s, p, k, way, level)
+    ):
+        return False
+    shift_side(p, k, way)
+    if jumps:
+        if p.laws > 0 and not laws_go_on(s, p):
+            shift_side(p, k, -way)
             return False
         s.arc_start = s.t
-    p.side[k] += way
-    p.low[k] += way
-    p.high[k] += way
-    p.least[k] += way
-    p.most[k] += way
     p.slack[k] = 2.0 * max(0.0, way * (level - value))
     s.cross_times[int(s.crossed)] = s.t
     s.cross_surfaces[int(s.crossed)] = k
@@ -173,6 +176,29 @@ def passes_level(s: State, p: Parameters) -> bool:
     return True
 
 
+def shift_side(p: Parameters, k: int, way: float) -> None:
+    """Take the next cell of surface k."""
+    p.side[k] += way
+    p.low[k] += way
+    p.high[k] += way
+    p.least[k] += way
+    p.most[k] += way
+
+
+def laws_go_on(s: State, p: Parameters) -> bool:
+    """Whether all laws keep their modes where forces have jumped, clear of rounding.
+
+    What is apart may be pushed together only where it is so.
+    """
+    event_functions(s.t, s.y, p, s.values)
+    for k in range(p.laws):
+        law = p.surfaces + k
+        clear = max(float(p.slack[law]), float(p.band[law]), float(p.law_rounding[k]))
+        if p.law_mode[k] == REDUNDANT or not s.values[law] > CLEAR_OF_ROUNDING * clear:
+            return False
+    return True
+
+
 def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     """Whether surface k passes a level at a clear rate, and nothing else is decided.
 
@@ -180,6 +206,10 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
+    if p.laws > 0:  # friction brings a motion to rest there, in a series of passages
+        again = s.met_surface == k + 1.0 and s.met_level == level
+    s.met_surface = k + 1.0
+    s.met_level = level
     for i in range(p.surfaces):
         again = again or p.slides[i] != 0.0 or p.floor[i] > 0.0
     if again:
