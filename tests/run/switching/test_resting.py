@@ -229,3 +229,20 @@ def test_a_side_that_nothing_decides_is_told_and_shown(law):
     assert codes(found) == ["unresolved-switch"]
     assert np.array_equal(found["push"], found["x_ddot"])
     assert np.abs(found["x"]) == pytest.approx(found["t"] ** 2 / 2, abs=1e-12)
+
+
+def test_what_another_holds_in_balance_rests_though_its_switch_repels():
+    # Held, -sign(y_dot) is -1/2, so that x has no force at sign(0) = 0; with y_dot on
+    # either side of 0 it would have one.
+    found = run("""
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+forces:
+  x: 2*sign(x) + sign(y_dot) - 0.5
+  y: 0.5 - sign(y_dot)
+initial: {x: 0, y: 0}
+simulation: {duration: 2, output_step: 0.1}
+""")
+    assert not np.any(found["x"])
+    assert not np.any(found["y"])
+    assert codes(found) == []
