@@ -46,6 +46,7 @@ later-parameter | uses itself | parameters: {a: 1 + ⟪a⟫}
 not-constant | `x` is a coordinate | parameters: {a: 2*⟪x⟫}
 not-constant | `t` is the time | parameters: {a: 2*⟪t⟫}
 unknown-name | did you mean `mass` | parameters: {mass: 1, b: 2*⟪maas⟫}
+unknown-name | the `friction` of a contact | forces: {x: ⟪slip_speed⟫}
 not-a-text | a line break | parameters: {k: {value: 1, unit: ⟪"m\n/s"⟫}}
 # tables
 unknown-interpolation | `spline` | CURVE interpolation: ⟪spline⟫}}

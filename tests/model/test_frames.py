@@ -346,7 +346,7 @@ expression-frame | the file has no `frames` |
     bodies: {b: {POINT, frame: ⟪g⟫, inertia: 1}}
 missing-key | needs `gravity` |
     bodies: {b: {mass: 1, at: [x, y]}}¶energy: {kinetic: bodies, potential: ⟪bodies⟫}
-unknown-name | unknown name `bodies` | energy: {kinetic: ⟪bodies⟫, potential: 0}
+unknown-name | in a file with `bodies` | energy: {kinetic: ⟪bodies⟫, potential: 0}
 unknown-name | unknown name `k` |
     bodies: {b: {mass: 2*⟪k⟫, at: [x, y]}}¶energy: {kinetic: bodies, potential: 0}
 wrong-count | 2 or 3 components, found 4 | gravity: ⟪[0, 0, 0, 1]⟫

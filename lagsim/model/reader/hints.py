@@ -543,10 +543,20 @@ def of_function(
     return offset, until, hint
 
 
+# Words that mean something in some places only.
+_WORDS = {
+    "bodies": "`kinetic` and `potential` have this word, in a file with `bodies`",
+    "slip_speed": "the `friction` of a contact has this name",
+    "approach_speed": "the `restitution` of a contact has this name",
+}
+
+
 def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
     """Give a hint for a name that means nothing, see `of_text`."""
     if name.casefold() in _NUMBERS:
         return _NUMBERS[name.casefold()]
+    if name in _WORDS:
+        return _WORDS[name]
     if len(name) > WINDOW:
         return ""
     if rate := rate_of(name, moving):
