@@ -66,6 +66,7 @@ def begin_slips(
     p.law_floor[pairs] = FAST
     try:
         for _ in range(HALVINGS):
+            p.law_direction[:] = kept[0]
             found = _collocated(here, pairs, friction, D, lasts)
             if found is not None:
                 return found
@@ -104,13 +105,13 @@ def _collocated(
     states = np.tile(here.y, (len(nodes), 1))
     rates, slip = np.empty((len(nodes), size)), np.empty((len(nodes), count, 2))
     tolerance = float(arc.plan.tolerance)
-    for sweep in range(SWEEPS):
+    for _ in range(SWEEPS):
         along = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
         for i, t in enumerate(times):
             p.law_direction[pairs] = -along[i]
             rates[i] = arc.rates(t, states[i])
-        states = here.y + integral @ rates
+        former, states = states, here.y + integral @ rates
         for i, t in enumerate(times):
             slip[i] = geometry(t, states[i])[first:][pairs]
         change = np.einsum("ij,jpk->ipk", d[1:, 1:], slip)
@@ -121,7 +122,13 @@ def _collocated(
             return None
         phi = phi + step
         least = tolerance * speed[-1] / (friction * lasts * _own(D)) + SUM_ROUNDOFF
-        if sweep and (np.abs(step).max(axis=0) <= 0.1 * least).all():
+        # Forces follow the places, which begin to move a sweep after the speeds.
+        near = (
+            tolerance * np.abs(states - here.y).max(axis=0) + SUM_ROUNDOFF * here.seen
+        )
+        if (np.abs(states - former).max(axis=0) <= near).all() and (
+            np.abs(step).max(axis=0) <= 0.1 * least
+        ).all():
             break
     else:
         return None

@@ -149,3 +149,27 @@ def test_a_slip_that_begins_is_of_the_order_of_a_fixed_step():
         x, z = begun("both grow")[1]
         off.append(np.hypot(found["x"][-1] - x, found["z"][-1] - z))
     assert off[1] < min(1e-7, off[0] / 10)
+
+
+def test_a_slip_that_begins_turns_as_its_load_moves():
+    # On two springs of other stiffness; friction falls until the load moves it. Its
+    # load turns while it moves. Against friction that is smooth near rest.
+    text = scene(
+        "x y z", "(x_dot^2 + y_dot^2 + z_dot^2)/2", "2*x^2 + y^2/2 + 10*z",
+        {"floor": contact("z >= 0", 0, friction="0.3 - 0.1*t",
+                          slip=["x_dot", "y_dot"])},
+        {"x": 0.6, "y": 0.6, "z": 0}, duration=1.25, output_step=0.25,
+    )  # fmt: skip
+    found = play(text)
+
+    def rate(t, s):
+        x, y, v, w = s
+        part = (3.0 - t) / np.sqrt(v * v + w * w + 1e-14)
+        return [v, w, -4.0 * x - part * v, -y - part * w]
+
+    begins = 3.0 - 0.6 * np.hypot(4.0, 1.0)
+    expected = solve_ivp(
+        rate, (begins, 1.25), [0.6, 0.6, 0.0, 0.0], "Radau", rtol=1e-9, atol=1e-12
+    )
+    end = [found[q][-1] for q in ("x", "y", "x_dot", "y_dot")]
+    assert end == pytest.approx(expected.y[:, -1], abs=1e-5)
