@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 244
 LINES = 75_420
-LINES_OF_TESTS = 57_550
+LINES_OF_TESTS = 57_580
 
 
 def lines(folder):
