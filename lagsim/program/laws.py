@@ -377,7 +377,9 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     ahead = -(direction[k] * x + direction[other] * z)
     if p.law_floor[k] > 0.0:
         left = BEGUN * p.law_floor[k]
-        return float(min(left - speed, left * (1.0 - begun(t, p, k)), ahead))
+        # By its band, half a floor, before the end: the polynomial goes no farther.
+        in_time = left * (1.0 - begun(t, p, k)) - 0.5 * p.law_floor[k]
+        return float(min(left - speed, in_time, ahead))
     if ahead < 0.0:
         return float(-speed)
     return float(min(speed - p.law_still[k], ahead - TURNED * speed))
