@@ -161,6 +161,8 @@ def roundings(
     errors: dict[int, int] = {}
     linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
     for n in g.cone(nodes):
+        if n not in varying and n not in placed:
+            continue
         op, args = g.ops[n], g.args[n]
         own = [a for a in args if a in placed]
         if n in placed and not args:
