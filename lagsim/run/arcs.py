@@ -212,6 +212,8 @@ class Run:
         self.interrupt, self.progress = interrupt, progress
         self.corners = corners
         self.shown = first.row()[0]  # the time and the state of the last row
+        # The row after an impact, until time passes: what becomes true by it acts first.
+        self.after: Floats | None = None
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -263,9 +265,12 @@ class Run:
         asked = min(source.ask_at(arc) for source in self.sources)
         asked = min(asked, self._horizon.ask_at) - arc.steps
         budget = min(self.pace.steps, left, asked)
+        reached = arc.t
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
         self.pace.lasted(time.perf_counter() - began)
+        if arc.t > reached or arc.state.emitted:
+            self._pass_impact()
         ending = self._hand_on_block()
         if ending is not None:
             return ending
@@ -327,7 +332,8 @@ class Run:
                 shown = self.recorder.rows
                 ending = self._act(source, decision, before)
                 # An impact has rows of its own.
-                if corner is not None and self.corners and shown == self.recorder.rows:
+                struck = self.after is not None or shown != self.recorder.rows
+                if corner is not None and self.corners and not struck:
                     within = ASIDE * arc.settings.duration
                     self.corners.add(corner, self._seen(), within)
                 return ending
@@ -399,6 +405,8 @@ class Run:
             ending = self._past_table() or self._strike(before)
             if ending is not None:
                 return ending
+        if self.after is not None:
+            self.after = self._row()
         self._set_out(decision.ahead)
         return None
 
@@ -451,12 +459,15 @@ class Run:
         arc.store(decision.numbers)
         if decision.sizes is not None:
             arc.sizes[:] = decision.sizes
-        if decision.rows is not None and arc.row_time(-1) < arc.t:
-            self.recorder.hand_on(decision.rows)
+        if decision.rows is not None:
+            if self.after is not None:
+                self.recorder.hand_on(self.after)
+            if arc.row_time(-1) < arc.t:
+                self.recorder.hand_on(decision.rows)
         if decision.y is not None:
             arc.put(decision.y)
         if decision.rows is not None:
-            self._show()
+            self.after = self._row()
             arc.pass_shown()
 
     def _set_out(self, ahead: float) -> None:
@@ -469,16 +480,24 @@ class Run:
         for source in self.sources:
             self._take(source.set_out(self.arc))
 
-    def _show(self) -> None:
-        """Hand the row of the state reached on."""
-        self.recorder.hand_on(self.arc.runner.tabulate(self.arc.row()))
+    def _row(self) -> Floats:
+        """Columns (1, k) of the state reached."""
+        return self.arc.runner.tabulate(self.arc.row())
+
+    def _pass_impact(self) -> None:
+        """Hand on the row after an impact, and forget its impulses."""
+        if self.after is not None:
+            self.recorder.hand_on(self.after)
+            self.after = None
+            self.arc.system.p.impulses[:] = 0.0
 
     def show_last(self) -> None:
         """Row at the time reached, unless it has been given."""
+        self._pass_impact()
         if self.cut is not None:
             return
         if not self.recorder.last >= self.t:  # also where there is none
-            self._show()
+            self.recorder.hand_on(self._row())
 
     def trajectory(self, ending: Ending) -> Trajectory:
         """Put together what the run has done."""

@@ -338,8 +338,11 @@ def test_an_event_at_the_ground_counts_each_impact(at, e, ground, unit, options)
 
 @pytest.mark.parametrize("name", ["dop853", "euler", "rk4"])
 def test_what_an_impact_makes_true_for_the_shortest_flight(name):
-    """A ball's rate becomes positive at every impact, also where a step is a flight."""
-    ball = FREE.replace("potential: 0", "potential: 9.81*x")
+    """A ball's rate becomes positive at every impact, also where a step is a flight.
+
+    The second row of an impact shows what has been set, and so what that has done.
+    """
+    ball = FREE.replace("potential: 0", "potential: 9.81*x + hits")
     text = """modes: {hits: 0}
 events: {hit: {at: x_dot >= 0, set: {hits: hits + 1}}}
 constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
@@ -350,6 +353,13 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
     impacts = [e.time for e in found.events if e.kind == "impact"]
     assert len(impacts) > 10
     assert acts(found, "hit") == impacts
+    t, hits = found["t"], found["hits"]
+    for k, time in enumerate(impacts):
+        assert hits[t == time].tolist() == [k, k + 1]
+        first, second = np.flatnonzero(t == time)
+        assert found["potential"][second] - found["potential"][first] == pytest.approx(1)
+    if name == "dop853":
+        assert drift(found) < 1e-11
 
 
 @pytest.mark.parametrize(

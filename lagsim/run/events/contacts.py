@@ -119,11 +119,6 @@ class Contacts(Source):
         """Choose the modes at the state reached."""
         return self._decision(arc, self._through(arc, None))
 
-    def set_out(self, arc: Arc) -> Decision:
-        """Forget the impulses of an impact: its row has been written."""
-        arc.system.p.impulses[:] = 0.0
-        return super().set_out(arc)
-
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through the end of a mode."""
         if code == at.DONE and arc.t >= arc.settings.end and not self.ended:
