@@ -357,7 +357,9 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
     for k, time in enumerate(impacts):
         assert hits[t == time].tolist() == [k, k + 1]
         first, second = np.flatnonzero(t == time)
-        assert found["potential"][second] - found["potential"][first] == pytest.approx(1)
+        assert found["potential"][second] - found["potential"][first] == pytest.approx(
+            1
+        )
     if name == "dop853":
         assert drift(found) < 1e-11
 
