@@ -212,7 +212,7 @@ class Run:
         self.interrupt, self.progress = interrupt, progress
         self.corners = corners
         self.shown = first.row()[0]  # the time and the state of the last row
-        # The row after an impact, until time passes: what becomes true by it acts first.
+        # The row after an impact waits until time passes: what is due there acts first.
         self.after: Floats | None = None
         self.pace = self.arc.runner.pace
         self.arcs = 0
@@ -265,12 +265,9 @@ class Run:
         asked = min(source.ask_at(arc) for source in self.sources)
         asked = min(asked, self._horizon.ask_at) - arc.steps
         budget = min(self.pace.steps, left, asked)
-        reached = arc.t
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
         self.pace.lasted(time.perf_counter() - began)
-        if arc.t > reached or arc.state.emitted:
-            self._pass_impact()
         ending = self._hand_on_block()
         if ending is not None:
             return ending
@@ -296,6 +293,8 @@ class Run:
         """Hand on the rows that the kernel has written, as far as they are finite."""
         arc = self.arc
         emitted = int(arc.state.emitted)
+        if self.after is not None and (emitted or arc.t > self.after[0, 0]):
+            self._pass_impact()
         if not emitted:
             return None
         rows = arc.runner.shown(emitted)
