@@ -100,6 +100,7 @@ class Coefficients:
         self._known[g.variable("t")] = g.variable(TIME)
         self._moves = dict.fromkeys(self._known, True)
         self._twins: dict[int, int | None] = {}
+        self._extended: set[int] = set()  # they, and all below them
 
     def __call__(self, n: int) -> int:
         """Coefficient of order k of node `n`."""
@@ -134,9 +135,11 @@ class Coefficients:
 
     def extend(self, nodes: Iterable[int]) -> None:
         """Make the coefficients of `nodes`, from the leaves upwards."""
-        for n in self.g.cone(nodes):
+        cone = self.g.cone(nodes, self._extended)
+        for n in cone:
             if self.g.ops[n] not in _CONDITIONS:
                 self(n)
+        self._extended.update(cone)
 
     def factors(self, variable: int) -> tuple[int, int]:
         """Return a_k and b_k of a sum."""
