@@ -418,6 +418,32 @@ def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) ->
     return here.shape.lift(rows, there.rates[rows])
 
 
+def stop_slips(arc: Arc, within: float) -> list[int]:
+    """Stop slips on discs that may come to rest in this time; return their rows.
+
+    With switches that accumulate: of a slip that goes round with them nothing is left,
+    but friction along what is left would hide what the switches do. It is taken off.
+    """
+    p = arc.system.p
+    slides = p.law_mode == kept.SLIDING
+    if not slides.any():
+        return []
+    here = Kinematics(arc, arc.y)
+    pairs = [[k, x.pair] for k, x in enumerate(here.laws) if slides[k] and x.pair > k]
+    speeds, pulls = (
+        [np.linalg.norm(x[pair]) for pair in pairs] for x in (here.rates, here.present)
+    )
+    rests = [v <= within * a for v, a in zip(speeds, pulls, strict=True)]
+    stopped = [k for pair, rest in zip(pairs, rests, strict=True) if rest for k in pair]
+    if stopped:
+        y = arc.y.copy()
+        y[arc.velocities] -= here.shape.lift(stopped, here.rates[stopped])
+        arc.add_work(y, arc.energies(arc.y))
+        arc.put(y)
+        p.law_mode[stopped] = kept.OFF
+    return stopped
+
+
 # --- Mode selection: which laws hold from a state on, by the accelerations
 
 

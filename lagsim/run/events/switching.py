@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
-from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
+from lagsim.run.events.contacts import stop_slips
+from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
@@ -127,7 +129,7 @@ class Switching(Source):
         modes = self.modes
         modes.arc = arc
         time = arc.t if time is None else time
-        before, kept = self.slides, modes.holds
+        before, held = self.slides, modes.holds
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
         self.met = self.met if hit is None else (arc.t, hit)
@@ -155,7 +157,7 @@ class Switching(Source):
         self._set_slack(levels, rows, sizes)
         return Decision(
             y=self._projected(resting=rests or bool(at_rest)),
-            events=tuple(self._changes(kept, hit, time, rests=rests)),
+            events=tuple(self._changes(held, hit, time, rests=rests)),
             cautions=cautions,
         )
 
@@ -268,7 +270,9 @@ class Switching(Source):
             goes_on = not self.sequence.is_stuck()
         else:
             self.sequence.recent.clear()
+            stopped = stop_slips(arc, REACH * (limit - arc.t))
             found = self.begin(arc, at_rest=several, time=limit)
+            arc.system.p.law_mode[stopped] = kept.SLIDING  # until laws choose
             zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
             found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.kind[several] > 0.0))

@@ -5,6 +5,7 @@ import random
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lagsim.model.reader import read
 from lagsim.run.trajectory import Outcome
@@ -146,3 +147,50 @@ def test_rows_of_blocks_that_rub_on_each_other(seed):
         force={r.choice(names): push}, mu=r.choice([0.3, round(r.uniform(0.05, 1), 2)]),
         k=round(r.uniform(2, 60), 1), start=(r.choice(names), r.choice([0.0, 0.1])),
     )  # fmt: skip
+
+
+def test_a_slip_on_a_disc_comes_to_rest_with_switches_that_accumulate():
+    # Friction of 1.2 on (x_dot, w_dot); each swing of x is about 0.553 of the last.
+    found = run("""
+coordinates: {x: {}, w: {}}
+energy: {kinetic: (x_dot^2 + w_dot^2)/2, potential: 0}
+forces: {x: -2*sign(x), w: 0.5}
+constraints: {c: {relation: [x_dot = 0, w_dot = 0], limit: 1.2}}
+initial: {x: 0.5, x_dot: 0, w: 0, w_dot: 1}
+simulation: {duration: 5, output_step: 0.1}
+""")
+    end, w = _spiralled_in()
+    assert found.trajectory.outcome is Outcome.DONE
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert zeno == pytest.approx([end], abs=1e-6)
+    rest = found["t"] > end + 1e-5
+    assert rest.any()
+    assert found["w"][rest] == pytest.approx(w, abs=1e-8)
+    for at_rest in ("x", "x_dot", "w_dot"):
+        assert np.max(np.abs(found[at_rest][rest])) < 1e-11
+    assert found.trajectory.statistics.steps < 1000
+
+
+def _spiralled_in():
+    """Time and w at the limit, by another integrator from swing to swing."""
+    t, y, side = 0.0, np.array([0.5, 0.0, 0.0, 1.0]), 1.0
+    times = [t]
+
+    def rates(_t, y):
+        slip = np.hypot(y[2], y[3])
+        return [y[2], y[3], -2 * side - 1.2 * y[2] / slip, 0.5 - 1.2 * y[3] / slip]
+
+    def back(_t, y):
+        return y[0]
+
+    back.terminal = True
+    while np.hypot(y[2], y[3]) > 1e-4:
+        back.direction = -side
+        swing = solve_ivp(
+            rates, (t, 9), y, method="DOP853", events=back, rtol=1e-11, atol=1e-15
+        )
+        t, y, side = swing.t[-1], swing.y[:, -1], -side
+        y[0] = 0.0
+        times.append(t)
+    ratio = (times[-1] - times[-3]) / (times[-3] - times[-5])
+    return t + (t - times[-3]) * ratio / (1 - ratio), y[1]
