@@ -305,9 +305,10 @@ class Equations:
 
     @property
     def worked(self) -> list[int]:
-        """The work that is done on each coordinate, by its number; or -1."""
+        """The work on each coordinate that has energy of its own, by number; or -1."""
         own = {q: k for k, x in enumerate(self.works) for q in x.coordinates}
-        return [own.get(q, -1) for q in self.q]
+        massless = {self.q[x.slider.coordinate] for x in self.laws if x.slider}
+        return [-1 if q in massless else own.get(q, -1) for q in self.q]
 
     @property
     def work(self) -> int:

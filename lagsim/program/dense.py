@@ -30,7 +30,15 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import columns, of_model
 from lagsim.program import mass
-from lagsim.program.laws import correct, drive, hold, respond, share, take_out
+from lagsim.program.laws import (
+    correct,
+    drive,
+    hold,
+    own_place,
+    respond,
+    share,
+    take_out,
+)
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
 if TYPE_CHECKING:
@@ -361,16 +369,21 @@ def gather(p: Parameters, out: Floats) -> None:
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts: forces, and what
-    M couples a coordinate with.
+    M couples a coordinate with. A slider without mass follows the others, on which its
+    row does not act: no inertia of it weighs against theirs.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
-    join(n, p.m, p.terms, label)
+    join(p, label)
     out[:n] = 0.0
     for k in range(p.m):
         row = p.A[k * n :]
+        place = own_place(p, k) if LAWS else -1
         square = 0.0
         asked = abs(p.b[k])
+        if place >= 0:
+            out[int(label[place])] += followed(p, k, place)
+            continue
         first = 0
         for j in range(n):
             if row[j] != 0.0 and M[j * n + j] > 0.0:
@@ -393,15 +406,31 @@ def gather(p: Parameters, out: Floats) -> None:
     out[:n] = label[:n]
 
 
-def join(n: int, m: int, terms: Floats, label: Floats) -> None:
+def followed(p: Parameters, k: int, place: int) -> float:
+    """Square of what row k asks of the coordinate that it acts on, times its M."""
+    n = p.n
+    row = p.A[k * n :]
+    asked = abs(p.b[k])
+    for j in range(n):
+        asked += abs(row[j] * p.motion[j]) if j != place else 0.0
+    if row[place] == 0.0:
+        return 0.0
+    asked /= row[place]
+    return float(asked * asked * p.M[place * n + place])
+
+
+def join(p: Parameters, label: Floats) -> None:
     """Find for each coordinate the first one that rows, or M, join it with: (n,)."""
+    n = p.n
     for i in range(n):
         label[i] = i
     for _ in range(n):
         changed = 0.0
-        for k in range(n + m):
+        for k in range(n + p.m):
             # The rows of M, then those of A.
-            row = terms[k * n :]
+            row = p.terms[k * n :]
+            if LAWS and k >= n and own_place(p, k - n) >= 0:
+                continue
             least = 1.0 * n
             for j in range(n):
                 if row[j] != 0.0:

@@ -62,10 +62,10 @@ def couple(p: Parameters, sliding: int) -> None:
         row[:n] = p.A[i * n : (i + 1) * n]
         push[:n] = row[:n]
         mass.forward(n, p.L, row)
-        place = p.law_place[i - p.m + p.laws] if i >= p.m - p.laws else -1.0
-        if place >= 0.0:
+        place = own_place(p, i)
+        if place >= 0:
             push[:n] = 0.0
-            push[int(place)] = 1.0
+            push[place] = 1.0
         if sliding > 0:
             slide_along(p, i, push)
         mass.forward(n, p.L, push)
@@ -76,6 +76,12 @@ def couple(p: Parameters, sliding: int) -> None:
         for i in range(count):
             p.S[k * count + i] = mass.product(n, row, p.Z[i * n :]) * scale
         p.w[k] *= scale
+
+
+def own_place(p: Parameters, i: int) -> int:
+    """Return the coordinate that alone row i acts on, a slider's; or -1."""
+    k = i - p.m + p.laws
+    return int(p.law_place[k]) if k >= 0 else -1
 
 
 def slide_along(p: Parameters, i: int, push: Floats) -> None:

@@ -415,7 +415,8 @@ class System:
     def held_together(self) -> list[int]:
         """Return for each coordinate the first that the rows in force join it with."""
         e, on = self.equations, self.p.law_mode != OFF
-        acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
+        acts = zip(e.laws, on, strict=True)
+        acting = (law.row for law, holds in acts if holds and not law.slider)
         return joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
 
 

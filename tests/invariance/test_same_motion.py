@@ -178,3 +178,33 @@ def test_a_surface_in_units_of_its_own(unit):
     assert found.trajectory.outcome.complete
     # Some rounding of places of size 1.
     assert np.max(np.abs(found["y"] - base["y"])) < 1e-13
+
+
+SECONDS = [3e7, pytest.param(1e-9, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("second", SECONDS)
+@pytest.mark.parametrize("metre", [1.0, 1e16])
+def test_no_unit_weighs_a_slider_without_mass(second, metre):
+    # In years and light years, too, what its row could do to the body is no rounding.
+    base = document("""
+coordinates: {x: {}, s: {}}
+energy: {kinetic: 0.3*x_dot^2, potential: 9*x^2 + 40*(x - s)^2}
+forces: {x: "-20*min(0.1, max(-0.1, x)) - 0.2*x_dot"}
+constraints: {slides: {relation: s_dot = 0, limit: 3}}
+initial: {x: 0, x_dot: 2, s: 0}
+simulation: {duration: 1, output_step: 0.025}
+""")
+    other = put.seconds(put.replaced(base, factor=metre), second)
+    ours, its = run(base.text()), run(other.text())
+    events, found = ours.trajectory.events, its.trajectory.events
+    assert {x.kind for x in events} == {"slip", "stick", "switch"}
+    assert [x.kind for x in found] == [x.kind for x in events]
+    times = [x.time for x in events]
+    assert [x.time * second for x in found] == pytest.approx(times, rel=1e-9)
+    steps = ours.trajectory.statistics.steps
+    assert abs(its.trajectory.statistics.steps - steps) <= 0.1 * steps
+    rows = at_outputs(ours["t"], base.start, base.output_step)
+    at = at_outputs(its["t"], other.start, other.output_step)
+    for name in ("x", "s"):
+        assert np.max(np.abs(its[name][at] - ours[name][rows])) < GLOBAL
