@@ -14,7 +14,7 @@ At the end of a switching curve, `v + sign(x)*sqrt(2*abs(x))` at the target, the
 of the curve has no bound, or vanishes (`x + v*abs(v)/2`), and no rate along it says
 anything. But what is left of the motion is known: at a speed s against forces that lead
 back at a the position gets no farther than s^2/(2 a). Where that is its rounding, the
-motion rests.
+motion rests; so it does where switches accumulate, if forces stop it in the time left.
 """
 
 from __future__ import annotations
@@ -60,11 +60,13 @@ FEW = 64.0
 SLOW = 2.0**-20
 
 
-def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bool:
+def come_to_rest(
+    modes: Modes, levels: Mapping[int, float], sizes: Floats, left: float
+) -> bool:
     """Select rest at the end of a switching curve, if it holds; return whether.
 
     Where the others that the state is on depend on its side, and the forces on both
-    sides of it lead back.
+    sides of it lead back. left : the time in which switches accumulate there.
     """
     value, kind = modes.value.copy(), modes.kind.copy()
     rows = modes.rows()
@@ -72,7 +74,7 @@ def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bo
         others = [j for j in levels if j != k]
         if not others or not all(k in modes.depends[j] for j in others):
             continue
-        if _rests(modes, rows, k, others, levels, sizes[k]):
+        if _rests(modes, rows, k, others, levels, sizes[k], left):
             return True
         modes.restore(value, kind)
         modes.write()
@@ -86,6 +88,7 @@ def _rests(
     others: list[int],
     levels: Mapping[int, float],
     size: float,
+    left: float,
 ) -> bool:
     """Try rest on surface k; the modes are left at it."""
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
@@ -110,9 +113,9 @@ def _rests(
             modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
         modes.write()
         back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
-        if not (
-            back > 0.0 and speed * speed <= 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
-        ):
+        way = 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
+        short = speed * speed <= way or abs(speed) <= REACH * left * back
+        if not (back > 0.0 and short):
             return False
         found[side] = modes.value.copy()
     modes.value[:] = found[BELOW]

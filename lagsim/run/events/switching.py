@@ -145,9 +145,9 @@ class Switching(Source):
         levels, rows, sizes = self._find_sides(on)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
-        rests = come_to_rest(modes, levels, sizes)
+        left = max(0.0, time - arc.t) if at_rest else 0.0
+        rests = come_to_rest(modes, levels, sizes, left)
         if not rests:
-            left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(modes, levels, sizes, at_rest, left, met, self.resting)
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)

@@ -79,10 +79,14 @@ def test_the_end_of_a_switching_curve_is_rest(form, gain, c, load):
     assert np.max(np.abs(found["x_ddot"][-20:])) < 1e-12
 
 
-@pytest.mark.parametrize("c", one_quick(0.444623563057, 0.1, 0.3))
-def test_switches_on_a_curve_accumulate_and_rest(c):
-    # The last is Fuller's problem. A swing from rest at x ends at -x k, k below.
-    found = run(scene(force=f"-sign(x + {c}*x_dot*abs(x_dot))", x=1, duration=20))
+@pytest.mark.parametrize("form", ["square", "root"])
+@pytest.mark.parametrize("c", one_quick(0.444623563057, 0.1, 0.3, 0.4))
+def test_switches_on_a_curve_accumulate_and_rest(form, c):
+    # The first is Fuller's problem. A swing from rest at x ends at -x k, k below.
+    curve = f"x + {c}*x_dot*abs(x_dot)"
+    if form == "root":
+        curve = f"x_dot + sign(x)*sqrt(abs(x)/{c})"
+    found = run(scene(force=f"-sign({curve})", x=1, duration=20))
     k = (0.5 - c) / (0.5 + c)
     end = 2 / math.sqrt(0.5 + c) / (1 - math.sqrt(k))
     zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
