@@ -317,7 +317,7 @@ class Arc(NamedTuple):
         state.row_limit = state.arc_rows = min(ahead, last)
         state.fresh = 1.0
         state.arc_start = self.t
-        state.switched = state.event = 0.0
+        state.switched = state.event = state.most_step = 0.0
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:

@@ -47,12 +47,7 @@ def test_time_optimal_control_comes_to_rest_at_its_time(law):
 CURVES = [(1, 0.8, 0), (1, 0.6, 0), (1, 2.0, 0), (2, 0.25, 0), (1, 0.5, 0.1)]
 CURVES += [(1, 0.5, -0.1)]
 FORMS = [("square", *curve) for curve in CURVES]
-FORMS += [
-    pytest.param("root", *curve, marks=pytest.mark.xfail(
-        strict=True, reason="at rest on its very end no step is found"
-    ) if curve == (1, 0.8, 0) else ())
-    for curve in CURVES
-]  # fmt: skip
+FORMS += [("root", *curve) for curve in CURVES]
 
 
 @pytest.mark.parametrize(("form", "gain", "c", "load"), FORMS)
