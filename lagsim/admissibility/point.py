@@ -237,9 +237,7 @@ class Point:
         from scipy.sparse import diags
 
         M = entries.sparse(self.n, self.n)
-        diagonal = M.diagonal()
-
-        scale = diags(1.0 / np.sqrt(diagonal))
+        scale = diags(1.0 / np.sqrt(M.diagonal()))
         factors = factored(scale @ M @ scale, symmetric=True)
         if factors is None or not np.all(factors.U.diagonal() > 0):
             return False

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.tolerances import DEPENDENT_ROWS, HALF_OF_DIGITS
+from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -166,6 +166,14 @@ class Metric:
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
 
+def multiple_of(x: Floats, y: Floats) -> float:
+    """Factor by which y is x (n,) within rounding; 0 where it is no multiple."""
+    square = float(x @ x)
+    factor = float(y @ x) / square if square > 0.0 else 0.0
+    same = np.max(np.abs(y - factor * x)) <= COMPUTED_ZERO * np.max(np.abs(y))
+    return factor if same else 0.0
+
+
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
     """Orthonormal basis (k, k - rank) of what J (m, k) maps to zero.
 
@@ -262,15 +270,10 @@ def factored(A: Any, *, symmetric: bool = False) -> Any:
         return None
 
 
-def is_diagonal(M: Any) -> bool:
-    """Whether a sparse matrix has no entries off its diagonal."""
-    entries = M.tocoo()
-    return bool(np.all(entries.row == entries.col))
-
-
 def lengths_in(M: Any, A: Any) -> Floats:
     """Lengths (m,) of the rows of A in the metric of M^-1, both sparse."""
-    if is_diagonal(M):
+    entries = M.tocoo()
+    if np.all(entries.row == entries.col):
         return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
     factors = factored(M, symmetric=True)
     columns = A.T.tocsc()

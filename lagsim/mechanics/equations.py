@@ -140,7 +140,6 @@ def in_fewer_terms(
 WORK = "work"
 # The column, and the variable, of the integral of L.
 ACTION = "action.S"
-CIRCULAR = ("sin", "cos")
 # Of so few coordinates the entries of M always take fewer operations than chains.
 FEW = 5
 
@@ -478,7 +477,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         convective = tangent(g, momenta, flow.forward)
         pushes = [g.call("sub", a, c) for a, c in zip(dL_dq, convective, strict=True)]
     f = [g.call("add", a, force) for a, force in zip(pushes, Q, strict=True)]
-    if isinstance(M, tuple) and _turns(g, model):
+    if isinstance(M, tuple) and has_angles(g, model.kinetic):
         M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
@@ -515,11 +514,12 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     return replace(found, kinetic_form=g.call("mul", g.constant(0.5), form))
 
 
-def _turns(g: Graph, model: Model) -> bool:
-    """Whether sines and cosines stand in the kinetic energy."""
-    if model.kinetic is None or not g.of(CIRCULAR):
+def has_angles(g: Graph, node: int | None) -> bool:
+    """Whether sines or cosines stand in an expression."""
+    circular = g.of(("sin", "cos"))
+    if node is None or not circular:
         return False
-    return any(g.ops[node] in CIRCULAR for node in g.cone([model.kinetic]))
+    return not set(circular).isdisjoint(g.cone([node]))
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.forms import Collected
 from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
-from lagsim.mechanics.equations import CIRCULAR
+from lagsim.mechanics.equations import has_angles
 from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations, has_masses
 
@@ -96,9 +96,7 @@ def dense_operations(n: int, m: int) -> int:
 
 def turns(e: Equations) -> bool:
     """Whether there are angles, and no rows."""
-    g = e.graph
-    below = () if e.rows or not g.of(CIRCULAR) else g.cone([e.model.lagrangian])
-    return any(g.ops[node] in CIRCULAR for node in below)
+    return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
 def eliminated(equations: Equations) -> Elimination | None:

@@ -40,7 +40,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
 
-    from lagsim.language.arrays import Floats, Ints
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
@@ -573,23 +573,9 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
     p.law_turn[:] = 0.0
     if begun:
-        _begin_along(here, found, np.array(begun), steady)
-
-
-def _begin_along(here: Kinematics, found: Chosen, pairs: Ints, steady: float) -> None:
-    """Set the ways along which slips (P, 2) begin, where these are smooth."""
-    p, rows = here.arc.system.p, pairs.ravel()
-    places = [found.some.index(k) for k in rows.tolist()]
-    friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
-    D = here.answer.D[np.ix_(rows, rows)]
-    beginning = begin_slips(here, pairs, friction, D, steady)
-    if beginning is None or (beginning.speeds < p.law_floor[pairs[:, 0]]).any():
-        return
-    p.law_begun[rows], p.law_lasts[rows] = here.t, beginning.lasts
-    p.law_floor[pairs] = beginning.floors[:, None]
-    ways = beginning.ways.reshape(len(rows), -1)
-    p.law_direction[rows] = -ways[:, 0]
-    p.law_turn.reshape(here.count, -1)[rows] = -ways[:, 1:]
+        places = [found.some.index(k) for pair in begun for k in pair]
+        friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
+        begin_slips(here, np.array(begun), friction, steady)
 
 
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:

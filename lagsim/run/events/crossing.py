@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.mechanics.algebra import multiple_of
 from lagsim.run.events.filippov import (
     ABOVE,
     BELOW,
@@ -296,13 +297,8 @@ class Crossing:
         for j in self.open:
             if self.modes.on_rates[j] != self.modes.on_rates[k]:
                 continue
-            square = float(J[j] @ J[j])
-            factor = float(J[k] @ J[j]) / square if square > 0.0 else 0.0
-            if factor == 0.0:
-                continue
-            off = np.max(np.abs(J[k] - factor * J[j]))
-            same = off <= COMPUTED_ZERO * np.max(np.abs(J[k]))
-            if same and abs(b[k] - factor * b[j]) <= COMPUTED_ZERO * abs(b[k]):
+            factor = multiple_of(J[j], J[k])
+            if factor and abs(b[k] - factor * b[j]) <= COMPUTED_ZERO * abs(b[k]):
                 return j, factor
         return None
 

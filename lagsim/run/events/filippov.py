@@ -340,12 +340,6 @@ class Modes:
         """Surfaces whose expression does not determine the mode (K,)."""
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
-    def choose(self, several: Collection[int]) -> None:
-        """Take note of sides that nothing decides: rows show what was chosen."""
-        for k in several:
-            if self.kind[k] == 0.0:
-                self.kind[k] = kept.CHOSEN
-
     @property
     def p(self) -> kept.Parameters:
         """The memory that the compiled functions read the modes from."""

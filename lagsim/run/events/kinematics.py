@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.algebra import least_squares, multiple_of
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
-    COMPUTED_ZERO,
     DEPENDENT_ROWS,
     DEPENDENT_SQUARE,
     SAME_TIME,
@@ -270,12 +269,11 @@ class Kinematics:
 
         Forces keep it there, which no impulse has.
         """
-        p, shape, n = self.arc.system.p, self.shape, self.arc.system.n
-        if not p.sliding:
+        shape = self.shape
+        if not self.arc.system.p.sliding:
             return shape.reply
-        _, J = self.arc.surface_rows(self.t, self.y)
-        along = J[p.slides == kept.FOLLOWED, :n]
-        return delassus(shape.M, np.vstack([shape.equalities, along]), shape.rows)
+        rows = np.vstack([shape.equalities, self._along()])
+        return delassus(shape.M, rows, shape.rows)
 
     def slides_in_place(self, k: int) -> bool:
         """Whether a law bears its bound, and a surface keeps its slip at 0.
@@ -305,14 +303,12 @@ class Kinematics:
 
     def is_own(self, k: int) -> bool:
         """Whether the slip of law k is that of a surface that the motion follows."""
+        return any(multiple_of(along, self.rows[k]) for along in self._along())
+
+    def _along(self) -> Floats:
+        """Rows (., n) of the surfaces that the motion follows."""
         _, J = self.arc.surface_rows(self.t, self.y)
-        along = J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
-        row, squares = self.rows[k], (along * along).sum(axis=1)
-        parts = along @ row / np.where(squares > 0.0, squares, 1.0)
-        off = row - parts[:, None] * along
-        return bool(
-            (np.abs(off) <= COMPUTED_ZERO * np.abs(row).max()).all(axis=1).any()
-        )
+        return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.

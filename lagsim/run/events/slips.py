@@ -41,39 +41,43 @@ FAST = 1e100
 
 
 class Beginning(NamedTuple):
-    """How slips begin: for this time, up to these speeds (P,), along these ways.
+    """A stretch of time, the speeds (P,) at its end, and directions (1 + TURNS, 2P).
 
-    floors : (P,), the speeds of which friction turns the slip no faster than in that
-    time; ways : (P, 2, 1 + TURNS), directions as polynomials in parts of the time.
+    These are polynomials in parts of the time.
     """
 
     lasts: float
-    floors: Floats
     speeds: Floats
     ways: Floats
 
 
-def begin_slips(
-    here: Kinematics, pairs: Ints, friction: Floats, D: Floats, steady: float
-) -> Beginning | None:
-    """How slips of two rows each, pairs (P, 2), begin; None if no stretch is smooth.
+def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) -> None:
+    """Set the ways along which slips of two rows each, pairs (P, 2), begin.
 
-    friction : (P,), its size; D : (2P, 2P), accelerations by multipliers; steady : the
-    time in which forces change. The modes are set, with the directions at the start.
+    Only where they are smooth, and faster by their end than the floors that are set.
+
+    friction : (P,), its size; steady : the time in which forces change. The modes are
+    set, with the directions at the start.
     """
-    lasts, p = _longest(here, steady), here.arc.system.p
-    kept = p.law_direction.copy(), p.law_floor.copy()
+    lasts, p, rows = _longest(here, steady), here.arc.system.p, pairs.ravel()
+    D = here.answer.D[np.ix_(rows, rows)]
+    directions, floors, found = p.law_direction.copy(), p.law_floor.copy(), None
     p.law_floor[pairs] = FAST
     try:
-        for _ in range(HALVINGS):
-            p.law_direction[:] = kept[0]
-            found = _collocated(here, pairs, friction, D, lasts)
+        for halvings in range(HALVINGS):
+            p.law_direction[:] = directions
+            found = _collocated(here, pairs, friction, D, lasts * 0.5**halvings)
             if found is not None:
-                return found
-            lasts /= 2.0
+                break
     finally:
-        p.law_direction[:], p.law_floor[:] = kept
-    return None
+        p.law_direction[:], p.law_floor[:] = directions, floors
+    if found is None or (found.speeds < floors[pairs[:, 0]]).any():
+        return
+    p.law_begun[rows], p.law_lasts[rows] = here.t, found.lasts
+    # Speeds of which friction turns the slip no faster than in that time.
+    p.law_floor[pairs] = (friction * _own(D) * found.lasts)[:, None]
+    p.law_direction[rows] = -found.ways[0]
+    p.law_turn.reshape(here.count, TURNS)[rows] = -found.ways[1:].T
 
 
 def _longest(here: Kinematics, steady: float) -> float:
@@ -139,8 +143,7 @@ def _collocated(
     powers = np.vander(nodes, increasing=True)
     along = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
     ways = np.linalg.solve(powers, along.reshape(len(nodes), -1))
-    floors = friction * _own(D) * lasts
-    return Beginning(lasts, floors, speed[-1], ways.T.reshape(count, 2, -1))
+    return Beginning(lasts, speed[-1], ways)
 
 
 def _points() -> tuple[Floats, Floats, Floats]:
