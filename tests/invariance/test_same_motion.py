@@ -208,3 +208,25 @@ simulation: {duration: 1, output_step: 0.025}
     at = at_outputs(its["t"], other.start, other.output_step)
     for name in ("x", "s"):
         assert np.max(np.abs(its[name][at] - ours[name][rows])) < GLOBAL
+
+
+@pytest.mark.parametrize("second", SECONDS)
+def test_a_speed_is_no_place_in_any_unit(second):
+    # A block that a belt carries, and rails guide, slips where its spring pulls enough.
+    base = document("""
+coordinates: {x: {}, w: {}}
+energy: {kinetic: 0.7*(x_dot^2 + w_dot^2), potential: 20*x^2 + 9*w^2}
+constraints:
+  disc: {relation: [x_dot = 0, w_dot - 0.4 = 0], limit: 2}
+  brake: {relation: x_dot = 0, limit: 5}
+initial: {x: -0.003, x_dot: 0, w: 0, w_dot: 0.4}
+simulation: {duration: 1, output_step: 0.05}
+""")
+    other = put.seconds(base, second)
+    ours, its = run(base.text()), run(other.text())
+    slips = [x.time * second for x in its.trajectory.events if x.kind == "slip"]
+    # Disc and brake each bear half of the pull across the belt, 40 * 0.003.
+    assert slips == pytest.approx([np.sqrt(2**2 - 0.06**2) / (18 * 0.4)], rel=1e-9)
+    rows = at_outputs(ours["t"], base.start, base.output_step)
+    at = at_outputs(its["t"], other.start, other.output_step)
+    assert np.max(np.abs(its["w"][at] - ours["w"][rows])) < GLOBAL

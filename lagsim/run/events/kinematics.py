@@ -234,12 +234,15 @@ class Kinematics:
     def _known(self) -> Floats:
         """Sizes (size,) by which a state is rounded: also those of its rows.
 
-        Rows that hold do so within the rounding of their own terms.
+        Rows that hold do so within the rounding of their own terms; those of velocities
+        have none that are places.
         """
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
-        for level, scales in zip(self.levels, self.scales, strict=True):
+        held, moving = self.scales
+        held = np.where([law.solved.holonomic for law in self.laws], held, 0.0)
+        for level, scales in zip(self.levels, (held, moving), strict=True):
             part = sizes[level]
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
