@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 244
 LINES = 75_460
-LINES_OF_TESTS = 57_670
+LINES_OF_TESTS = 57_690
 
 
 def lines(folder):
