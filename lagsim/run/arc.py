@@ -96,6 +96,8 @@ LOST = 1e-5
 AT_BOUND = 15
 # Rates of forces are taken over this part of the time between rows.
 SOON = 1e-6
+# After so many steps each it is asked whether they lead to a surface or only up to it.
+NEAR = 500
 
 
 class Arc(NamedTuple):
@@ -190,6 +192,11 @@ class Arc(NamedTuple):
         state, y = self.state, y + moment * rates
         y[state.positions] += moment**2 / 2.0 * rates[state.velocities]
         return y
+
+    @property
+    def is_looked_at(self) -> bool:
+        """Whether it is asked now if steps lead to a surface."""
+        return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
         """Range of each component, including y."""

@@ -352,6 +352,7 @@ class Run:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
+        ends |= code == at.PAUSED and arc.is_looked_at
         # What a law ends without switches says by itself what was before.
         ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):

@@ -15,12 +15,12 @@ import numpy as np
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
-from lagsim.run.arc import largest_shift, shift
+from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.contacts import stop_slips
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import Modes
 from lagsim.run.events.sequence import Sequence
-from lagsim.run.failures import FAILED
+from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
     Decision,
@@ -49,6 +49,10 @@ LEFT = 1e-4
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
+BENT = (
+    "{} makes no progress near a switch: its steps are shorter than the rounding of "
+    "positions allows"
+)
 
 
 class Switching(Source):
@@ -65,12 +69,16 @@ class Switching(Source):
         self.resting: dict[int, float] = {}  # see `Modes.held`
         self.approaches = 0
         self.reach = AHEAD
-        self.tried_at = math.nan
+        self.tried_at = self.passed_at = math.nan
 
     @property
     def slides(self) -> Flags:
         """The surfaces that the motion follows (K,)."""
         return self.modes.slides
+
+    def ask_at(self, arc: Arc) -> int:
+        """Return when it is asked next whether steps lead to a surface."""
+        return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:
         """Report the points of tables that the kernel has passed."""
@@ -82,6 +90,7 @@ class Switching(Source):
         value[which] = arc.system.p.side[which]
         pairs = zip(state.cross_times[:count].tolist(), which.tolist(), strict=True)
         events = (Event(t, "switch", switch=self.sides[k].text) for t, k in pairs)
+        self.passed_at = float(state.cross_times[count - 1])
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -90,6 +99,9 @@ class Switching(Source):
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
             return self._meet(arc, hit) if hit < self.modes.count else None
+        if code == at.PAUSED:
+            asked = arc.is_looked_at and arc.t != self.passed_at
+            return self._stuck(arc) if asked else None
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 
@@ -300,6 +312,20 @@ class Switching(Source):
             return None
         hit = self._is_on(arc, k) or ahead <= TIME_ROUNDOFF * abs(arc.t)
         return k if hit else None, float(arc.t + self.reach * ahead)
+
+    def _stuck(self, arc: Arc) -> Decision | None:
+        """Go through a surface that the state is on but for rounding.
+
+        It counts as met: far from the origin a position has no value between, and steps
+        too short to change it lead nowhere. A series comes no better off the surface.
+        """
+        k, ahead = self._next(arc)
+        if ahead < math.inf and self._is_on(arc, k):
+            return self._meet(arc, k)
+        on = any(self._is_on(arc, k) for k in range(self.modes.count))
+        if not on or arc.runner.method.NAME != SERIES:
+            return None
+        return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Next surface on the path, at the present rates, and the time to it."""
