@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 DEGREES = ("deg", "degree", "degrees", "°")
 RADIANS = ("", "1", "rad", "radian", "radians")
 _OF_ANGLES = ("sin", "cos", "tan")
+_NAMED = re.compile("|".join(_OF_ANGLES))
 # Values of angles that are written in degrees: multiples of these, from the least to a
 # turn. Angles in radians as large as that are those of what has turned several times,
 # and seldom whole numbers of these.
@@ -67,7 +68,8 @@ def about_angles(model: Model) -> Iterator[Caution]:
     by: these are evaluated, and stand in no graph.
     """
     numbers, reported = Graph(), set[str]()
-    for parsed in _parsed(model.stated.numbers()):
+    given = list(model.stated.numbers())
+    for parsed in _parsed(given):
         parsed.build(numbers, numbers.variable)
     defined = {d.node: (d.name, d.unit) for d in model.definitions if d.unit}
     found: list[tuple[str, _Term]] = []
@@ -77,7 +79,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
         entering = ((g.ops[n], terms.get(g.args[n][0])) for n in functions)
         found += [(op, term) for op, term in entering if term]
     texts = [scalar.text for scalar in model.stated.texts().values()]
-    for parsed in _parsed([*model.stated.numbers(), *texts]):
+    for parsed in _parsed([*given, *texts]):
         # sin(20), of which graphs have only the value
         signless = (x for x in parsed.postfix if x[0] != "neg")
         for (kind, value, _), (op, *_) in pairwise(signless):
@@ -92,8 +94,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
 def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
     """Expressions, and sides of relations, with functions of angles."""
     for text in texts:
-        named = any(op in text for op in _OF_ANGLES)
-        for side in re.split("[<>]?=", text) if named else ():
+        for side in re.split("[<>]?=", text) if _NAMED.search(text) else ():
             with suppress(ExpressionError):  # what is given instead is none
                 yield parse(side)
 

@@ -32,6 +32,8 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
 
     What is no leaf among them counts as independent of what it is made of.
     """
+    if not g.args[node]:
+        return {node: g.one} if node in variables else {}
     return pulled(g, {node: g.one}, variables)
 
 

@@ -586,7 +586,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     force_rounding = _force_rounding(e)
     pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
     forces = [g.call("add", *pair) for pair in pairs]
-    found = [g.call("abs", x) for x in elimination.response(forces)]
+    found = [_size(g, x) for x in elimination.response(forces)]
     label = coupled(e)
     shares: dict[int, int] = {}
     for row, square in zip(e.rows, elimination.reactions(), strict=True):
@@ -598,6 +598,15 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
             root = g.call("sqrt", g.call("max", share, g.zero))
             found[i] = g.call("add", found[i], root)
     return [*found, *force_rounding[n:]]
+
+
+def _size(g: Graph, x: int) -> int:
+    """Return |x|; of c |y|, as the rounding of an uncoupled force is, |c| |y|."""
+    if g.ops[x] == "mul":
+        c, rest = g.value(g.args[x][0]), g.args[x][1]
+        if c is not None and g.ops[rest] == "abs":
+            return g.call("mul", g.constant(abs(c)), rest)
+    return g.call("abs", x)
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:

@@ -205,16 +205,19 @@ class _Tapes:
 
     def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
         """Return the evaluations of all functions, of which `prepare` is the last."""
-        args = self.g.args
+        ops, args, plain = self.g.ops, self.g.args, self.plain
         users, inner = self._users(cone, functions)
         level = [0] * len(args)
         nodes, opcodes, widths, fields = [], [], [], []
         for n in cone:
-            if args[n]:
-                level[n] = max([level[a] for a in args[n]])
+            operands = args[n]
+            if operands:
+                level[n] = max(map(level.__getitem__, operands))
                 if not inner[n]:
                     level[n] += 1
-                    opcode, operands = self._kind(n, inner)
+                    opcode = plain.get(ops[n])
+                    if opcode is None or inner[operands[0]] or inner[operands[-1]]:
+                        opcode, operands = self._kind(n, inner)
                     nodes.append(n)
                     opcodes.append(opcode)
                     widths.append(1 + len(operands))
@@ -260,9 +263,6 @@ class _Tapes:
         """Opcode of an evaluation, and the nodes that it takes."""
         g = self.g
         op, args = g.ops[n], g.args[n]
-        known = self.plain.get(op)
-        if known is not None and not (inner[args[0]] or inner[args[-1]]):
-            return known, args
         if op in CIRCULAR:
             return self.opcodes.setdefault(SINCOS, 1 + len(self.opcodes)), args
         arrays = OPERATIONS[op].data
