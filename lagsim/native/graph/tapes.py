@@ -210,7 +210,7 @@ class _Tapes:
         level = [0] * len(args)
         nodes, opcodes, widths, fields = [], [], [], []
         for n in cone:
-            operands = args[n]
+            operands: Sequence[int] = args[n]
             if operands:
                 level[n] = max(map(level.__getitem__, operands))
                 if not inner[n]:
