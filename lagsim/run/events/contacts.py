@@ -322,12 +322,11 @@ class Contacts(Source):
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
-        touch = [k for k in some if k in self.contacts]
-        deep = np.minimum(here.gaps[touch], 0.0)
-        if deep.any():
-            y[arc.state.positions] -= lift(touch, deep)
+        deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
+        if deep:
+            y[arc.state.positions] -= lift(deep, here.gaps[deep])
         y[arc.velocities] += response @ result.impulses
-        if deep.any():
+        if deep:
             left = rates + problem.D @ result.impulses
             y[arc.velocities] -= _moving_again(here, y, some, left)
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
