@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 244
-LINES = 75_500
-LINES_OF_TESTS = 57_690
+LINES = 75_510
+LINES_OF_TESTS = 57_700
 
 
 def lines(folder):

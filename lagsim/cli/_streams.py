@@ -137,7 +137,7 @@ def put(write: Callable[[], object]) -> None:
         write()
         sys.stdout.flush()
     except BrokenPipeError:
-        _mute()
+        _mute(sys.stdout)
     except OSError as error:
         raise typer.Exit(full(error)) from None
 
@@ -146,7 +146,7 @@ def full(error: OSError) -> int:
     """Report that stdout takes nothing more; return the exit code."""
     from lagsim.codes import number
 
-    _mute()
+    _mute(sys.stdout)
     text = f"lagsim: standard output cannot be written: {error.strerror}"
     complain(f"{text} [{number(UnwritableError.code)}]")
     return UnwritableError.exit_code
@@ -154,15 +154,17 @@ def full(error: OSError) -> int:
 
 def complain(text: str, *, again: bool = False) -> None:
     """Print on stderr; where that cannot be written, nothing can be reported."""
-    with contextlib.suppress(OSError):
+    try:
         print(shown(text, sys.stderr, again=again), file=sys.stderr, flush=True)
+    except OSError:
+        _mute(sys.stderr)
 
 
-def _mute() -> None:
+def _mute(stream: TextIO) -> None:
     """Send what is still to be written nowhere, so that the last flush succeeds."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
 
 

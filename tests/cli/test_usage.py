@@ -16,12 +16,16 @@ from tests.support import ROOT
 COMMAND = f"{sys.executable} -m lagsim"
 
 
+# Whatever whoever runs the tests has set: what is left in a buffer counts.
+BUFFERED = {"PYTHONUNBUFFERED": ""}
+
+
 def shell(line, folder, **environment):
     """Run a line of a shell, with `lagsim` for the command."""
     return subprocess.run(
         ["sh", "-c", line.replace("lagsim", COMMAND)],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        env={**os.environ, "PYTHONPATH": str(ROOT), **BUFFERED, **environment},
         capture_output=True,
     )
 
