@@ -153,9 +153,14 @@ def full(error: OSError) -> int:
 
 
 def complain(text: str, *, again: bool = False) -> None:
+    """Print on stderr what is for a person."""
+    _report(shown(text, sys.stderr, again=again))
+
+
+def _report(text: str) -> None:
     """Print on stderr; where that cannot be written, nothing can be reported."""
     try:
-        print(shown(text, sys.stderr, again=again), file=sys.stderr, flush=True)
+        print(text, file=sys.stderr, flush=True)
     except OSError:
         _mute(sys.stderr)
 
@@ -185,9 +190,8 @@ def annotate(
         return
     place = {"file": _within(file), "line": line, "col": column, "title": number}
     named = ",".join(f"{k}={_property(str(v))}" for k, v in place.items() if v)
-    with contextlib.suppress(OSError):
-        start = f"::{level} {named}".rstrip()
-        print(visible(f"{start}::{_data(unmarked(text))}"), file=sys.stderr, flush=True)
+    start = f"::{level} {named}".rstrip()
+    _report(visible(f"{start}::{_data(unmarked(text))}"))
 
 
 def annotate_problem(problem: Problem, file: str | None = None) -> None:

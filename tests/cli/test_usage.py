@@ -180,6 +180,11 @@ STREAMS = [
     ("lagsim check --json m.yaml >/dev/full", 3, FULL),
     ("lagsim --help >/dev/full", 3, FULL),
     ("lagsim check none.yaml 2>/dev/full", 2, b""),
+    (
+        "GITHUB_ACTIONS=true lagsim check --json wrong.yaml >/dev/null 2>/dev/full",
+        1,
+        b"",
+    ),
     (GONE.replace("COMMAND", "lagsim methods"), 0, b"0\n"),
     (GONE.replace("COMMAND", "lagsim check --json wrong.yaml"), 0, b"1\n"),
 ]

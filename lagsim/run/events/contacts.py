@@ -245,7 +245,6 @@ class Contacts(Source):
         if shares or chosen.open:
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
-
         holds = np.flatnonzero(p.law_mode == kept.HELD)
         if p.sliding and any(
             here.is_shared(k, holds) and not here.is_own(k) for k in redundant
