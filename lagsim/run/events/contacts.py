@@ -570,7 +570,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             steady = min(steady, changes)
     p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
     p.law_turn[:] = 0.0
-    if begun:
+    if begun and here.t < arc.settings.end:
         places = [found.some.index(k) for pair in begun for k in pair]
         friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
         begin_slips(here, np.array(begun), friction, steady)

@@ -151,6 +151,15 @@ def test_a_slip_that_begins_is_of_the_order_of_a_fixed_step():
     assert off[1] < min(1e-7, off[0] / 10)
 
 
+def test_a_slip_that_begins_where_a_run_ends():
+    found = play(scene(
+        "x z", "(x_dot^2 + z_dot^2)/2", "0",
+        {"brake": {"relation": ["x_dot = 0", "z_dot = 0"], "limit": 3}},
+        {"x": 0, "z": 0}, forces={"x": "1.5*t"}, duration=2,
+    ))  # fmt: skip
+    assert [found[q][-1] for q in ("t", "x", "x_dot")] == [2.0, 0.0, 0.0]
+
+
 def test_a_slip_that_begins_turns_as_its_load_moves():
     # On two springs of other stiffness; friction falls until the load moves it. Its
     # load turns while it moves. Against friction that is smooth near rest.
