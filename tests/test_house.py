@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 244
 LINES = 75_510
-LINES_OF_TESTS = 57_700
+LINES_OF_TESTS = 57_710
 
 
 def lines(folder):
