@@ -111,9 +111,13 @@ def command(
         what = "--keep" if keep else "--error-bar always"
         text = f"--ends makes no rows, which {what} asks for"
         raise unusable("usage", text, hint="leave one of them out")
-    read = read_file(model, assignments(sets))
+    fixed = assignments(sets)
+    read = read_file(model, fixed)
     wanted(read, "sweep", options, "add it, or give --duration")
     grid = _grid(read, values or [], points, sample or [], count, seed)
+    if twice := [axis.name for axis in grid.axes if axis.name in fixed]:
+        text = f"{', '.join(twice)}: both swept and given by --set"
+        raise unusable("usage", text, hint="leave --set out for what is swept")
     where = folder or Path("results") / read.name / "sweep"
     kept = str(where.absolute()) if keep else None
     plots = not no_plots

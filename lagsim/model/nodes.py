@@ -77,6 +77,9 @@ class Reading(Protocol):
     def words(self, text: str) -> Collection[str]:
         """Give the names in the expression."""
 
+    def member(self) -> str:
+        """Give the values of the indices, such as ` for i = 2`; empty without any."""
+
 
 class Scalar(NamedTuple):
     """A text; YAML's own types play no part.

@@ -138,6 +138,7 @@ SWEPT: dict[str, str | tuple[str, str]] = {
     "": "NAME=A:B:N",
     **dict.fromkeys(("g", "=1,2"), "a name and its values"),
     "g=1 g=2": "g is given twice",
+    "g=1,2 theta=1 --set g=3": "g: both swept and given by --set",
     **dict.fromkeys(
         ("g=1:2:1", "g=1:2", "g=1:2:x", "g=1:2:3:4"), "two ends and how many"
     ),

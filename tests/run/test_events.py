@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from lagsim import InadmissibleError, check, load, sweep
+from lagsim import InadmissibleError, check, derive, load, sweep
 from lagsim.errors import InputError
 from lagsim.methods import method, names
 from tests.cli.conftest import lagsim  # noqa: F401
@@ -684,6 +684,15 @@ def test_files_of_a_run(tmp_path, lagsim):  # noqa: F811
         assert "latch acts at x_dot >= 15" in shown or form != "text"
     lagsim("golden", "latch.yaml", "--update", code=0)
     lagsim("golden", "latch.yaml", code=0)
+
+
+def test_an_event_of_a_family_is_derived_with_its_index():
+    text = scene(
+        "modes: {'u(1..2)': 0}\n"
+        "events: {'latch(i = 1..2)': {at: x >= i, set: {'u(i)': 1}}}"
+    )
+    shown = derive(text).text
+    assert "latch.2 acts at x >= i for i = 2" in shown
 
 
 # --- Faults of a file

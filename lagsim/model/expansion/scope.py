@@ -538,6 +538,11 @@ class Reading:
                 continue
         return set()
 
+    def member(self) -> str:
+        """Return the values of the indices, such as ` for i = 2`."""
+        values = [f"{i} = {x.value:g}" for i, x in self.indices.items()]
+        return f" for {', '.join(values)}" if values else ""
+
 
 class Made(Reading):
     """How a hidden definition is read: as it was made."""

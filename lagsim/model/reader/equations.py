@@ -213,6 +213,7 @@ def read_relation(
         x.faults.add("no-coordinate", text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())
+    text += scalar.reading.member() if scalar.reading else ""
     return Relation(gap, equality, text, scalar.place), equality
 
 

@@ -210,6 +210,9 @@ def _sections(
             text, hint = f"`at` of {what} must be an equality", "such as x = 0"
             x.faults.add("not-an-equality", text, below.place_of("at"), hint)
         direction = below.choice("direction", DIRECTIONS)
+        if "every" in below and "direction" in below:
+            text = f"{what} has both `every` and `direction`: times have none"
+            x.faults.add("both-given", text, below.place_of("direction"))
         every = x.compile(below.value("every"), f"`every` of {what}", Level.NUMBER)
         plot = tuple(_axes_of(below, columns, x))
         at = None if relation is None else relation.node
