@@ -85,7 +85,7 @@ expression-unknown-function | write curve(t) |
 # sections
 missing-key | neither `at` nor | output: {sections: {⟪c⟫: {direction: up}}}
 both-given | both `at` and `every` | output: {sections: {⟪c⟫: {at: x = 0, every: 1}}}
-both-given | both `every` and `dir | output: {sections: {c: {every: 1, ⟪direction⟫: up}}}
+both-given | `every` and `dir | output: {sections: {c: {every: 1, ⟪direction⟫: up}}}
 not-an-equality | must be an equality | output: {sections: {c: {⟪at⟫: x >= 0}}}
 no-coordinate | depends on no | output: {sections: {c: {at: ⟪t = 1⟫}}}
 unknown-name | known are `both` | output: {sections: {c: {at: x, direction: ⟪left⟫}}}
