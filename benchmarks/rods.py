@@ -48,7 +48,7 @@ def candidates(n):
     import numpy as np
 
     from lagsim.model.reader import read
-    from lagsim.plan.making import by_loops
+    from lagsim.plan.plan import by_loops
     from lagsim.program.system import FUNCTION, System
     from lagsim.run.session import open_case
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import lagsim
 from lagsim.model.reader import read, read_file
-from lagsim.plan.making import by_loops
+from lagsim.plan.plan import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
-    from lagsim.show.content import Content
+    from lagsim.show import Content
 
 
 Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
@@ -312,7 +312,7 @@ class Derivation:
     @cached_property
     def _content(self) -> Content:
         """What people read: of large models no matrices, unless they are needed."""
-        from lagsim.show.content import has_many_rows
+        from lagsim.show import has_many_rows
         from lagsim.show.lagrange import content
 
         needs = any(self._options[key] for key in ("solve", "with_gauss", "expand"))

@@ -1,21 +1,45 @@
-"""The choices of a run, and their reasons; `making` makes them."""
+"""The choices of a run, and their reasons."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import Neighbourhood, row_lengths
+from lagsim.admissibility.refusal import needs_constraints
+from lagsim.errors import InputError, Problem
+from lagsim.language.evaluate import evaluate
+from lagsim.language.tables import PIECES
+from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
+from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.newton_matrix import newton
-from lagsim.methods import method
+from lagsim.mechanics.reduction import augmented, with_lengths
+from lagsim.mechanics.structure import structure
+from lagsim.mechanics.switches import model_switches
+from lagsim.methods import method, options_of
 from lagsim.model.model import DEFAULT_RTOL
+from lagsim.notes import Choice
+from lagsim.plan.formulation import formulate, step_parts
+from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
+from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
-    from lagsim.mechanics.equations import Equations
+    from collections.abc import Sequence
+
+    from lagsim.admissibility.examination import Start
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.newton_matrix import Newton
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
-    from lagsim.notes import Choice
+    from lagsim.methods import Structure
+    from lagsim.model.model import Settings
     from lagsim.plan.subsystems import Subsystem
 
 
@@ -120,3 +144,494 @@ class Plan:
     def tolerance(self) -> float:
         """Relative tolerance of all that controls its error, given or by default."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol
+
+
+# --- From a scene to its plan: structure, formulation, solve, method
+#
+# A row's length, in the metric in which the motion is solved for, is that at the start.
+# Only a row that is zero there is looked at nearby, as far away as its own relation is
+# long.
+
+# How many states around the start are looked at, and how far away they are, against the
+# distance over which a relation changes.
+AROUND = 3
+NEARBY = 0.1
+
+
+def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
+    """Length of each row at the start, or around it where it vanishes."""
+    if not equations.rows:
+        return ()
+    point = Point(equations, start)
+    lengths = _lengths(point)
+    vanishing = ~(lengths > 0.0)
+    if vanishing.any():
+        around = Neighbourhood(point)
+        random = np.random.default_rng(4)  # the same states each time
+        for _ in range(AROUND):
+            q, v = (around.varied(NEARBY, random, velocities=x) for x in (False, True))
+            found = np.fmax(lengths, _lengths(point.at(q, v)))
+            lengths = np.where(vanishing, found, lengths)
+    return tuple(map(float, np.nan_to_num(lengths)))
+
+
+def _lengths(point: Point) -> Floats:
+    """Lengths (m,), 0 where they are roundoff; nan where M is not finite."""
+    names = point.e.state
+    errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
+    return row_lengths(point.at(errors=dict(zip(names, errors, strict=False))))
+
+
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
+# The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
+# 120 nine times as much.
+MOST_STATES = 50
+# With more operations of y' that move no series pays, and nobody looks at it: what an
+# order keeps leaves the processor's nearest memory.
+MOST_MOVING = 1500
+# What a step takes, in ns (measured on six scenes of 4 to 40 components, within a third
+# but for ten rods at 1e-8): DOP853's for itself and each operation, a series' likewise.
+DOP853_STEP, DOP853_OPERATION = 450.0, 0.22
+SERIES_STEP, SERIES_OPERATION = 150.0, 0.18
+# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.0 to 1.3), and
+# so many times as many at a tenth of a tolerance (2.6 to 3.4 at 1e-12).
+MORE_STEPS, PER_DECADE = 1.2, 1.23
+# What gains less than this is not worth the time that a series takes to compile.
+PAYS = 1.25
+# At looser tolerances a tenth and more of its steps are made in vain.
+SERIES_RTOL = 1e-6
+
+
+def choose(
+    equations: Equations,
+    scene: Structure,
+    solved: Elimination | None,
+    settings: Settings,
+    choices: list[Choice],
+    *,
+    switching: bool,
+) -> str:
+    """Choose the method: the one asked for, or one that suits the scene.
+
+    Parameters
+    ----------
+    solved
+        The equations as nodes of the graph; None where there are none to compile.
+    switching
+        The motion has switches that depend on the state.
+
+    Raises
+    ------
+    InputError
+        Where the method asked for cannot handle the model.
+    """
+    if settings.method == "auto":
+        plain = solved is not None and not switching and not equations.quadratures
+        chosen = _automatic(
+            equations, scene, solved if plain else None, settings.tolerance
+        )
+        choices.append(chosen)
+        return chosen.choice.removeprefix("method: ")
+    name = _asked(equations, scene, settings, choices)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        _check_straight(name, equations, solved, settings, choices)
+    return name
+
+
+def _automatic(
+    equations: Equations, scene: Structure, solved: Elimination | None, rtol: float
+) -> Choice:
+    if solved is not None:
+        is_constant = scene.linear and scene.autonomous  # y' = J y + c
+        if is_constant and len(equations.state) <= MOST_STATES:
+            reason = "linear equations, and constant in time"
+            return Choice("method: exponential", reason)
+        curved = any(t.interpolation != "linear" for t in equations.model.tables)
+        gain = 0.0 if curved else _gain(equations, solved, rtol)
+        if gain >= PAYS:
+            reason = f"estimated {gain:.1f} times as fast as {ANY}"
+            return Choice("method: taylor", reason)
+    return Choice(f"method: {ANY}", "order 8, accurate for smooth motion")
+
+
+def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
+    """Estimate DOP853's time in units of that of a series; 0 where it is too long."""
+    names = equations.moving
+    moving = equations.graph.dependent(motion_rates(equations, solved), names)
+    if not 0.0 < rtol <= SERIES_RTOL or len(moving) > MOST_MOVING:
+        return 0.0
+    solves, stages = step_parts(equations, solved)
+    operations = solves + series_cost(equations, solved, rtol).operations
+    series = SERIES_STEP + SERIES_OPERATION * operations
+    dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
+    decades = math.log10(1e-8 / rtol)
+    steps = MORE_STEPS * math.pow(PER_DECADE, decades)
+    return steps * dop853 / series
+
+
+def _asked(
+    equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
+) -> str:
+    asked = settings.method
+    refuse(asked, method_refusal(asked, equations, scene), settings)
+    choices.append(Choice(f"method: {asked}", "asked for"))
+    given = dict(settings.options)
+    for key, option in options_of(asked).items():
+        value = f"{key.replace('_', ' ')}: {given.get(key, option.default):g}"
+        choices.append(Choice(value, "asked for" if key in given else "as usual"))
+    return asked
+
+
+INSTEAD = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
+
+
+def refuse(name: str, why: str, settings: Settings, hint: str = INSTEAD) -> None:
+    """Raise InputError where there is a reason why a method cannot handle a scene."""
+    if why:
+        text = f"`{name}` cannot handle this model: {why}"
+        place = settings.method_place
+        raise InputError([Problem("method-refused", text, place, hint)])
+
+
+def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
+    """Say why a method cannot handle equations, or return ""."""
+    chosen = method(name)
+    if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        if equations.model.output.action:
+            return "it does not integrate the action, which `output` asks for"
+        return "it does not integrate ignorable coordinates by quadrature"
+    if equations.states and not getattr(chosen, "STATES", False):
+        names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
+        return f"it does not integrate first-order states ({names})"
+    smooth = "series" in chosen.NEEDS and smooth_tables(equations)
+    if smooth:
+        return f"the series of the table `{smooth}` ends at each of its points"
+    if equations.laws and chosen.NEEDS and locates(name):
+        return "constraints that come and go need a method that evaluates y' only"
+    follow = [x.constraint for x in equations.laws if x.bounce is not None or x.poisson]
+    alone = [x.constraint for x in equations.laws if x.slider]
+    if alone and not locates(name):
+        return f"`{alone[0]}` acts on a coordinate without mass, which no impulse moves"
+    if follow and not locates(name):
+        return f"it knows Newton's constant restitution alone (`{follow[0]}`)"
+    why = str(chosen.refusal(scene))
+    return "" if why and newton_of(name, equations) is not None else why
+
+
+def smooth_tables(equations: Equations) -> str:
+    """Name of a table at whose points no step ends; empty where there is none."""
+    if all(t.interpolation == "linear" for t in equations.model.tables):
+        return ""
+    g = equations.graph
+    for n in g.cone(equations.of_motion):
+        count = PIECES.index(g.ops[n]) + 1 if g.ops[n] in PIECES else 0
+        axes = [g.payload(a) for a in g.args[n][:count]]
+        if any(axis.numbers[1] > 0.0 for axis in axes):
+            return str(axes[0].name)
+    return ""
+
+
+def needs_regular_mass(name: str) -> bool:
+    """Whether a method that is asked for needs M to be regular without constraints."""
+    straight = name != "auto" and STRAIGHT_ONLY.intersection(method(name).NEEDS)
+    return bool(straight) or not locates(name)
+
+
+def locates(name: str) -> bool:
+    """Whether a method stops at switches and contacts; `auto` chooses such."""
+    return name == "auto" or bool(getattr(method(name), "EVENTS", True))
+
+
+def suits(asked: str, equations: Equations) -> bool:
+    """Whether the method that is asked for can handle `equations`."""
+    if asked == "auto":
+        return True
+    return not method_refusal(asked, equations, structure(equations))
+
+
+def _check_straight(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    settings: Settings,
+    choices: list[Choice],
+) -> None:
+    """Refuse a method that needs y' as nodes where there are none."""
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
+    if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return
+        cost = series_cost(equations, elimination, settings.tolerance)
+        operations = cost.operations
+        if operations <= MOST_OPERATIONS:
+            form = "a loop over the order" if cost.loop else "straight-line code"
+            reason = f"about {operations} operations per step"
+            choices.append(Choice(f"series: {form}", reason))
+            return
+        text = (
+            f"its series would take about {operations} operations a step, more than "
+            f"{MOST_OPERATIONS}"
+        )
+        hint += "; a larger --rtol makes the series shorter"
+    refuse(name, text, settings, hint)
+
+
+# Loops of so many multiplications take a millisecond: that is no reason to do without
+# their QR decomposition.
+CHEAP = 10**6
+# Code that fills in more entries of M and A than these compiles for long.
+MOST_ENTRIES = 10_000
+# Functions of as many slopes as n (n + m), twice: see `program/functions.py`.
+SLOPES = frozenset(("jacobian", "lagrangian"))
+
+
+def eliminate(
+    equations: Equations, start: Start, lengths: Sequence[float], choices: list[Choice]
+) -> Elimination | None:
+    """Solve on the graph; None, with the reason among the choices, where loops do."""
+    if start.augmented:
+        return None
+    if start.ranks.rank < len(equations.rows):
+        reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
+        choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
+        return None
+    n, m = len(equations.q), len(equations.rows)
+    dense = dense_operations(n, m)
+    close = start.ranks.smallest < NEARLY_DEPENDENT_ROWS
+    reason = f"the constraints are nearly dependent ({start.ranks.smallest:.1e})"
+    if close and dense <= CHEAP:
+        choices.append(Choice("solve: loops with QR", reason))
+        return None
+    elimination = eliminated(equations)
+    if elimination is None:
+        text = f"elimination saves too little of their {dense} multiplications"
+        choices.append(Choice("solve: loops", text))
+        return None
+    if close:
+        smallest = singular_value_of(equations, start, lengths, elimination)
+        if smallest < NEARLY_DEPENDENT_ROWS:
+            slow = f"{reason}, at the price of {dense} multiplications"
+            choices.append(Choice("solve: loops with QR", slow))
+            return None
+    count = elimination.operations
+    many = f"{count} multiplication{'s' * (count != 1)}"
+    if equations.chains is not None:
+        many += " along chains"
+    if count <= BUDGET:
+        choices.append(Choice("solve: straight-line code", many))
+    else:
+        where = " of entries that are not zero" * (equations.chains is None)
+        reason = f"{many}{where}; loops would take {dense}"
+        choices.append(Choice("solve: sparse elimination", reason))
+    return elimination
+
+
+def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
+    """Whether compiled code would be too long."""
+    if elimination is not None:
+        return elimination.operations > BUDGET
+    if equations.chains is not None:  # whose M is full, and made where it is read
+        return len(equations.q) ** 2 > MOST_ENTRIES
+    rows = sum(len(row.A.entries) for row in equations.rows)
+    return sum(len(row.entries) for row in equations.M) + rows > MOST_ENTRIES
+
+
+def many_slopes(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
+) -> bool:
+    """Whether the slopes that a method needs would compile for long."""
+    n, m = len(equations.q), len(equations.rows)
+    sparse = None if elimination is None else newton_of(name, equations)
+    slopes = 2 * n * (n + m)
+    if sparse is not None:
+        slopes = len(sparse.entries)
+        reason = f"{slopes} entries; {sparse.operations} multiplications factor them"
+        choices.append(Choice("Newton's matrix: sparse", reason))
+    if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
+        return False
+    choices.append(Choice("tapes", f"{slopes} derivatives would take long to compile"))
+    return True
+
+
+def singular_value_of(
+    equations: Equations,
+    start: Instant,
+    lengths: Sequence[float],
+    elimination: Elimination,
+) -> float:
+    """How independent the rows are at the start by the pivots of `elimination`."""
+    values = {**Point(equations, start).values}
+    for row, length in zip(equations.rows, lengths, strict=True):
+        values[f"length.{row.name}"] = length
+    return float(
+        evaluate(equations.graph, [elimination.smallest_singular_value()], values)[0]
+    )
+
+
+def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
+    """Which rows others imply everywhere, shape (m,)."""
+    redundant = {d.name for d in start.ranks.dependences if d.everywhere is not False}
+    return tuple(row.name in redundant for row in equations.rows)
+
+
+def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
+    """Choose for the model.
+
+    Raises
+    ------
+    InputError
+        Where the method or the formulation asked for cannot be had, or `output` asks
+        for what the model or the method has not.
+    """
+    if (
+        start.augmented
+        and equations.model.output.gauss
+        and needs_constraints(Point(with_lengths(equations), start))
+    ):
+        text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
+        text += "and the mass matrix of this model is singular without the constraints"
+        hint = "leave `gauss` out, or give every coordinate some mass"
+        raise InputError([Problem("singular-mass", text, hint=hint)])
+    parts = _parts(equations, start, settings)
+    if parts:  # the rows are those of the whole
+        settings = settings._replace(formulation="full")
+    found = formulate(equations, start, settings, partial(suits, settings.method))
+    equations, start = found.reduction.equations, found.start
+    if start.augmented and needs_regular_mass(settings.method):
+        equations = augmented(equations, equations.rows)
+        start = replace(start, augmented=False)
+        found = found._replace(reduction=found.reduction._replace(equations=equations))
+    scene = structure(equations)
+    choices = [
+        Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
+    ]
+    choices += found.choices
+    choices += [_apart(parts)] if parts else []
+    switches = model_switches(equations, located=locates(settings.method))
+    if switches.sides:
+        reason = "forces jump or have a kink there: each is located, and the "
+        reason += "integration restarts"
+        choices.append(Choice(f"switches: {len(switches.sides)} located", reason))
+    lengths = usual_lengths(equations, start)
+    if not locates(settings.method):
+        elimination = None
+        choices.append(Choice("solve: impulses in steps", "by projected relaxation"))
+    elif equations.laws:
+        elimination = None
+        choices.append(Choice("solve: loops", "constraints come and go"))
+    else:
+        elimination = eliminate(equations, start, lengths, choices)
+    if start.augmented:
+        solved_with = "mass matrix solved with the constraints"
+        choices.append(Choice(solved_with, "it is singular without them"))
+    tape = from_tape(equations, elimination)
+    smallest = start.ranks.generic_smallest
+    if elimination is not None and tape:
+        # As the run will see it: of long chains the smallest singular value is small.
+        smallest = singular_value_of(equations, start, lengths, elimination)
+    solved = None if tape else elimination
+    switching = bool(switches.sides or equations.laws)
+    name = choose(equations, scene, solved, settings, choices, switching=switching)
+    if elimination is None:
+        refuse(name, method(name).refusal(scene), settings)
+    adaptive = bool(method(name).ADAPTIVE)
+    tape = tape or many_slopes(name, equations, elimination, choices)
+    # What is factored once: 2 M and A, 1 only M, 0 neither.
+    constant = (1 + scene.constant_rows) * scene.constant_mass
+    # With the constraints, M is constant where they are.
+    known = constant if not start.augmented or constant == 2 else 0
+    return Plan(
+        method=name,
+        formulation=found.name,
+        reduction=found.reduction,
+        projected=found.projected,
+        gain=found.gain,
+        elimination=elimination,
+        tape=tape,
+        rank=start.ranks.generic_rank,
+        smallest_singular_value=smallest,
+        set_aside=set_aside(equations, start),
+        lengths=lengths,
+        constant=known,
+        augmented=start.augmented,
+        rtol=settings.tolerance if adaptive else None,
+        atol=settings.atol if adaptive else None,
+        step=None if adaptive else settings.fixed_step,
+        switches=switches,
+        parts=parts,
+        choices=tuple(choices),
+    )
+
+
+def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
+    """Subsystems to be integrated apart, if there are any and it pays."""
+    asked = settings.formulation
+    if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST):
+        return ()
+    why = refusal(equations)
+    if equations.laws:
+        why = "a contact or a limit can stop the step of any of them"
+    if not why:
+        switches = model_switches(equations)
+        if switches.modes or switches.sides:
+            why = "a switch can stop the step of any of them"
+    if why and asked == "apart":
+        text = f"formulation `apart` cannot be used: {why}"
+        place = settings.formulation_place
+        raise InputError([Problem("formulation-refused", text, place)])
+    if why:
+        return ()
+    found = subsystems(equations, start)
+    if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:
+        return ()
+    own = settings._replace(formulation="auto")
+    return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
+
+
+def _apart(parts: tuple[Part, ...]) -> Choice:
+    names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
+    reason = f"nothing couples them, and each takes its own steps: {names}"
+    return Choice(f"subsystems: {len(parts)} integrated apart", reason)
+
+
+def by_loops(plan: Plan) -> Plan:
+    """Return the same plan with the equations solved by loops.
+
+    Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
+    """
+    choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    choices.append(Choice("solve: loops with QR", "the constraints became dependent"))
+    name = plan.method
+    why = method(name).refusal(structure(plan.reduction.equations))
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        why = f"`{name}` needs straight-line code"
+    if why:
+        choices.append(Choice(f"method: {ANY}", why))
+        name = ANY
+    tape = from_tape(plan.reduction.equations, None)
+    return replace(
+        plan, method=name, elimination=None, tape=tape, choices=tuple(choices)
+    )
+
+
+def _mass_matrix(scene: Structure) -> str:
+    varies = scene.mass_varies_with
+    kind = "constant" if scene.constant_mass else f"depends on {varies}"
+    if scene.diagonal:
+        return f"{kind}, diagonal"
+    return f"{kind}, {scene.blocks} blocks" if scene.blocks > 1 else kind
+
+
+def _mass_reason(equations: Equations, scene: Structure) -> str:
+    if scene.constant_mass:
+        return "factored once, before the run"
+    n = len(equations.q)
+    if equations.chains is not None:
+        return f"kept as {len(equations.chains.sums)} sums along chains"
+    full = len(equations.mass_entries)
+    return f"{full} of {n * n} entries are not zero"

@@ -16,7 +16,7 @@ from lagsim.mechanics.equations import Instant, coordinates_of, groups, shared
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.reduction import of_those_left, vector
 from lagsim.model.model import Output, Parameter, Scene
-from lagsim.plan.cost import step_cost
+from lagsim.plan.formulation import step_cost
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -25,8 +25,7 @@ from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
 from lagsim.native.link.cache import Part, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
-from lagsim.plan.cost import evaluation_cost
-from lagsim.plan.formulation import GAIN
+from lagsim.plan.formulation import GAIN, evaluation_cost
 from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,

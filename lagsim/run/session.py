@@ -117,7 +117,7 @@ class Case(NamedTuple):
         InputError
             Where what was asked for cannot handle the model.
         """
-        from lagsim.plan.making import make_plan
+        from lagsim.plan.plan import make_plan
 
         found = make_plan(self.equations, self.start, self.settings)
         self.equations.graph.unbind()

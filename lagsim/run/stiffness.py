@@ -22,7 +22,7 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
-from lagsim.plan.cost import STAGES
+from lagsim.plan.formulation import STAGES
 from lagsim.program.system import System
 from lagsim.run.arc import LONG, SERIES
 from lagsim.run.failures import by_method

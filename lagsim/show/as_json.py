@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.content import ASCII, conditions
+from lagsim.show import ASCII, conditions
 from lagsim.show.names import Name
 from lagsim.show.printers import exact_printer
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from lagsim.show.content import Content
+    from lagsim.show import Content
 
 
 def as_json(content: Content) -> dict[str, Any]:

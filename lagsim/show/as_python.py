@@ -19,7 +19,7 @@ from lagsim.language import tables
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import constraint_row
-from lagsim.show.content import in_words
+from lagsim.show import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -32,8 +32,8 @@ from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
+from lagsim.show import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.conserved import conserved_quantities, evident
-from lagsim.show.content import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.names import Name
 from lagsim.show.separation import Separation, is_long, refuse_long, words_of
 from lagsim.show.symbols import Translation, number, symbol, to_sympy

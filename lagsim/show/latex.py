@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from lagsim.show.content import LATEX, on_velocities
+from lagsim.show import LATEX, on_velocities
 from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
 from lagsim.show.printers import FormulaPrinter, signed
 from lagsim.show.text import Outline
@@ -18,7 +18,7 @@ from lagsim.show.text import Outline
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.show.content import Content
+    from lagsim.show import Content
     from lagsim.show.text import Part, Row, Rows
 
     Pieces = list[tuple[str, str]]  # what is between two places to break, with signs

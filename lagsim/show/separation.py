@@ -30,7 +30,7 @@ from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
-from lagsim.show.content import has_many_rows
+from lagsim.show import has_many_rows
 from lagsim.show.names import Name
 from lagsim.show.symbols import Extent, extent_of, physics_of, together, written_out
 from lagsim.show.tidy import too_long

@@ -11,7 +11,7 @@ from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.model.reader import read, read_file
-from lagsim.plan.making import make_plan
+from lagsim.plan.plan import make_plan
 from tests.admissibility.scenes import check
 from tests.support import MODELS
 

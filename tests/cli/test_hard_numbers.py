@@ -108,7 +108,7 @@ def test_a_system_that_has_no_more_to_give(lagsim, write, monkeypatch, error, to
     def raises(*_):
         raise error
 
-    monkeypatch.setattr("lagsim.plan.making.make_plan", raises)
+    monkeypatch.setattr("lagsim.plan.plan.make_plan", raises)
     called = lagsim("run", write(PENDULUM))
     assert (called.code, "Traceback" in called.err) == (_faults.STARVED, False)
     assert told in called.err

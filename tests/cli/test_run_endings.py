@@ -71,7 +71,7 @@ def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, at_rows, kind
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, kind):
     monkeypatch.setattr(
-        "lagsim.plan.making.make_plan", lambda *_: signal.raise_signal(kind)
+        "lagsim.plan.plan.make_plan", lambda *_: signal.raise_signal(kind)
     )
     lagsim("run", write(PENDULUM), "-o", "out", code=128 + kind, out="")
     assert names(".") == ["model.yaml"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.plan import making
+from lagsim.plan import plan as planning
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
 from tests.cli._results import contents, document, manifest, names, started
 from tests.patience import PATIENCE, finished
@@ -257,7 +257,7 @@ def test_a_signal_that_was_lost_before_is_noted(lagsim, write, monkeypatch, kind
             signal.raise_signal(kind)
         return plan(*arguments, **options)
 
-    plan = making.make_plan
-    monkeypatch.setattr(making, "make_plan", lost)
+    plan = planning.make_plan
+    monkeypatch.setattr(planning, "make_plan", lost)
     lagsim("run", write(ENDLESS), "--no-plots", "-o", "out", code=128 + kind)
     assert manifest("out")["outcome"] == "interrupted"

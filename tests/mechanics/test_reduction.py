@@ -9,7 +9,7 @@ from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.reduction import Reduction, conserved, ignorable
 from lagsim.model.reader import read
-from lagsim.plan.making import by_loops
+from lagsim.plan.plan import by_loops
 from lagsim.run.observers import Keep
 from tests.scenes.contact.motions import contact, scene
 from tests.support import case_of, run

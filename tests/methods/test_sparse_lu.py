@@ -14,7 +14,7 @@ from lagsim.mechanics.newton_matrix import Entry, factored, newton
 from lagsim.methods.parts import newton as lu
 from lagsim.methods.parts.newton import SparseNewton, decompose_sparse
 from lagsim.model.reader import read
-from lagsim.plan.making import by_loops
+from lagsim.plan.plan import by_loops
 from tests.support import case_of, run
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.methods import taylor
-from lagsim.plan import making
+from lagsim.plan import plan
 from tests.small_scenes import NEARLY, angle, held_pendulum, pendulum, swing
 from tests.support import run
 
@@ -146,7 +146,7 @@ def test_a_long_series(model):
 
 
 def test_what_is_too_long_is_refused(monkeypatch):
-    monkeypatch.setattr(making, "MOST_OPERATIONS", 1000)
+    monkeypatch.setattr(plan, "MOST_OPERATIONS", 1000)
     with pytest.raises(InputError) as raised:
         run("andrews", method="taylor")
     [problem] = raised.value.problems

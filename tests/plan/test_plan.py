@@ -4,7 +4,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.plan.cost import step_parts
+from lagsim.plan.formulation import step_parts
 from tests.scenes.reference import model_text
 from tests.support import case_of
 

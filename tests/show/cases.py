@@ -22,7 +22,7 @@ from tests.sympy_oracle import reads
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.show.content import Content
+    from lagsim.show import Content
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # What sympy reads.

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim import show as shown
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.show import content as shown
 from lagsim.show import text
 from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content

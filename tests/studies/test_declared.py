@@ -12,7 +12,7 @@ import pytest
 from lagsim.notes import Event
 from lagsim.run.events.constraints import RankLosses
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.declared import UndeclaredError, decoded, encoded
+from lagsim.studies.restart import UndeclaredError, decoded, encoded
 
 CLASSES = (
     "lagsim.notes:Event",

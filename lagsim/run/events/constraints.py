@@ -25,7 +25,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.plan.making import by_loops, usual_lengths
+from lagsim.plan.plan import by_loops, usual_lengths
 from lagsim.program.system import System
 from lagsim.run.arc import shift
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source

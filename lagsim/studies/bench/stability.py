@@ -26,7 +26,7 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
-from lagsim.plan.making import method_refusal
+from lagsim.plan.plan import method_refusal
 from lagsim.program.system import System
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
