@@ -107,7 +107,7 @@ class Compiling:
         return max(0.0, first - min(self._link(curve) for _ in range(2)))
 
     def _link(self, curve):
-        from lagsim.studies.bench.solving import Own
+        from lagsim.studies.bench import Own
 
         began = time.perf_counter()
         Own(self.case, *curve)

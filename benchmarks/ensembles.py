@@ -126,7 +126,7 @@ def own_one_by_one(case, rtol):
     """Give lagsim's, a run after the other from one compile."""
     from lagsim.run.observers import Keep
     from lagsim.run.session import Session
-    from lagsim.studies.bench.solving import Own
+    from lagsim.studies.bench import Own
 
     own = Own(case, "auto", "auto", rtol)
 
@@ -144,8 +144,8 @@ def own_one_by_one(case, rtol):
 
 def own_ensemble(case, rtol):
     """Give lagsim's, as a sweep of ends makes them."""
-    from lagsim.run.ensemble import Ensemble, refusal
-    from lagsim.studies.bench.solving import Own
+    from lagsim.studies.bench import Own
+    from lagsim.studies.sweep.runs import Ensemble, refusal
 
     session = Own(case, "auto", "auto", rtol).session
     assert not refusal(session), refusal(session)

@@ -14,11 +14,10 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lagsim.codes import every
-from lagsim.codes.row import EXAMPLE, MODEL
+from lagsim.codes import EXAMPLE, MODEL, every
 
 if TYPE_CHECKING:
-    from lagsim.codes.row import Row
+    from lagsim.codes import Row
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs/errors.md"

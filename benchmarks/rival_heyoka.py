@@ -9,7 +9,7 @@ import heyoka as hy
 import numpy as np
 import textbook
 
-from lagsim.studies.bench.solving import Solved
+from lagsim.studies.bench import Solved
 
 # Ten times what any of the scenes takes; at loose tolerances some would never end.
 MOST_STEPS = 50_000

@@ -17,7 +17,7 @@ from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from lagsim.program.system import FUNCTION
-from lagsim.studies.bench.solving import Solved
+from lagsim.studies.bench import Solved
 
 FORMS = ("GGL", "index 1")
 # Multipliers are not controlled, as SUNDIALS recommends for index 2.

@@ -12,7 +12,7 @@ import numpy as np
 from by_textbook import Compiled
 from scipy.integrate import odeint, solve_ivp
 
-from lagsim.studies.bench.solving import LEAST_RTOL, Solved
+from lagsim.studies.bench import LEAST_RTOL, Solved
 
 
 class Scipy:

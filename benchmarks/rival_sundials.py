@@ -13,7 +13,7 @@ from importlib.metadata import distribution
 import numpy as np
 from by_textbook import Compiled
 
-from lagsim.studies.bench.solving import Solved
+from lagsim.studies.bench import Solved
 
 ADAMS, NORMAL = 1, 1
 MOST_STEPS = 200_000  # between two rows

@@ -119,7 +119,7 @@ class Scene:
 
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case
-        from lagsim.studies.bench.solving import Own, Patience, state_sizes
+        from lagsim.studies.bench import Own, Patience, state_sizes
 
         self.case, self.method, self.patience = case, method, Patience(60.0)
         model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
@@ -160,7 +160,7 @@ class Scene:
     def ours(self, rtol):
         """Give lagsim with a method, or its own choice where that refuses, ready."""
         from lagsim.errors import InputError
-        from lagsim.studies.bench.solving import Own
+        from lagsim.studies.bench import Own
 
         try:
             own = Own(self.scene, self.method, "auto", rtol)
@@ -310,7 +310,7 @@ def columns_seconds(scene):
 
 def document(results, others):
     """Give what was measured, on what and when: all that page and chart say."""
-    from lagsim.studies.bench.solving import machine, today
+    from lagsim.studies.bench import machine, today
     from lagsim.version import __version__
 
     packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae", "mujoco")

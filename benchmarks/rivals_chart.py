@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lagsim.outputs.figure import DIM, SMALL, Picture, content, in_house_style
+from lagsim.studies.bench import stamp
 from lagsim.studies.bench.chart import (
     ERROR,
     WORST,
@@ -13,7 +14,6 @@ from lagsim.studies.bench.chart import (
     look_of,
     seen,
 )
-from lagsim.studies.bench.solving import stamp
 
 # Inches: a panel with its scales, what is below all of them.
 HEIGHT, REST = 2.7, 0.2

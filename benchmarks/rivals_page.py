@@ -6,7 +6,7 @@ import math
 
 from measure import Table, cost_at
 
-from lagsim.studies.bench.solving import stamp
+from lagsim.studies.bench import stamp
 
 REPORTED = (1e-8, 1e-12)
 ENDS = (1e-9, 1e-11)

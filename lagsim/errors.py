@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from lagsim.codes.row import Row
+    from lagsim.codes import Row
 
 
 # A source line longer than this is shown around the fault only.

@@ -33,7 +33,7 @@ from lagsim.errors import LagsimError, Problem, Problems, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
-from lagsim.studies.bench.solving import SCIPY
+from lagsim.studies.bench import SCIPY
 from lagsim.studies.bench.work_precision import (
     BUDGET,
     COLUMNS,

@@ -13,7 +13,7 @@ from lagsim.codes import every, found
 from lagsim.errors import did_you_mean, unusable
 
 if TYPE_CHECKING:
-    from lagsim.codes.row import Row
+    from lagsim.codes import Row
 
 WIDTH = 88
 

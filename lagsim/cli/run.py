@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
+from lagsim.cli import is_watched
 from lagsim.cli._shared import (
     FORMAT,
     JOBS,
@@ -35,7 +36,6 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.codes import failure
 from lagsim.errors import Place, pointed, unusable

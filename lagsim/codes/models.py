@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import PAINLEVE, PLANE, Row
+from lagsim.codes import PAINLEVE, PLANE, Row
 
 # A mass that two coordinates hold by a rod.
 _ROD = f"{PLANE}constraints: {{rod: x^2 + y^2 = l^2}}\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import Row
+from lagsim.codes import Row
 
 _POINT = """\
 coordinates: {x: {unit: m}, y: {unit: m}}

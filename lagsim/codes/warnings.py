@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import MODEL, PAINLEVE, PLANE, warning
+from lagsim.codes import MODEL, PAINLEVE, PLANE, warning
 
 _RUN = ("lagsim run pendulum.yaml --no-plots",)
 _OSCILLATOR = "lagsim run models/failing/oscillator.yaml --no-plots "

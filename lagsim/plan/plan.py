@@ -16,8 +16,8 @@ from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
 from lagsim.language.tables import PIECES
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
+from lagsim.mechanics.linearisation import newton
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
-from lagsim.mechanics.newton_matrix import newton
 from lagsim.mechanics.reduction import augmented, with_lengths
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.mechanics.newton_matrix import Newton
+    from lagsim.mechanics.linearisation import Newton
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.methods import Structure

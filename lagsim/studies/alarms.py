@@ -597,7 +597,7 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     balance, makes a motion of its own, with nothing beside it to compare it with where
     all else rests. What moves farther has no part in it.
     """
-    from lagsim.run.held import could_push
+    from lagsim.run.error import could_push
 
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])

@@ -158,7 +158,7 @@ def compared(
     # All else moves by far more than its error, or than a part of what moves beside it.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
-        from lagsim.run.held import could_follow, could_push
+        from lagsim.run.error import could_follow, could_push
 
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
         held[:n] = could_push(equations, mine, which, step).reach

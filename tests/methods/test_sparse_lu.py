@@ -8,9 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 from lagsim.errors import InputError
-from lagsim.mechanics import newton_matrix as module
+from lagsim.mechanics import linearisation as module
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.newton_matrix import Entry, factored, newton
+from lagsim.mechanics.linearisation import Entry, factored, newton
 from lagsim.methods.parts import newton as lu
 from lagsim.methods.parts.newton import SparseNewton, decompose_sparse
 from lagsim.model.reader import read

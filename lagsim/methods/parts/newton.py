@@ -276,7 +276,7 @@ def solve_newton(
 
 
 # --- the same with a sparse matrix in a fixed order -----------------------------------
-# `mechanics/newton_matrix.py` says what is solved, C0 + g C1 + g^2 C2, and in which
+# `mechanics/linearisation.py` says what is solved, C0 + g C1 + g^2 C2, and in which
 # order, so that rows need no exchange where the matrix is far from singular, as it is
 # at small steps. A pivot that is nothing but the rounding of what it was left of is as
 # good as none: a shorter step has larger ones.
@@ -285,7 +285,7 @@ def solve_newton(
 
 
 class SparseNewton(Parameters):
-    """The pattern of a sparse Newton matrix; `mechanics/newton_matrix.py` writes it."""
+    """The pattern of a sparse Newton matrix; `mechanics/linearisation.py` writes it."""
 
     # Its rows, the entries of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
     unknowns: int

@@ -41,16 +41,6 @@ from lagsim.model.nodes import (
 from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import (
-    Faults,
-    belongs,
-    entries,
-    fields,
-    is_mapping,
-    shortened,
-)
-from lagsim.model.reader.quantities import is_unit
-from lagsim.model.reader.scene import check_sizes, read_scene
-from lagsim.model.reader.sections import (
     BODY,
     FRAME,
     OUTPUT_KEYS,
@@ -58,9 +48,17 @@ from lagsim.model.reader.sections import (
     SCENE,
     SECTIONS,
     SIMULATION,
+    Faults,
+    belongs,
+    entries,
+    fields,
     has_key,
+    is_mapping,
     schema,
+    shortened,
 )
+from lagsim.model.reader.quantities import is_unit
+from lagsim.model.reader.scene import check_sizes, read_scene
 from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:

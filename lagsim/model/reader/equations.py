@@ -30,14 +30,18 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import Kind, check_name
-from lagsim.model.reader.fields import Fields, entries, fields, kind_of, listed
-from lagsim.model.reader.sections import (
+from lagsim.model.reader.fields import (
     CONSTRAINT,
     CONTACT,
     ENERGY,
     EVENT,
     FRICTION,
     STATE,
+    Fields,
+    entries,
+    fields,
+    kind_of,
+    listed,
 )
 
 if TYPE_CHECKING:

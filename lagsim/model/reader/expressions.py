@@ -28,8 +28,7 @@ from lagsim.language.parser import (
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar, words
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.fields import entries, is_mapping, kind_of, shortened
-from lagsim.model.reader.sections import RESERVED
+from lagsim.model.reader.fields import RESERVED, entries, is_mapping, kind_of, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping

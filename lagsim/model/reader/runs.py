@@ -30,6 +30,11 @@ from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.equations import read_relation
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import (
+    AXES,
+    MOST_CURVES,
+    PLOT,
+    RESERVED,
+    SECTION,
     Fields,
     entries,
     fields,
@@ -38,7 +43,6 @@ from lagsim.model.reader.fields import (
     listed,
     named,
 )
-from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED, SECTION
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
 if TYPE_CHECKING:

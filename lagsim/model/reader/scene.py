@@ -19,9 +19,17 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import check_name
-from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
+from lagsim.model.reader.fields import (
+    LINK,
+    SHAPE,
+    Fields,
+    entries,
+    fields,
+    items,
+    kind_of,
+    listed,
+)
 from lagsim.model.reader.fields import named as texts_among
-from lagsim.model.reader.sections import LINK, SHAPE
 
 if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions

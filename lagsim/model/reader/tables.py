@@ -15,8 +15,7 @@ from lagsim.model.loading import STDIN, TEXT
 from lagsim.model.model import Table
 from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
 from lagsim.model.reader.expressions import Kind
-from lagsim.model.reader.fields import LISTED, fields, items, kind_of, listed
-from lagsim.model.reader.sections import TABLE
+from lagsim.model.reader.fields import LISTED, TABLE, fields, items, kind_of, listed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -29,8 +29,16 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.expressions import OF_DEFINITIONS, Kind, Resolved, Value
-from lagsim.model.reader.fields import belongs, entries, fields, is_mapping, kind_of
-from lagsim.model.reader.sections import COORDINATE, START, VALUE
+from lagsim.model.reader.fields import (
+    COORDINATE,
+    START,
+    VALUE,
+    belongs,
+    entries,
+    fields,
+    is_mapping,
+    kind_of,
+)
 from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:

@@ -1,1 +1,362 @@
 """Methods compared on a model: work-precision and stability on a given step."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import math
+import os
+import platform
+import time
+import warnings
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from lagsim.errors import InputError
+from lagsim.methods import method as method_named
+from lagsim.program.system import FUNCTION
+from lagsim.run.observers import Keep
+from lagsim.studies.comparison import on_grid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.notes import Event
+    from lagsim.run.session import Case
+
+
+# Solves are repeated while they last together less than this, but not more often than
+# that: a millisecond is measured well by the least of twenty, a second by itself.
+REPEATING_SECONDS = 0.2
+MOST_REPEATS = 20
+
+FORMULATIONS = ("auto", "full", "ignorable")
+# Rows that leave the constraints: no answer that `auto` might give.
+DRIFT = "drift"
+OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
+
+
+class GivenUpError(Exception):
+    """A solve takes longer than it may."""
+
+
+class Patience:
+    """The time limits of solves.
+
+    Attributes
+    ----------
+    seconds : float
+        For one solve.
+    until : float
+        Of the clock `time.perf_counter`: no solve lasts longer.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.until = seconds, math.inf
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a solve."""
+        self._end = min(time.perf_counter() + self.seconds, self.until)
+
+    @property
+    def over(self) -> bool:
+        """True where there is no time left for any solve."""
+        return time.perf_counter() > self.until
+
+    def check(self, _fraction: float = 0.0) -> None:
+        """Raise GivenUpError where patience has run out."""
+        if time.perf_counter() > self._end:
+            raise GivenUpError
+
+
+class Solved(NamedTuple):
+    """The result of one solve; `rows` (k, columns) is None where there is no answer.
+
+    The rows are those of the output times, and the last; `outcome` is that of a run;
+    `reason` says more.
+    """
+
+    rows: Floats | None
+    seconds: float
+    evaluations: int
+    outcome: str
+    reason: str = ""
+    events: Sequence[Event] = ()
+
+
+def asking(
+    case: Case,
+    method: str = "auto",
+    formulation: str = "auto",
+    rtol: float | None = None,
+) -> Case:
+    """Give the case as if the file asked for this, and for nothing else."""
+    return case.asking(
+        method=method, formulation=formulation, rtol=rtol, atol=None, step=None
+    )
+
+
+class Own:
+    """Solver: a method of lagsim in a formulation.
+
+    Attributes
+    ----------
+    setting : str
+        `rtol` or `step`: a value of it is what a solve takes.
+    compile_seconds : float
+        What making it ready took.
+    names : tuple of str
+        The columns of the rows.
+
+    Raises
+    ------
+    InputError
+        Where the method or the formulation cannot handle the model.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        method: str,
+        formulation: str = "auto",
+        rtol: float | None = None,
+    ) -> None:
+        began = time.perf_counter()
+        self.session = asking(case, method, formulation, rtol).ready()
+        self.compile_seconds = time.perf_counter() - began
+        self.case, self.plan = self.session.case, self.session.plan
+        self.system = self.session.system
+        self.method, self.formulation = self.plan.method, self.plan.formulation
+        adaptive = bool(method_named(self.method).ADAPTIVE)
+        self.setting = "rtol" if adaptive else "step"
+        self.names = self.system.columns.names
+
+    def solve(self, value: float, patience: Patience) -> Solved:
+        """Solve once with the tolerance, or the step, `value`.
+
+        Raises
+        ------
+        GivenUpError
+        """
+        rtol, step = (value, None) if self.setting == "rtol" else (None, value)
+        plan = replace(self.plan, rtol=rtol, atol=None, step=step)
+        kept = Keep()
+        patience.begin()
+        began = time.perf_counter()
+        trajectory = self.session.by(plan).run([kept], progress=patience.check)
+        seconds = time.perf_counter() - began
+        rows, reason = None, trajectory.reason
+        if trajectory.outcome.complete:
+            found = on_grid(kept.table, self.case.settings)
+            if np.all(np.isfinite(found)):
+                rows, reason = found, ""
+        evaluations = trajectory.statistics.evaluations
+        outcome, events = trajectory.outcome.word, trajectory.events
+        return Solved(rows, seconds, evaluations, outcome, reason, events)
+
+
+def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
+    """Give a solver for each formulation that a method can take.
+
+    And by formulation why another cannot be had.
+    """
+    found: dict[str, Own] = {}
+    refused: dict[str, str] = {}
+    constrained = bool(case.equations.rows)
+    for formulation in (*FORMULATIONS, *(OF_CONSTRAINTS if constrained else ())):
+        try:
+            plan = asking(case, method, formulation).plan()
+            if plan.formulation not in found:
+                found[plan.formulation] = Own(case, method, formulation)
+        except InputError as fault:
+            prefix = f"`{method}` cannot handle this model: "
+            refused[formulation] = fault.problems[0].text.removeprefix(prefix)
+    return list(found.values()), refused
+
+
+def least(solve: Callable[[], Solved]) -> Solved:
+    """Solve again and again; give the solve that took the least time."""
+    best = solve()
+    spent = best.seconds
+    with contextlib.suppress(GivenUpError):
+        for _ in range(1, MOST_REPEATS):
+            if best.rows is None or spent + best.seconds >= REPEATING_SECONDS:
+                break
+            again = solve()
+            spent += again.seconds
+            best = min(best, again, key=lambda solved: solved.seconds)
+    return best
+
+
+PREFIX = "scipy:"
+SCIPY = tuple(PREFIX + name for name in ("DOP853", "RK45", "Radau", "LSODA", "BDF"))
+
+# scipy refuses what is tighter than a hundred roundings.
+LEAST_RTOL = 3e-14
+# The clock is looked at every so many evaluations.
+LOOK = 64
+
+
+def index_one(case: Case) -> Own:
+    """Give what has the right-hand side with lambda solved away, and nothing else."""
+    return Own(case, "dop853", DRIFT if case.equations.rows else "full")
+
+
+def state_sizes(own: Own, rows: Floats) -> Floats:
+    """Give the largest size of each component of y in rows, none of them 0."""
+    columns = [own.names.index(name) for name in own.system.state]
+    sizes = np.max(np.abs(rows[:, columns]), axis=0)
+    return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
+
+
+def scipy_refusal(own: Own) -> str:
+    """Give the reason why scipy's solvers cannot handle a model; "" if they can."""
+    switches = own.system.switches
+    if switches.modes or switches.state:
+        return "they would step over the model's switches"
+    if own.case.equations.laws:
+        return "they do not handle constraints that come and go"
+    model = own.case.model
+    if model.until:
+        return "the end of the run is an event"
+    if model.events:
+        return "they do not set modes at events"
+    return ""
+
+
+class Scipy:
+    """Solver of scipy.
+
+    Parameters
+    ----------
+    own
+        Gives the right-hand side, and makes columns of states.
+    rows : (k, columns)
+        Of the motion as it is known: their times are solved for, and atol is rtol times
+        the sizes of the components of y, as in lagsim.
+    """
+
+    setting = "rtol"
+    compile_seconds = 0.0
+
+    def __init__(self, own: Own, method: str, rows: Floats) -> None:
+        self.own, self.method, self.names = own, method, own.names
+        self.times, self.sizes = rows[:, 0], state_sizes(own, rows)
+        self.formulation = DRIFT if own.system.m else "none"
+
+    def _derivative(
+        self, look: Callable[[], None]
+    ) -> Callable[[float, Floats], Floats]:
+        """Give the compiled right-hand side y'(t, y), which calls `look` at times."""
+        system, size = self.own.system, self.own.system.size
+        runner = system.link(self.own.method)
+        runner.prepare()
+        call = runner.engine.function("derivative", *FUNCTION)
+        state, rates = np.zeros(size), np.zeros(size + 2)
+        pointers = [
+            ctypes.c_void_p(array.ctypes.data)
+            for array in (state, system.p.flat, rates)
+        ]
+        self.evaluations = 0
+
+        def derivative(t: float, y: Floats) -> Floats:
+            self.evaluations += 1
+            if self.evaluations % LOOK == 0:
+                look()
+            state[:] = y
+            call(t, *pointers)
+            return rates[:size].copy()
+
+        return derivative
+
+    def solve(self, value: float, patience: Patience) -> Solved:
+        """Solve once with the tolerance `value`."""
+        from scipy.integrate import solve_ivp
+
+        y = self.own.system.begin(self.own.case.start)
+        f = self._derivative(patience.check)
+        rows, reason = None, ""
+        patience.begin()
+        # What becomes of values that are not finite is reported by the outcome.
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            began = time.perf_counter()
+            try:
+                result: Any = solve_ivp(  # type: ignore[call-overload,unused-ignore]
+                    f,
+                    (self.times[0], self.times[-1]),
+                    y,
+                    self.method.removeprefix(PREFIX),
+                    t_eval=self.times,
+                    rtol=max(value, LEAST_RTOL),
+                    atol=value * self.sizes,
+                )
+                reason = result.message
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as fault:
+                result, reason = None, str(fault)
+            seconds = time.perf_counter() - began
+        if result is not None and result.status == 0:
+            states = np.column_stack([result.t, result.y.T])
+            rows, reason = self.own.system.link(self.own.method).tabulate(states), ""
+        outcome = "failed" if rows is None else "done"
+        return Solved(rows, seconds, self.evaluations, outcome, reason)
+
+
+Solver: TypeAlias = Own | Scipy
+
+
+# Machine, versions and date, on which the numbers of a bench depend.
+
+# What times depend on.
+PACKAGES = ("python", "numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
+# Besides what measures, something else was running.
+BUSY = 1.5
+
+
+def machine() -> dict[str, Any]:
+    """Give the processor, the system, and how busy they are."""
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "load": load,
+    }
+
+
+def today() -> str:
+    """Give the date."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def stamp(document: Mapping[str, Any]) -> str:
+    """Say in words when, where and with what a document's numbers were found.
+
+    Where and when are left out where they do not matter.
+    """
+    known = document["versions"]
+    packages = [f"{name} {known[name]}" for name in PACKAGES if name in known]
+    with_ = ", ".join([f"lagsim {document['lagsim']}", *packages])
+    if "machine" not in document:
+        return f"Found with {with_}"
+    found = document["machine"]
+    threads = f"one of {found['cores']} threads"
+    where = f"{found['processor']}, {threads}, {found['system']}"
+    load = found["load"] or 0.0
+    where += f", busy (load {load:.1f})" if load > BUSY else ""
+    return f"Measured {document['date']} on {where}; {with_}"
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    named = {k.strip(): v.strip() for k, _, v in (x.partition(":") for x in lines)}
+    return named.get("model name") or platform.machine()

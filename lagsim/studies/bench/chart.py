@@ -43,7 +43,7 @@ from lagsim.outputs.figure import (
     point,
 )
 from lagsim.outputs.scale import Scale, log_scale
-from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY, stamp
+from lagsim.studies.bench import DRIFT, PREFIX, SCIPY, stamp
 from lagsim.studies.bench.stability import (
     BREAKS,
     DECAYS,

@@ -34,7 +34,7 @@ from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.session import Case, Session
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
-from lagsim.studies.bench.solving import asking
+from lagsim.studies.bench import asking
 from lagsim.studies.step_bounds import predicted
 from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
 

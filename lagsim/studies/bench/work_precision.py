@@ -29,7 +29,7 @@ from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
-from lagsim.studies.bench.solving import (
+from lagsim.studies.bench import (
     DRIFT,
     LEAST_RTOL,
     PREFIX,

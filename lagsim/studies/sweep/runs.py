@@ -11,7 +11,7 @@ Where the ends of runs are all that is asked for, many are made at a time: start
 values of a whole batch are looked at together, the runs are calls of the kernel in one
 memory. What is not plain in any of this is made as a run by itself, which gives the
 same numbers: a start that needs a closer look, a run that comes to anything but its
-end, energy that is not kept, a model that `run.ensemble` refuses.
+end, energy that is not kept, a model that `refusal` refuses.
 """
 
 from __future__ import annotations
@@ -33,14 +33,16 @@ from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.mechanics.sliders import equations_of_motion
+from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import Columns
-from lagsim.program.localized import names_in_exponents
-from lagsim.run.ensemble import Ends, Ensemble, refusal
+from lagsim.program.localized import is_localized_in_time, names_in_exponents
+from lagsim.run.arc import LONG
+from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.trajectory import Outcome
@@ -58,6 +60,10 @@ if TYPE_CHECKING:
     # Parameters, each (runs,); positions, then velocities (runs, 2 n); what is swept
     # (runs, axes).
     Values = tuple[dict[str, Floats], Floats, Floats]
+
+    from lagsim.language.arrays import Floats
+    from lagsim.run.session import Session
+
 
 # More runs than this are refused.
 MOST_RUNS = 10**6
@@ -668,3 +674,90 @@ class Batch:
         play = np.maximum.reduce([size, *map(np.abs, moved.values())])
         kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
         return kept
+
+
+# --- The ends of many runs of one session, with other parameters and other starts
+#
+# A loop over calls of the kernel in the memory of one run: no observers, no rows but
+# those of the start and of the end. Each run has the bits that it has alone.
+
+
+class Ends(NamedTuple):
+    """Results of several runs.
+
+    Attributes
+    ----------
+    codes : ndarray, shape (runs,)
+        What the kernel gave, see `methods.parts.state`: DONE, or one that asks for more
+        than it can do, so that the run has to be made alone.
+    begun, ended : ndarray, shape (runs, columns)
+        The row of the start, and the last one.
+    """
+
+    codes: Floats
+    begun: Floats
+    ended: Floats
+
+
+def refusal(session: Session) -> str:
+    """Say why a run takes more than calls of the kernel, or return ""."""
+    plan, system = session.plan, session.system
+    if plan.parts:
+        return "subsystems are integrated apart"
+    if system.m or system.watched:
+        return "constraints and switches are located in each run separately"
+    if plan.reduction.ignored or plan.reduction.eliminated:
+        return "the equations are reduced by what is conserved in each run"
+    if system.model.until is not None:
+        return "`until` is located in each run separately"
+    if system.model.events:
+        return "events act in each run separately"
+    if plan.switches.modes or is_localized_in_time(system.equations):
+        return "events at given times are located in each run separately"
+    return ""
+
+
+class Ensemble:
+    """Makes runs of a session in one memory; `refusal` is to be asked first."""
+
+    def __init__(self, session: Session) -> None:
+        self._system = session.system.bound(session.system.model, session.plan)
+        run = Run(session._replace(system=self._system).first_arc(), [])
+        run.begin()
+        self._arc = run.arc
+        self._start = run.arc.state.copy()
+
+    def ends(
+        self,
+        parameters: Mapping[str, Floats],
+        starts: Floats,
+        interrupt: Interrupt | None = None,
+    ) -> Ends | None:
+        """Make runs; None where an end was asked for.
+
+        Parameters
+        ----------
+        parameters
+            Values (runs,) of those that are not the session's own.
+        starts : (runs, 2 n + l)
+            Positions, velocities, first-order states.
+        """
+        arc, p = self._arc, self._system.p
+        places = [self._system.place(name) for name in parameters]
+        values = np.array(list(parameters.values())).T
+        codes = np.empty(len(starts))
+        rows = np.empty((len(starts), 2, self._system.rows_observed))
+        for k, start in enumerate(starts):
+            arc.state.flat[:] = self._start.flat
+            arc.y[: len(start)] = start
+            if places:
+                p.flat[places] = values[k]
+            arc.runner.prepare()
+            first = arc.row()
+            codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            while code == BLOCK_FULL:
+                codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            rows[k] = arc.runner.tabulate(np.concatenate([first, arc.row()]))
+            if interrupt is not None and interrupt.asked:
+                return None
+        return Ends(codes, rows[:, 0], rows[:, 1])

@@ -9,7 +9,7 @@ from benchmarks.textbook import OF, Numbers
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
-from lagsim.studies.bench.solving import stamp
+from lagsim.studies.bench import stamp
 from tests.outputs.drawn import assert_legible, drawn
 from tests.support import MODELS
 

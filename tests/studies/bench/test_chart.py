@@ -11,6 +11,7 @@ from lagsim import methods
 from lagsim.methods import names
 from lagsim.model.reader import read
 from lagsim.run.session import open_case
+from lagsim.studies.bench import SCIPY, stamp
 from lagsim.studies.bench.chart import (
     MOST,
     VERDICT_COLOURS,
@@ -20,7 +21,6 @@ from lagsim.studies.bench.chart import (
     stability,
     work_precision,
 )
-from lagsim.studies.bench.solving import SCIPY, stamp
 from lagsim.studies.bench.stability import VERDICTS, Wish, measure
 from tests.outputs.drawn import assert_legible, drawn
 

@@ -15,7 +15,7 @@ from lagsim.model.reader import read, read_file
 from lagsim.notes import Event
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.solving import Own, Patience
+from lagsim.studies.bench import Own, Patience
 from lagsim.studies.bench.work_precision import (
     OF_REFERENCE,
     Reference,
