@@ -354,7 +354,7 @@ def first_arc(
     state.fixed_step = plan.step or 0.0
     state.longest = longest_step
     state.ask_at = AT_BOUND
-    state.sigma = state.previous_sigma = 1.0
+    state.sigma = 1.0
     _set_watch(state, plan)
     state.equation[:] = [x.equality for x in equations.model.located]
     state.y[:] = y

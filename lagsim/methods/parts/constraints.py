@@ -34,7 +34,6 @@ class Rank(Control):
     """The rank of the constraint Jacobian, and the residual a projection began with."""
 
     sigma: float  # about the smallest singular value of the scaled Jacobian
-    previous_sigma: float  # before the last step
     sigma_slope: float  # the steepest change of it so far
     close_below: float  # sigma below this is close to a loss of rank
     degenerate_below: float  # at sigma below this the kernel returns; 0: never
@@ -219,7 +218,6 @@ def record_sigma(s: Rank, sigma: float, h: float) -> None:
     s.watched = 0.0
     if s.sigma + sigma <= MARGIN * s.sigma_slope * h:
         s.watched = 1.0
-    s.previous_sigma = s.sigma
     s.sigma = sigma
 
 
@@ -228,11 +226,9 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 
     Sigma at both ends of one may be the same while it vanishes in between.
     """
-    first = s.sigma
     record_sigma(s, sigma_at(s, p, 0.5), 0.5 * h)
     watched = s.watched
     record_sigma(s, sigma, 0.5 * h)
-    s.previous_sigma = first
     s.watched = max(s.watched, watched)
 
 
@@ -318,8 +314,10 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
         return float(s.planned)
-    s.sigma = s.previous_sigma = sigma = sigma_ahead(s, p, 0.0)
+    s.sigma = sigma = sigma_ahead(s, p, 0.0)
     s.falling = (sigma - sigma_ahead(s, p, GLANCE * h)) / (GLANCE * h)
+    # Equations that are solved otherwise now have another sigma.
+    s.sigma_slope = max(s.sigma_slope, abs(s.falling))
     while sigma < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h
         sigma = sigma_ahead(s, p, h)

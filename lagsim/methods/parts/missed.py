@@ -64,7 +64,7 @@ class Table(Rank):
     """Rows, functions that a step is searched for, at its points; sizes before it.
 
     Event functions of surfaces and laws, then those of conditions, then signals, the
-    arguments of localized terms.
+    arguments of localized terms; the last is the smallest singular value.
     """
 
     surfaces: int  # that switches are located on, and laws whose modes end
@@ -80,10 +80,10 @@ class Table(Rank):
     farthest: Floats = array("signals")
     # Rows at a point; their values, then slopes, at the start of a stretch, within it,
     # and at its end.
-    values: Floats = array(lambda s: s.surfaces + s.conditions + s.signals)
-    starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
-    middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
-    ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals))
+    values: Floats = array(lambda s: s.surfaces + s.conditions + s.signals + 1)
+    starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
+    middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
+    ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
@@ -97,7 +97,7 @@ def events(s: Table) -> int:
 
 def rows(s: Table) -> int:
     """Count of all rows."""
-    return s.surfaces + s.conditions + s.signals
+    return s.surfaces + s.conditions + s.signals + 1
 
 
 def check_features(
@@ -118,7 +118,7 @@ def check_features(
     x = BETWEEN
     sample_roughly(s, p, h, old, old_rates, new, new_rates, x, -BESIDE, s.middles)
     s.feature_possible = 0.0
-    for k in range(events(s), rows(s)):
+    for k in range(events(s), events(s) + s.signals):
         if may_approach(s, k, 1.0):
             s.feature_possible = 1.0
 

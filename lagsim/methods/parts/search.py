@@ -9,7 +9,8 @@ dense output:
     SIGNAL   the argument of a localized term, whose distance tells how far it is from
              where that acts. The step is rejected where the term acts and the dense
              output does not show it
-    RANK     the smallest singular value of the constraint rows. A loss is noted
+    RANK     the smallest singular value of the constraint rows, where it may vanish. A
+             loss is noted
 
 Values and slopes of rows are taken at several points, and once more between each two:
 where a row there does not follow from values and slopes at both, the points come closer
@@ -27,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
-from lagsim.methods.parts.constraints import FALLS, sigma_at
+from lagsim.methods.parts.constraints import sigma_at
 from lagsim.methods.parts.missed import (
     APPROACH,
     BESIDE,
@@ -104,7 +105,8 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
 
     EVENT: end the step where the first of them ends, or where that takes too many
     points. SIGNAL: look for what the dense output misses; a step that cannot be
-    searched by MOST_SIGNALS counts too. Return the fraction where that is, or 0.
+    searched by MOST_SIGNALS counts too. RANK: look for a loss. Return the fraction
+    where that is, or 0.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
@@ -118,12 +120,14 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
         sample(kind, s, p, half, -BESIDE * width, s.middles)
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
-        narrower = unknown_up_to(kind, s, p, low, x)
+        narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p, low, x)
         if points >= most and kind == EVENT and low == 0.0:
             narrower = 0.0  # the step leads on, in any case
         if narrower == 0.0:
             if kind == SIGNAL:
                 found = missed_within(s, p, low, x)
+            elif kind == RANK:
+                found = lost_within(s, p, low, x)
             else:
                 found = end_within(s, p, low, half, first, s.middles)
                 if found == 0.0:
@@ -147,9 +151,12 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
 def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
     """Leave the rows at the fraction x of the last step in s.values.
 
-    Those of signals alone, where features are looked for.
+    Those of the kind; signals always but where that is rank.
     """
     z, now = s.point, s.values
+    if kind == RANK:
+        now[rows(s) - 1] = sigma_at(s, p, x)
+        return
     t = s.step_t + x * s.step_h
     interpolate(s, p, x, z)
     if LOCALIZED:
@@ -196,7 +203,7 @@ def unknown_up_to(
             if not event_is_known(s, p, k, width):
                 return 0.5 * width
     if LOCALIZED:
-        for k in range(events(s), rows(s)):
+        for k in range(events(s), events(s) + s.signals):
             if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
                 continue
             if divisible and not missed.signal_is_known(s, k, width):
@@ -238,8 +245,6 @@ def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
 
 def value_at(kind: Static, s: Events, p: Parameters, k: int, x: float) -> float:
     """Value of row k of a kind at the fraction x of the last step, or its distance."""
-    if kind == RANK:
-        return sigma_at(s, p, x)
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
         return missed.away(s, k, s.values)
@@ -553,7 +558,7 @@ def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
     Keeps how far each has been since.
     """
     half = BETWEEN * (high - low)
-    for k in range(events(s), rows(s)):
+    for k in range(events(s), events(s) + s.signals):
         own = k - events(s)
         least = min(
             missed.closest(s, k, s.starts, s.middles, half),
@@ -598,37 +603,31 @@ def missed_about(s: Events, p: Parameters, k: int, x: float) -> float:
 
 # --- losses of rank -------------------------------------------------------------------
 
-# A loss of rank is looked for where sigma is least at one of these parts of a step, or
-# between its ends where it falls over this first part and rises over the last; it is
-# located to 1e-9.
-PARTS = 8
-NUDGE = 1e-3
+# A loss of rank is located to 1e-9 of a stretch.
 NARROWER = 44
 
 
 def loses_rank(s: Events, p: Parameters) -> bool:
-    """Whether rank is lost within the last step, where it is to be searched for that.
+    """Whether rank is lost within the last step; the state there is left as s.work."""
+    return s.watched > 0.0 and search(RANK, s, p, 0.0) > 0.0
 
-    The state where it is found is left in the working memory. Sigma jumps a little
-    where rows change their order: it has no slopes, and close to an end that hides
-    whether it falls.
+
+def lost_within(s: Events, p: Parameters, low: float, x: float) -> float:
+    """Fraction of the step at which rank is lost between two points, or 0.
+
+    Sigma has a kink there, and jumps a little where rows change their order: a slope
+    tells no more than whether it falls.
     """
-    if s.watched == 0.0:
-        return False
-    lowest = FALLS * min(s.previous_sigma, s.sigma)
-    low, high = 0.0, 1.0
-    for k in range(1, PARTS):
-        sigma = sigma_at(s, p, k / PARTS)
-        if sigma < lowest:
-            lowest = sigma
-            low, high = (k - 1) / PARTS, (k + 1) / PARTS
-    if high - low == 1.0 and not (
-        sigma_at(s, p, NUDGE) < s.previous_sigma
-        and sigma_at(s, p, 1.0 - NUDGE) < s.sigma
-    ):
-        return False
-    low = least_of(RANK, NARROWER, s, p, 0, low, high)
-    if sigma_at(s, p, low) < s.lost_below:
-        s.lost_at = s.step_t + low * s.step_h
-        return True
-    return False
+    k = rows(s) - 1
+    slopes = rows(s) + k
+    falls = s.starts[slopes] < 0.0 or s.middles[k] < s.starts[k]
+    rises = s.ends[slopes] > 0.0 or s.middles[k] < s.ends[k]
+    if not falls or not rises:
+        return 0.0
+    # The slope at the start is that just before.
+    low = max(low - BESIDE * (x - low), 0.0)
+    x = least_of(RANK, NARROWER, s, p, k, low, x)
+    if value_at(RANK, s, p, k, x) >= s.lost_below:
+        return 0.0
+    s.lost_at = s.step_t + x * s.step_h
+    return x
