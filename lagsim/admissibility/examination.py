@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility import advice
 from lagsim.admissibility.newton import (
     Found,
     Relations,
@@ -31,11 +30,14 @@ from lagsim.admissibility.point import (
 )
 from lagsim.admissibility.rank import LEVELS, RankReport, analyse
 from lagsim.admissibility.refusal import (
+    about_ranks,
+    beyond_state,
     gimbal_lock,
     needs_constraints,
     out_of_scale,
     refuse_infinite,
     refuse_negative,
+    rough_starts,
 )
 from lagsim.admissibility.verdict import (
     Verdict,
@@ -284,7 +286,7 @@ class _Examiner:
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
             refuse_negative(point, {x.name for x in laws if x.active})
-            warnings += advice.rough_starts(e, verdicts, starts)
+            warnings += rough_starts(e, verdicts, starts)
             judged = self._exact(point, laws)
         else:
             try:
@@ -296,8 +298,8 @@ class _Examiner:
         augmented = needs_constraints(always)
         thin = judged.ranks.thin.names if judged.ranks.thin else ()
         sound = not judged.contradictions and not thin
-        warnings += advice.beyond_state(e)
-        warnings += advice.about_ranks(e, judged.ranks, thin, sound=sound)
+        warnings += beyond_state(e)
+        warnings += about_ranks(e, judged.ranks, thin, sound=sound)
         reach: Reach | None = None
         dependent = {d.name for d in judged.ranks.dependences}
         verdicts = [x._replace(redundant=x.name in dependent) for x in verdicts]

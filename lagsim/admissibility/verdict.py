@@ -31,11 +31,11 @@ from lagsim.admissibility.rank import analyse
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
+from lagsim.language.sparse import joined
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind, constraint_row
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
-from lagsim.mechanics.sliders import at_limit
-from lagsim.mechanics.structure import joined
+from lagsim.mechanics.reduction import at_limit
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lagsim.api.arguments import in_python, number_or_text, numbers, uncollected
+from lagsim.api import in_python, number_or_text, numbers, uncollected
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
@@ -348,8 +348,8 @@ class Derivation:
     @cached_property
     def json(self) -> dict[str, Any]:
         """The expressions, by name."""
-        from lagsim.show.as_json import as_json
         from lagsim.show.lagrange import content
+        from lagsim.show.printers import as_json
 
         return as_json(content(self._equations, **self._options))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
-from lagsim.api.arguments import given, in_python, numbers, one_of, with_settings
+from lagsim.api import given, in_python, numbers, one_of, with_settings
 from lagsim.api.models import Model, model_of
 from lagsim.errors import LagsimError
 from lagsim.outputs import Format, Made
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from lagsim.api.arguments import Options
+    from lagsim.api import Options
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution, Event
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
-from lagsim.api.arguments import given, in_python, lists, one_of, with_settings
+from lagsim.api import given, in_python, lists, one_of, with_settings
 from lagsim.api.models import Model, model_of
 from lagsim.api.simulating import data_frame
 from lagsim.outputs.manifest import encode
@@ -15,9 +15,16 @@ from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.points import drawn, of_file
 from lagsim.studies.sweep.runs import Found, grid_of
-from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
+from lagsim.studies.sweep.sweeping import (
+    MANIFEST,
+    cells,
+    document,
+    header,
+    made_of,
+    of_file,
+    sampled,
+)
 from lagsim.studies.sweep.sweeping import sweep as make
 from lagsim.studies.workers import cores
 
@@ -27,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.api.arguments import Options
+    from lagsim.api import Options
 
 
 class Sweep:
@@ -201,7 +208,7 @@ def sweep(
         if not (type(seed) is int and 0 <= seed < 2**64):
             raise ValueError(f"seed={seed!r:.60}: 0 to 2^64 - 1 is expected")
         if sample is not None and N is not None:
-            grid = drawn(read, sample.items(), N, seed)
+            grid = sampled(read, sample.items(), N, seed)
         elif isinstance(points, (str, Path)):
             grid = of_file(read, Path(points))
         else:

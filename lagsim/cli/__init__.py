@@ -42,9 +42,9 @@ COMMANDS = (
 
 def main() -> int:
     """Run the command line; return the exit code."""
-    from lagsim.cli import _streams
+    from lagsim.cli import _shared
 
-    _streams.prepare()
+    _shared.prepare()
     try:
         with raised():
             return _guarded(_application)
@@ -117,7 +117,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
     """Make and call the application; anything unforeseen is a bug, exit 70."""
     import typer
 
-    from lagsim.cli import _streams
+    from lagsim.cli import _shared
 
     try:
         words = [word for word in sys.argv[1:] if word != "--traceback"]
@@ -125,7 +125,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
             if "\n" in word or "\r" in word:
                 raise typer.BadParameter(f"{word!r} has a line break")  # noqa: TRY301
         code = application()(words, prog_name="lagsim", standalone_mode=False)
-        _streams.put(lambda: None)
+        _shared.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
     except SystemExit as done:  # a shell has asked how a line goes on
@@ -137,7 +137,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            return _streams.full(error)  # help, on a disk without room for it
+            return _shared.full(error)  # help, on a disk without room for it
         from lagsim.cli._faults import unforeseen
 
         return unforeseen()
@@ -146,13 +146,13 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
 
 def _usage(error: Any) -> int:
     """Report what is wrong with the command line."""
-    from lagsim.cli import _streams
+    from lagsim.cli import _shared
     from lagsim.cli._faults import errors_document
     from lagsim.cli._shared import show_json
 
     if type(error).__name__ == "NoArgsIsHelpError":
         # Nothing is wrong: the page that it shows has no number.
-        _streams.complain(error.format_message())
+        _shared.complain(error.format_message())
         return 2
     if getattr(error, "possibilities", None) and hasattr(error, "option_name"):
         _suggest(error)
@@ -164,7 +164,7 @@ def _usage(error: Any) -> int:
         with contextlib.redirect_stderr(io.StringIO()) as shown:
             error.show()
         text = shown.getvalue().rstrip("\n")
-        _streams.complain(f"{text} [{problem.number}]")
+        _shared.complain(f"{text} [{problem.number}]")
     return 2
 
 

@@ -12,8 +12,7 @@ import time
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
-from lagsim.cli._shared import show_json
-from lagsim.cli._streams import annotate_problem, complain, width_of
+from lagsim.cli._shared import annotate_problem, complain, show_json, width_of
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem, unusable
 from lagsim.run.session import StartError
 from lagsim.version import __version__

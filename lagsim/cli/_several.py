@@ -10,8 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.cli._faults import BUG, errors_document, reported, unforeseen
-from lagsim.cli._shared import aligned, assignments, coloured, progress_bar, show_json
-from lagsim.cli._streams import complain, say
+from lagsim.cli._shared import (
+    aligned,
+    assignments,
+    coloured,
+    complain,
+    progress_bar,
+    say,
+    show_json,
+)
 from lagsim.errors import LagsimError, Problem, unusable
 from lagsim.model.loading import text_of
 from lagsim.model.reader import read

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE, Verdict
-from lagsim.cli._shared import coloured, counted, table
-from lagsim.cli._streams import ERROR, WARNING, annotate
+from lagsim.cli._shared import ERROR, WARNING, annotate, coloured, counted, table
 from lagsim.codes import number
 from lagsim.errors import pointed
 from lagsim.language.names import in_file

@@ -11,12 +11,13 @@ from lagsim.cli._shared import (
     SETS,
     STRICT,
     assignments,
+    complain,
     flag,
     quiet,
     refused,
+    say,
     show_json,
 )
-from lagsim.cli._streams import complain, say
 from lagsim.cli._verdict import annotate_start, report
 from lagsim.errors import LagsimError
 from lagsim.model.reader import read_file

@@ -17,9 +17,9 @@ from lagsim.cli._shared import (
     option,
     put_picture,
     quiet,
+    say,
     show_json,
 )
-from lagsim.cli._streams import say
 from lagsim.codes import failure, number
 from lagsim.errors import Problems
 from lagsim.studies.comparison import Deviation, Verdict, compare

@@ -9,8 +9,16 @@ from pathlib import Path
 import typer
 
 from lagsim.api.models import derive
-from lagsim.cli._shared import MODEL, SETS, assignments, flag, option, put_file
-from lagsim.cli._streams import harmless, put
+from lagsim.cli._shared import (
+    MODEL,
+    SETS,
+    assignments,
+    flag,
+    harmless,
+    option,
+    put,
+    put_file,
+)
 from lagsim.errors import Problem, Problems, visible
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, show_json, table
-from lagsim.cli._streams import say
+from lagsim.cli._shared import JSON, say, show_json, table
 from lagsim.codes import every, found
 from lagsim.errors import did_you_mean, unusable
 

@@ -11,18 +11,22 @@ import typer
 
 from lagsim.cli._faults import plain, reported
 from lagsim.cli._shared import (
+    ERROR,
     JSON,
+    UnwritableError,
+    annotate,
     coloured,
+    complain,
     counted,
     flag,
     option,
     put_file,
     put_picture,
     quiet,
+    say,
     show_json,
     writing,
 )
-from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli.compare import DIFFERS, differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
 from lagsim.errors import LagsimError, Problems

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, show_json
-from lagsim.cli._streams import say
+from lagsim.cli._shared import JSON, say, show_json
 from lagsim.errors import InputError
 from lagsim.methods import WIDTH, method, method_problems, names, page
 

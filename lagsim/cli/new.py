@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from lagsim.cli._streams import say
+from lagsim.cli._shared import say
 from lagsim.errors import InputError, Problem, unusable
 
 TEMPLATES = {p.stem: p for p in Path(__file__).with_name("templates").glob("*.yaml")}

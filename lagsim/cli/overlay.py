@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import counted, option, put_picture, quiet
-from lagsim.cli._streams import complain, say
+from lagsim.cli._shared import complain, counted, option, put_picture, quiet, say
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay

@@ -15,6 +15,7 @@ import typer
 
 from lagsim.cli import is_watched
 from lagsim.cli._shared import (
+    ERROR,
     FORMAT,
     JOBS,
     JSON,
@@ -23,9 +24,12 @@ from lagsim.cli._shared import (
     SETS,
     STRICT,
     Picture,
+    UnwritableError,
+    annotate,
     assignments,
     coloured,
     commit,
+    complain,
     counted,
     flag,
     listed,
@@ -33,10 +37,10 @@ from lagsim.cli._shared import (
     progress_bar,
     quiet,
     refused,
+    say,
     show_json,
     table,
 )
-from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.codes import failure
 from lagsim.errors import Place, pointed, unusable
 from lagsim.mechanics.constraints import Kind

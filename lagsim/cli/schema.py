@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from lagsim.cli._streams import put
+from lagsim.cli._shared import put
 from lagsim.methods import names
 from lagsim.model.reader import schema
 from lagsim.plan.formulation import formulations

@@ -12,13 +12,14 @@ from lagsim import files
 from lagsim.cli._shared import (
     JSON,
     aligned,
+    complain,
     counted,
     option,
     put_file,
     put_picture,
+    say,
     show_json,
 )
-from lagsim.cli._streams import complain, say
 from lagsim.errors import Problem, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST

@@ -25,11 +25,11 @@ from lagsim.cli._shared import (
     option,
     output_folder,
     quiet,
+    say,
     show_json,
     table,
     writing,
 )
-from lagsim.cli._streams import say
 from lagsim.cli.run import ERROR_BAR, with_settings
 from lagsim.errors import LagsimError, unusable
 from lagsim.files import content
@@ -39,10 +39,17 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.points import EXAMPLE as SAMPLED
-from lagsim.studies.sweep.points import drawn, of_file
 from lagsim.studies.sweep.runs import EXAMPLE, INADMISSIBLE, Axis, Found, Grid, parsed
-from lagsim.studies.sweep.sweeping import CHART, JOURNAL, MANIFEST, TABLE, Journal
+from lagsim.studies.sweep.sweeping import (
+    CHART,
+    JOURNAL,
+    MANIFEST,
+    TABLE,
+    Journal,
+    of_file,
+    sampled,
+)
+from lagsim.studies.sweep.sweeping import EXAMPLE as SAMPLED
 from lagsim.studies.workers import Hired, cores, machines, processes
 
 if TYPE_CHECKING:
@@ -160,7 +167,7 @@ def _grid(
     if count is None:
         return parsed(read, values)
     pairs = ([x.strip() for x in text.split("=", 1)] for text in sample)
-    return drawn(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
+    return sampled(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
 
 
 def _known(found: Found, folder: Path) -> Any:

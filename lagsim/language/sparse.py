@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from heapq import heapify, heappop, heappush
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -162,3 +163,12 @@ class DisjointSets:
         for i in range(len(self._leader)):
             found[self.leader(i)].append(i)
         return list(found.values())
+
+
+def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
+    """Return for each of n coordinates the first one that `rows` join it with."""
+    sets = DisjointSets(n)
+    for row in rows:
+        for i, j in pairwise(row):
+            sets.merge(i, j)
+    return [sets.leader(i) for i in range(n)]

@@ -155,7 +155,7 @@ def scale_of(
 
 
 class Slider(NamedTuple):
-    """Motion of a limited relation on a coordinate without mass, see `sliders`.
+    """Motion of a limited relation on a coordinate without mass, see `reduction`.
 
     Attributes
     ----------

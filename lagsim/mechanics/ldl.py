@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.forms import Collected
 from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
+from lagsim.mechanics.chains import Factorisation, Vector, symmetric
 from lagsim.mechanics.equations import has_angles
-from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations, has_masses
 
 if TYPE_CHECKING:

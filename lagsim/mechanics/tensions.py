@@ -38,9 +38,14 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
 from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, DisjointSets
-from lagsim.mechanics.chains import chains, rates_of_places
+from lagsim.mechanics.chains import (
+    Factorisation,
+    Vector,
+    add_to,
+    chains,
+    rates_of_places,
+)
 from lagsim.mechanics.constraints import Flow
-from lagsim.mechanics.factorisation import Factorisation, Vector, add_to
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:

@@ -14,14 +14,15 @@ from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.admissibility.refusal import needs_constraints
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
+from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.linearisation import newton
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.reduction import augmented, with_lengths
-from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
-from lagsim.methods import method, options_of
+from lagsim.methods import Structure, method, options_of
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice
 from lagsim.plan.formulation import formulate, step_parts
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.linearisation import Newton
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
-    from lagsim.methods import Structure
     from lagsim.model.model import Settings
     from lagsim.plan.subsystems import Subsystem
 
@@ -151,6 +151,60 @@ class Plan:
 # A row's length, in the metric in which the motion is solved for, is that at the start.
 # Only a row that is zero there is looked at nearby, as far away as its own relation is
 # long.
+#
+# What a method or a formulation can handle, and what a scene does not need, is decided
+# by the structure of its equations, as far as the expressions show it: a structure that
+# only shows at some values of the parameters is not found.
+
+
+@memoized_by_motion
+def structure(equations: Equations) -> Structure:
+    """Find the structure of `equations`."""
+    g, entries = equations.graph, equations.mass_nodes
+    coupled = [together for _, together in equations.coupled]
+    rows = equations.rows
+    A = [node for row in rows for node in row.A.entries.values()]
+    right = [*equations.f, *(row.b for row in rows)]
+    right += [x.rate for x in equations.states]
+    state = frozenset(equations.state)
+    moving = state | {"t"}
+    everything = [*entries, *A, *right, *(row.rate for row in rows)]
+    levels = {row.holonomic for row in rows}
+    kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
+    constants = g.dependent([*entries, *A], moving)
+    degrees = g.degrees(right, state)
+    power = equations.powers
+    # Multipliers are affine where all else is.
+    of_power = g.degrees(power, state.union(equations.multipliers))
+    return Structure(
+        mass_varies_with=_varies(equations, entries),
+        diagonal=all(len(set(together)) == 1 for together in coupled),
+        blocks=len(set(joined(len(equations.q), coupled))),
+        constant_rows=not g.dependent(A, moving),
+        constraints=kinds.get(tuple(levels), "mixed"),
+        forces_free_of_velocities=not g.dependent(equations.f, equations.velocities),
+        autonomous=not g.dependent([*everything, *power], ("t",)),
+        linear=not constants
+        and all(d is not None and d.most <= 1 for d in degrees)
+        and all(d is not None and d.most <= 2 for d in of_power),
+        unknowns=len(equations.q) + len(rows),
+    )
+
+
+def _varies(equations: Equations, entries: list[int]) -> str:
+    names = equations.graph.depends(entries)
+    if names & frozenset(equations.velocities):
+        return "velocities"
+    if names & frozenset(equations.q):
+        return "positions"
+    return "time" if "t" in names else "nothing"
+
+
+def coupled(e: Equations) -> list[int]:
+    """Return for each coordinate the first that M and all rows join it with."""
+    slopes = (row.entries for row in e.slopes)
+    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
+
 
 # How many states around the start are looked at, and how far away they are, against the
 # distance over which a relation changes.

@@ -23,9 +23,9 @@ from lagsim.mechanics.equations import (
 from lagsim.mechanics.ldl import without_rows
 from lagsim.mechanics.motion_series import linear_form, motion_rates
 from lagsim.mechanics.reduction import with_lengths
-from lagsim.mechanics.structure import coupled
 from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
+from lagsim.plan.plan import coupled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

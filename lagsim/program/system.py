@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from lagsim.language import tables
+from lagsim.language.sparse import joined
 from lagsim.mechanics.motion_series import motion_series
-from lagsim.mechanics.structure import coupled, joined
 from lagsim.methods import method, moreau
 from lagsim.methods.parts import driver
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
@@ -26,6 +26,7 @@ from lagsim.native.layout import address
 from lagsim.native.link.cache import Part, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
 from lagsim.plan.formulation import GAIN, evaluation_cost
+from lagsim.plan.plan import coupled
 from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,

@@ -8,8 +8,8 @@ import numpy as np
 
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate_rows, roundings
+from lagsim.language.sparse import joined
 from lagsim.mechanics.equations import pushes
-from lagsim.mechanics.structure import in_groups, joined
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -238,3 +238,25 @@ def _most(sizes: Floats, inertias: Floats) -> Floats:
     return np.asarray(
         np.max(np.where(np.isfinite(found), found, 0.0), axis=1, initial=0.0)
     )
+
+
+def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
+    """`largest_beside` in each group of coordinates with one label."""
+    whole = np.array(found)
+    for label in sorted({k for i, k in enumerate(labels) if k != i}):
+        group = np.array(labels) == label
+        whole[group] = largest_beside(roots[group], found[group])
+    return whole
+
+
+def largest_beside(roots: Floats, found: Floats) -> Floats:
+    """Return the largest of range_j min(1, root_j/root_i): by size, without n^2."""
+    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
+    lightest = np.argsort(roots)
+    whole = np.zeros(len(found))
+    below = np.maximum.accumulate((finite * roots)[lightest])
+    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
+    own = roots[lightest]
+    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
+    whole[lightest] = np.fmax(lighter, above)
+    return whole

@@ -258,7 +258,7 @@ def open_case(
     ------
     InputError, StartError
     """
-    from lagsim.mechanics.sliders import equations_of_motion
+    from lagsim.mechanics.reduction import equations_of_motion
 
     clock = clock or Clock()
     clock.lap("import")
@@ -309,7 +309,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.mechanics.sliders import equations_of_motion
+    from lagsim.mechanics.reduction import equations_of_motion
 
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes
-from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.plan.formulation import STAGES
+from lagsim.plan.plan import structure
 from lagsim.program.system import System
 from lagsim.run.arc import LONG, SERIES
 from lagsim.run.failures import by_method

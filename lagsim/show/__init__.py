@@ -3,7 +3,7 @@
 sympy is loaded by this room alone, and not for the format `python`, which is written
 straight from the graph.
 
-    equations -> lagrange (graph, then sympy) -> content, tidy -> text, latex, as_json
+    equations -> lagrange (graph, then sympy) -> content, tidy -> text, latex, printers
     equations -> as_python
 
 Here is a derivation as sympy expressions, and the conditions of constraints in signs:

@@ -37,10 +37,9 @@ from lagsim.mechanics.equations import (
     owners_of,
     shared,
 )
-from lagsim.mechanics.structure import largest_beside
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
-from lagsim.run.error import ErrorBar, Failed
+from lagsim.run.error import ErrorBar, Failed, could_push, largest_beside
 from lagsim.run.observers.monitors import (
     EnergyMonitor,
     Gap,
@@ -597,8 +596,6 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     balance, makes a motion of its own, with nothing beside it to compare it with where
     all else rests. What moves farther has no part in it.
     """
-    from lagsim.run.error import could_push
-
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])
     found = could_push(run.equations, rows, which, span, monitor.held)

@@ -37,13 +37,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lagsim.mechanics.structure import in_groups, joined, largest_beside
+from lagsim.language.sparse import joined
 from lagsim.notes import Caution, Choice
 from lagsim.outputs.manifest import manifest
 from lagsim.plan.plan import ANY, Plan
 from lagsim.program.localized import is_localized_in_time
 from lagsim.run.arc import SERIES
-from lagsim.run.error import LOST, ErrorBar, Failed
+from lagsim.run.error import (
+    LOST,
+    ErrorBar,
+    Failed,
+    could_follow,
+    could_push,
+    in_groups,
+    largest_beside,
+)
 from lagsim.run.interrupt import MOST_STEPS, Interrupt
 from lagsim.run.observers import Corners, Observer, Relay, Store
 from lagsim.run.observers.monitors import Checkpoints
@@ -158,8 +166,6 @@ def compared(
     # All else moves by far more than its error, or than a part of what moves beside it.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
-        from lagsim.run.error import could_follow, could_push
-
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
         held[:n] = could_push(equations, mine, which, step).reach
         if equations.states:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from lagsim.admissibility.examination import examine
-from lagsim.mechanics.sliders import equations_of_motion
+from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.sliders import equations_of_motion
+from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.model.reader import read, read_file
 from lagsim.plan.plan import make_plan
 from tests.admissibility.scenes import check

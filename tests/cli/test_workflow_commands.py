@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lagsim.cli._streams import harmless
+from lagsim.cli._shared import harmless
 from tests.small_scenes import PENDULUM
 
 COMMAND = "::set-output name=x::planted"

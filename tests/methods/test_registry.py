@@ -8,9 +8,9 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names, options, options_of, page
 from lagsim.model.reader import read
+from lagsim.plan.plan import structure
 from tests.small_scenes import angle, held_pendulum, oscillator, pendulum, swing
 from tests.support import run
 

@@ -13,8 +13,8 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
-from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
+from lagsim.show.printers import as_json
 from lagsim.show.symbols import symbol
 from tests.support import MODELS
 from tests.sympy_oracle import reads

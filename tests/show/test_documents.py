@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lagsim.show.as_json import as_json
 from lagsim.show.as_python import as_python
 from lagsim.show.lagrange import content
 from lagsim.show.latex import as_latex
+from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.show.cases import equations_of, known, numbers, small
 from tests.show.reading import UnreadableError, latex_rows, text_rows, value

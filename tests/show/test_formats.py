@@ -9,11 +9,11 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from lagsim.show.as_json import as_json
 from lagsim.show.as_python import as_python
 from lagsim.show.lagrange import content
 from lagsim.show.latex import LONGEST_LINE, as_latex
 from lagsim.show.latex import _width as as_latex_width
+from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.show.cases import EACH, content_of, equations_of, kept, known, numbers, small
 from tests.show.latex_checker import check

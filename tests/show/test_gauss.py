@@ -5,8 +5,8 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
+from lagsim.show.printers import as_json
 from tests.show.cases import NAMES, equations_of, known, numbers
 from tests.support import MODELS, case_of, ready, run
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.show.as_json import as_json
 from lagsim.show.as_python import as_python
 from lagsim.show.lagrange import content
+from lagsim.show.printers import as_json
 from tests.mechanics.test_equations import rows_of
 from tests.show.cases import EACH, READ, document_of, equations_of, known, numbers
 from tests.support import MODELS, run

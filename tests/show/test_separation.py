@@ -15,10 +15,10 @@ from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show import text
-from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
 from lagsim.show.latex import _width as width
 from lagsim.show.latex import as_latex
+from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.mechanics.test_equations import rows_of
 from tests.show.cases import NAMES, numbers

@@ -22,11 +22,10 @@ from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation, Mode, modes
-from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
-from lagsim.plan.plan import method_refusal
+from lagsim.plan.plan import method_refusal, structure
 from lagsim.program.system import System
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep

@@ -32,7 +32,7 @@ import numpy as np
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
-from lagsim.mechanics.sliders import equations_of_motion
+from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format

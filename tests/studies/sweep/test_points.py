@@ -10,7 +10,7 @@ from scipy.special import ndtri
 import lagsim
 from lagsim.errors import InputError
 from lagsim.model.reader import read
-from lagsim.studies.sweep.points import _normal, drawn, of_file
+from lagsim.studies.sweep.sweeping import _normal, of_file, sampled
 from tests.cli.conftest import lagsim as command  # noqa: F401
 from tests.small_scenes import PENDULUM
 from tests.support import simulate
@@ -35,7 +35,7 @@ def uniform(seed, place, count):
 
 
 def sample(given, count=50, seed=0):
-    grid = drawn(read(PENDULUM, "<model>"), given.items(), count, seed)
+    grid = sampled(read(PENDULUM, "<model>"), given.items(), count, seed)
     return {axis.name: np.array(axis.values) for axis in grid.axes}
 
 
