@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 232
-LINES = 75_440
+FILES = 224
+LINES = 75_410
 LINES_OF_TESTS = 57_720
 
 
