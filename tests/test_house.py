@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 224
 LINES = 75_410
-LINES_OF_TESTS = 57_720
+LINES_OF_TESTS = 57_400
 
 
 def lines(folder):
