@@ -5,6 +5,6 @@
 source, and gives a decision that the loop acts on. Of the sources `events` has what
 happens on the way: breaks and features in `times`; `switching`, the mode of each arc,
 and `sequence` for switches that come ever faster; `contacts`; impacts and losses of
-rank in `constraints`. `stiffness` and `failures` go on by other methods, or put an
-outcome in words.
+rank in `constraints`. `failures` goes on by another method where one fails or a
+motion is stiff, or puts an outcome in words.
 """

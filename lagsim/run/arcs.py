@@ -42,13 +42,13 @@ from lagsim.run.events.transitions import Transitions, give_leeway
 from lagsim.run.failures import (
     FAILED,
     Fallback,
+    Stiffness,
     Unmet,
     end_of_table,
     reason_of,
     unsettled,
 )
 from lagsim.run.interrupt import Horizon
-from lagsim.run.stiffness import Stiffness
 from lagsim.run.trajectory import (
     GO_ON,
     Decision,

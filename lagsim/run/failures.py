@@ -1,4 +1,4 @@
-"""Failures of a method: another method goes on, or the run ends with its reason.
+"""Failures of a method, and stiffness: another method goes on, or the run ends.
 
 A series has no finite coefficients where an expression has a value and no derivative
 (drag that grows with the speed, from rest; a root of the time); an implicit step may
@@ -15,24 +15,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.language.tables import ended
+from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.surfaces import expression_text
+from lagsim.methods import method
 from lagsim.methods.moreau import MOST_SWEEPS
+from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
-from lagsim.plan.plan import ANY
-from lagsim.run.arc import SERIES
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source
+from lagsim.plan.formulation import STAGES
+from lagsim.plan.plan import ANY, structure
+from lagsim.program.system import System
+from lagsim.run.arc import LONG, SERIES
+from lagsim.run.interrupt import MOST_STEPS
+from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import BROKEN_CONSTRAINT, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.methods.parts.driver import State
     from lagsim.run.arc import Arc
 
 
@@ -216,3 +224,303 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
         "fewer sweeps"
     )
     return (Caution("unsettled-impulses", text),)
+
+
+# --- A step held at the stability bound: say so, or go on with the stiff method
+#
+# By cost, not on principle: the stiff method takes over where its step is several times
+# larger and its operations fewer, as a trial shows. It would damp away a fast
+# oscillation that is excited and smaller than the tolerance, so one that is excited
+# stays. From time to time it is asked whether the explicit method has become cheaper
+# again.
+#
+# Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
+# section IV.2, for when to ask.
+
+STIFF = "radau"
+EXPLICIT = "dop853"
+# Asked again after this many times as many steps at the bound.
+ASKED_AGAIN = 4.0
+# The eigenvalues confirm the bound from this part of it on.
+CLOSE = 0.25
+# What is faster than this part of the fastest is fast, and oscillates if the damping
+# ratio is below the next.
+FAST = 0.5
+OSCILLATING = 0.1
+# A fast oscillation with more than this part of the energy is excited. What follows
+# slow motion quasi-statically has the fourth power of the ratio of the frequencies.
+EXCITED = 1e-10
+# A body that another one moves has no more than so many times the energy by which it
+# depends on it: the square of how its acceleration does, in units of the fast motion.
+FOLLOWS = 1e2
+# Steps of the trial: some to grow, as many to measure.
+TRIAL = 25
+WORTH = 5.0
+# After so many steps of the stiff method, and then twice as many each time, it is asked
+# whether to go back: where that costs less than this part.
+REVIEWED = 100
+CHEAPER = 0.5
+
+
+class Fast(NamedTuple):
+    """The fastest motion of the scene, linearised.
+
+    `excited` where it oscillates with energy that a stiff method would lose.
+    """
+
+    rate: float
+    where: tuple[str, ...]
+    excited: bool
+
+
+class Stiffness(Source):
+    """Asks for another method where steps are held by stability.
+
+    And, after a while, whether one that has been taken is still the better one.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        # The steps at which it is asked whether to go on with the method that there is,
+        # and the state when it was asked last.
+        series = arc.settings.method == "auto" and arc.plan.method == SERIES
+        self._review_at = LONG if series else MOST_STEPS
+        self._reviewed = arc.state
+
+    def ask_at(self, arc: Arc) -> int:
+        """Return when it is asked next whether to go on with the method."""
+        another = arc.plan.method in (SERIES, STIFF)
+        return self._review_at if another else MOST_STEPS
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Change the method, or say that steps are at the bound."""
+        if code == at.STIFF:
+            return self._considered(arc)
+        if code != at.PAUSED or arc.steps < self.ask_at(arc):
+            return None
+        if arc.plan.method == SERIES:
+            return self._series_reviewed(arc)
+        return self._stiff_reviewed(arc)
+
+    def _considered(self, arc: Arc) -> Decision:
+        """Decide on a step that has been at the bound for a while."""
+        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
+        return self._considered_once(arc)._replace(numbers=asked)
+
+    def _considered_once(self, arc: Arc) -> Decision:
+        scene = arc.system.equations
+        # Sliding has a method of its own.
+        alone = arc.slides or scene.quadratures or scene.laws
+        if scene.laws and _turns_on_disc(arc):
+            return GO_ON
+        if alone or method(STIFF).refusal(structure(scene)):
+            return GO_ON if arc.plan.method == SERIES else self._warning(arc, (), "")
+        stiff = _compiled_for(arc, STIFF)
+        fast = _fastest_motion(stiff)
+        if fast is None:
+            return self._warning(arc, (), "")
+        limit = arc.runner.method.IMAGINARY_LIMIT
+        if fast.rate * arc.state.step_h < CLOSE * limit:
+            return GO_ON  # something else, as where rows lose their rank
+        asked = arc.settings.method != "auto"
+        if arc.plan.method == SERIES and (asked or fast.excited):
+            return GO_ON
+        if asked:
+            advice = (
+                f"`--method {STIFF}` takes longer steps where fast motion has died out"
+            )
+            return self._warning(arc, fast.where, advice)
+        if fast.excited:
+            advice = (
+                f"this motion has energy, which {STIFF} would damp; make it rigid "
+                "by a constraint, or model its damping"
+            )
+            return self._warning(arc, fast.where, advice)
+        gained = _gain(arc, stiff)
+        if gained < WORTH:
+            return GO_ON
+        self._reviewed, self._review_at = stiff.state.copy(), arc.steps + REVIEWED
+        reason = (
+            f"the step was held at the stability bound by {_named(fast.where)}, at "
+            f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
+        )
+        return by_method(stiff, reason, {})
+
+    def _warning(self, arc: Arc, where: tuple[str, ...], advice: str) -> Decision:
+        h, rate = arc.state.step_h, arc.state.speed
+        text = (
+            f"at t = {arc.t:.9g} the step ({h:.3g}) is held at the stability bound of "
+            f"{arc.runner.method.NAME}, not by accuracy: {_named(where)} at about "
+            f"{rate:.3g} per unit of time"
+        )
+        text = f"{text}; {advice}" if advice else text
+        return Decision(cautions=self.once("step-at-stability-bound", text))
+
+    def _series_reviewed(self, arc: Arc) -> Decision:
+        """Ask for the stiff method where fast motion is damped.
+
+        A series' step for accuracy is close to its stability bound: nothing in a step
+        tells that it is held there.
+        """
+        self._review_at = int(ASKED_AGAIN) * arc.steps
+        state, equations = arc.state, arc.system.equations
+        if equations.quadratures:
+            return GO_ON
+        try:
+            blocks = state.positions, state.velocities, state.first_order
+            linear = Linearisation(equations).at(arc.t, *(arc.y[x] for x in blocks))
+        except ValueError:  # not finite there
+            return GO_ON
+        values = linear.eigenvalues()
+        speeds = np.abs(values)
+        fast = _fast(speeds)
+        damped = np.any(values.real[fast] < -OSCILLATING * speeds[fast])
+        return self._considered(arc) if damped else GO_ON
+
+    def _stiff_reviewed(self, arc: Arc) -> Decision:
+        """Go back to the explicit method where that has become cheaper."""
+        state, before = arc.state, self._reviewed
+        made = state.steps - before.steps
+        self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
+        fast = None if arc.slides else _fastest_motion(arc)
+        if fast is None:
+            return GO_ON
+        enough = CHEAPER * _cost(arc, before, state)
+        shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, TINY)
+        if arc.system.operations * STAGES / shortest > enough:
+            return GO_ON
+        explicit = _compiled_for(arc, EXPLICIT)
+        cost = _cost(arc, *_trial(explicit))
+        if cost > enough:
+            return GO_ON
+        times = enough / CHEAPER / cost
+        reason = f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
+        return by_method(explicit, reason, {})
+
+
+def _turns_on_disc(arc: Arc) -> bool:
+    """Whether something slips in two directions.
+
+    Where that begins its friction turns it fast: steps are short for a while, and
+    nothing can be done about it.
+    """
+    p = arc.system.p
+    return bool(np.any((p.law_mode == kept.SLIDING) & (p.law_pair >= 0.0)))
+
+
+def _compiled_for(arc: Arc, name: str) -> Arc:
+    """Arc by another method, which has functions of its own."""
+    plan = replace(arc.plan, method=name)
+    return arc.by(plan, System(arc.equations, plan))
+
+
+def _fastest_motion(arc: Arc) -> Fast | None:
+    """Analyse q' = v, (v', s') = J (q, v, s); None where J is not finite."""
+    n = arc.system.n
+    size, sparse = arc.system.size, arc.system.newton
+    length = (size - n) * arc.state.dynamic.stop
+    length = length if sparse is None else len(sparse.entries)
+    J = arc.runner.function("jacobian", length)(arc.t, arc.y)
+    if sparse is None:
+        J = J.reshape(size - n, -1)[: arc.state.dynamic.stop - n]
+    else:
+        J = sparse.jacobian(n, J)
+    if not np.all(np.isfinite(J)):
+        return None
+    whole = np.vstack([np.eye(n, J.shape[1], n), J])
+    modes = eigenmodes(whole, _fast)
+    masses, equations = arc.masses, arc.system.equations
+    parts = modes.parts(modes.right[:n], masses, len(equations.states))
+    heavy = np.max(parts, axis=1, initial=0.0) > 0.5
+    names = *equations.q, *(x.name for x in equations.states)
+    where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
+    # Of y' itself: how fast the state moves along each of them.
+    rates = arc.rates(arc.t, arc.y)[arc.state.dynamic]
+    swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
+    moving = np.abs(modes.right[:n]) @ swinging
+    rate = float(np.max(np.abs(modes.values)))
+    excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
+    return Fast(rate, where, excited)
+
+
+def _is_excited(
+    arc: Arc, fast: Floats, masses: Floats, J: Floats, speed: float
+) -> bool:
+    """Whether fast motion has energy, twice that of each coordinate in `fast`.
+
+    Against the whole of the bodies that depend on each other, as far as they do: that
+    of others, and the speed of all of them together, says nothing about it.
+    """
+    n = len(masses)
+    by_q, by_v = J[:n, :n], J[:n, n : 2 * n]
+    depends = np.abs(by_q) / speed**2 + np.abs(by_v) / speed
+    roots = np.sqrt(masses)
+    ratios = np.divide(
+        roots[:, None], roots, out=np.full((n, n), inf), where=roots > 0.0
+    )
+    moved = np.where(depends > 0.0, ratios * depends, 0.0)
+    # What one body's energy may leave in another that follows it quasi-statically.
+    linked = np.minimum(FOLLOWS / EXCITED * np.maximum(moved, moved.T) ** 2, 1.0)
+    linked = np.maximum(linked, np.eye(n))
+    for _ in range(n.bit_length()):
+        linked = np.minimum(linked @ linked, 1.0)
+    each = masses * arc.ranges[arc.velocities] ** 2
+    whole = np.minimum(linked @ each, 2.0 * arc.state.energy)
+    return bool(np.any(linked @ fast > EXCITED * whole))
+
+
+def _fast(speeds: Floats) -> Flags:
+    """Whether each rate is large: all of them where nothing moves."""
+    fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
+    return fast
+
+
+def _trial(arc: Arc) -> tuple[State, State]:
+    """State before and after some steps of another arc.
+
+    On a copy; its beginning counts only if that is all.
+    """
+    state, p = arc.state.copy(), arc.system.p
+    state.row_limit = state.arc_rows = -np.inf
+    state.extras = state.ask_at = 0.0
+    before, passed = state.copy(), p.passed
+    cells = p.fixed, p.side, p.low, p.high, p.least, p.most
+    kept = [values.copy() for values in cells]
+    if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
+        before = state.copy()
+        arc.runner.advance(state, 1, TRIAL)
+    p.passed = passed  # and it is where it was, in the cells of tables, too
+    for values, former in zip(cells, kept, strict=True):
+        values[:] = former
+    return before, state
+
+
+def _cost(arc: Arc, before: State, after: State) -> float:
+    """Operations per unit of time."""
+    n = arc.system.n + len(arc.system.equations.states)
+    passed = after.t - before.t
+    if passed == 0.0:
+        return inf
+    # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
+    factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
+    if (sparse := arc.system.newton) is not None:
+        factorisation = 0.5 * sparse.operations
+    evaluations = after.evaluations - before.evaluations
+    factorisations = after.factorisations - before.factorisations
+    spent = arc.system.operations * evaluations + factorisation * factorisations
+    return float(spent / passed)
+
+
+def _gain(arc: Arc, stiff: Arc) -> float:
+    """Ratio of the stiff method's step to this one's; 0 where it costs more."""
+    before, after = _trial(stiff)
+    h = arc.state.step_h
+    if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:
+        return 0.0
+    steps = after.steps - before.steps
+    return float((after.t - before.t) / steps / h)
+
+
+def _named(where: tuple[str, ...]) -> str:
+    shown = ", ".join(f"`{name}`" for name in where[:4])
+    more = f" and {len(where) - 4} more" if len(where) > 4 else ""
+    return f"fast motion of {shown}{more}" if where else "fast motion"

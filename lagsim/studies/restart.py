@@ -73,7 +73,6 @@ _MODULES = (
     "run.events.switching", "run.events.times", "run.events.transitions",
     "run.failures", "run.interrupt",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
-    "run.stiffness",
 )  # fmt: skip
 CLASSES = frozenset(
     f"{module.__name__}:{name}"

@@ -41,8 +41,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Parsed, ParsedRelation
-    from lagsim.model.expansion.bodies import Drawn
-    from lagsim.model.expansion.frames import Frames
+    from lagsim.model.expansion.bodies import Drawn, Frames
     from lagsim.model.expansion.scope import Indices
 
 # Keys of the value in what an entry of a section is given by.
@@ -217,7 +216,7 @@ class Expansion:
     def _make_frames(self) -> None:
         """Let frames, if any, be known, each of which is made when it is asked for."""
         if "frames" in self._top:
-            from lagsim.model.expansion.frames import Frames
+            from lagsim.model.expansion.bodies import Frames
 
             self.frames = Frames(self, self._top["frames"])
             self.scope.frame = self.frames.named_by
