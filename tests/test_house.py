@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 224
-LINES = 75_410
+FILES = 222
+LINES = 75_360
 LINES_OF_TESTS = 57_400
 
 
