@@ -120,7 +120,7 @@ class Graph:
         self._allowed = 0
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
-        self._payload: dict[int, Payload] = {}
+        self._payload: dict[int, Any] = {}
         # Operation -> its arguments, or payload -> node.
         self._known: defaultdict[str, dict[object, int]] = defaultdict(dict)
         self.memoized: dict[object, Any] = {}
@@ -235,11 +235,7 @@ class Graph:
 
     def value(self, node: int) -> float | None:
         """Return the number that `node` is, or None if it is not a constant."""
-        if self.ops[node] != CONSTANT:
-            return None
-        payload = self._payload[node]
-        assert isinstance(payload, float)
-        return payload
+        return self._payload[node] if self.ops[node] == CONSTANT else None
 
     def payload(self, node: int) -> Any:
         """Return the number, the name, the truth value or the array of a leaf."""

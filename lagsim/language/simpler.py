@@ -56,6 +56,8 @@ class Builder(Protocol):
 DEEP = 5
 # The power that takes each away.
 UNDONE = {"sqrt": 2, "hypot": 2, "abs": 2, "cbrt": 3}
+# Factors of products that may have another form.
+REWRITTEN = frozenset(("mul", "div", "pow", *UNDONE))
 _NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
 # Mantissas of powers of two, products with which are exact.
 HALVES = (0.5, -0.5)
@@ -256,15 +258,18 @@ def sub(g: Builder, x: int, y: int) -> int | None:
 
 def mul(g: Builder, x: int, y: int) -> int | None:
     """Simplify x*y."""
-    if g.ops[x] != "constant":
+    ops = g.ops
+    if ops[x] != "constant":
         x, y = y, x
-    c = g.value(x)
-    if c is not None:
-        return _scaled(g, c, x, y)
-    if g.ops[x] == "neg":
+    one, other = ops[x], ops[y]
+    if one == "constant":
+        return _scaled(g, g.payload(x), x, y)
+    if one == "neg":
         return g.call("neg", g.call("mul", g.args[x][0], y))
-    if g.ops[y] == "neg":
+    if other == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
+    if one not in REWRITTEN and other not in REWRITTEN:
+        return None
     for simpler in (joined_product, directed_product, rooted_product):
         found = simpler(g, x, y)
         if found is not None:
