@@ -335,6 +335,8 @@ class Lengths:
         self.forms = self._measured()
 
     def _measured(self) -> list[_Form]:
+        if not self.asked:
+            return []
         g, names = self.point.g, self.point.e.q
         place = {g.variable(name): j for j, name in enumerate(names)}
         wanted: list[int] = []

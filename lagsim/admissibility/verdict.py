@@ -244,6 +244,8 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
 
     To CONVERGED of that a rate is known at best.
     """
+    if not rows:
+        return []
     weights = point.sizes
     bodies = np.array(joined(point.n, (own for _, own in point.e.coupled)))
     found = []

@@ -688,12 +688,21 @@ class Collected:
                 still, core = self.parts(new)
                 new = g.call("mul", still, core)
             elif n in users:
-                new = self.sum((sign, *self.parts(x)) for sign, x in self.addends(new))
+                new = self._collected(new)
             done[n] = new
         given, found = list(nodes), [done[n] for n in nodes]
         if given == found:
             return given
         return min(given, found, key=lambda x: g.cost(x, self.moving))
+
+    def _collected(self, node: int) -> int:
+        """Equal sum; of one product, as the force of a spring is, at once."""
+        g = self.g
+        if g.ops[node] == "neg" and g.ops[g.args[node][0]] in ("mul", "div"):
+            still, core = self.parts(g.args[node][0])
+            if self.parts(core) == (g.one, core):
+                return g.call("mul", g.call("neg", still), core)
+        return self.sum((sign, *self.parts(x)) for sign, x in self.addends(node))
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
         """Return what `node` is a sum of: signs, as nodes, and addends.
@@ -731,8 +740,9 @@ class Collected:
     def parts(self, n: int) -> tuple[int, int]:
         """Return what stands still, and what moves, of which `n` is the product."""
         known = self._parts
-        if n in known:
-            return known[n]
+        found = known.get(n)
+        if found is not None:
+            return found
         near = all(map(known.__contains__, self.g.args[n]))
         for below in (n,) if near else self.g.cone([n], known):
             if below not in known:

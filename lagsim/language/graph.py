@@ -28,7 +28,6 @@ from lagsim.language.functions import OPERATIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
-    from lagsim.language.functions import Function
     from lagsim.language.tables import Data
 
     Payload = float | str | bool | Data
@@ -249,22 +248,20 @@ class Graph:
         self._left -= 1
         row = OPERATIONS[op]
         found = row.simpler(self, *args) if row.simpler else None
-        if found is None:
-            found = self._folded(row, args)
         if found is not None:
             return found
+        for a in args:  # quicker than `any`
+            if self.ops[a] not in (CONSTANT, TRUTH):
+                break
+        else:
+            value = row(*(self._payload[a] for a in args))
+            if row.condition:
+                return self.truth(value)
+            if math.isfinite(value):
+                return self.constant(value)
         if row.commutes and args[0] > args[1]:
             args = (args[1], args[0])
         return self.kept(op, args)
-
-    def _folded(self, row: Function, args: tuple[int, ...]) -> int | None:
-        for a in args:  # quicker than `any`
-            if self.ops[a] not in (CONSTANT, TRUTH):
-                return None
-        value = row(*(self._payload[a] for a in args))
-        if row.condition:
-            return self.truth(value)
-        return self.constant(value) if math.isfinite(value) else None
 
     def sum(self, nodes: Iterable[int]) -> int:
         """Sum of `nodes`, left to right."""

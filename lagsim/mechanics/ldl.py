@@ -286,12 +286,9 @@ class Elimination:
                 self.budget.add(1)
                 terms.setdefault(k, []).append((entry, multiplier))
         held = {k: x.sum(found) for k, found in terms.items()}
-        both = {
-            k: (f.get(k, g.zero), held.get(k, g.zero))
-            for k in sorted(f.keys() | held.keys())
-        }
         scaled: Vector = {}
-        for k, (push, pull) in both.items():
+        for k in sorted(f.keys() | held.keys()):
+            push, pull = f.get(k, g.zero), held.get(k, g.zero)
             inverse = mass.inverse[k]
             if self.unit != g.one:
                 free = x.scaled(push, inverse)

@@ -152,11 +152,15 @@ class Scope:
             new = {use for name in new for use in self.uses.get(name, ())} - found
         return found
 
-    def noted(self, parsed: Parsed) -> Parsed:
+    def noted(self, found: Parsed | ParsedRelation) -> Parsed | ParsedRelation:
         """Note that the names of an expression are used; return it."""
-        self.used.update(name for op, name, _ in parsed.postfix if op == "name")
-        self._graph.allow(_LETTERS * len(parsed.postfix))
-        return parsed
+        for side in (
+            (found,) if isinstance(found, Parsed) else (found.left, found.right)
+        ):
+            if side is not None:
+                self.used.update([name for op, name, _ in side.postfix if op == "name"])
+                self._graph.allow(_LETTERS * len(side.postfix))
+        return found
 
     # Texts
 
@@ -493,7 +497,7 @@ class Reading:
     `component` is its number, of `size`; None where a number is expected.
     """
 
-    __slots__ = ("component", "indices", "scope", "size")
+    __slots__ = ("_last", "component", "indices", "scope", "size")
 
     def __init__(
         self,
@@ -504,15 +508,18 @@ class Reading:
     ) -> None:
         self.scope, self.indices = scope, indices
         self.component, self.size = component, size
+        self._last: tuple[str | None, Any, Any] = None, None, None
 
     def parsed(self, text: str, parser: Parser) -> Any:
         """Return what the parser would give for the expression of this member."""
-        left, right, sense = self.scope.values(text, parser, self.indices)
-        found = self._part(left, text)
-        if parser is not parse_relation:
-            return found
-        other = None if right is None else self._part(right, text)
-        return ParsedRelation(found, other, sense)
+        if self._last[:2] != (text, parser):
+            left, right, sense = self.scope.values(text, parser, self.indices)
+            found: Any = self._part(left, text)
+            if parser is parse_relation:
+                other = None if right is None else self._part(right, text)
+                found = ParsedRelation(found, other, sense)
+            self._last = text, parser, found
+        return self.scope.noted(self._last[2])
 
     def _part(self, value: Value, text: str) -> Parsed:
         if self.component is not None and not isinstance(value, Tree):
@@ -526,8 +533,7 @@ class Reading:
             about = f"{wanted} is expected here, found {trees.said(value)}"
             hint = "" if self.size > 1 else "write a component, `.x`, or `norm(...)`"
             raise ExpressionError(0, len(text), about, hint, "size")
-        found = trees.parsed(value, text)
-        return self.scope.noted(found)
+        return trees.parsed(value, text)
 
     def words(self, text: str) -> set[str]:
         """Return names in the expression of this member."""
@@ -555,8 +561,4 @@ class Made(Reading):
 
     def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
         """Return the expression; the text is that of what needed it."""
-        made = self._parsed
-        for side in [made] if isinstance(made, Parsed) else [made.left, made.right]:
-            assert side is not None
-            self.scope.noted(side)
-        return made
+        return self.scope.noted(self._parsed)

@@ -25,7 +25,6 @@ from lagsim.model.nodes import (
     argument,
     entries_of,
     texts_of,
-    words,
 )
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.expressions import OF_DEFINITIONS, Kind, Resolved, Value
@@ -237,7 +236,7 @@ class _Numbers:
         *,
         beside: bool = False,
         wanted: bool = True,
-    ) -> tuple[Scalar, Value] | None:
+    ) -> tuple[Scalar, Parsed, Value] | None:
         """Give an expression that a rule allows, and its finite value, if `wanted`."""
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
@@ -246,7 +245,8 @@ class _Numbers:
         if not (x.check_by(rule, parsed.names, scalar) and wanted):
             return None
         value = self._unfolded.value_with_error(parsed, self.known, x.names.tables)
-        return (scalar, value) if x.is_finite(value[0], what, scalar.place) else None
+        is_finite = x.is_finite(value[0], what, scalar.place)
+        return (scalar, parsed, value) if is_finite else None
 
 
 class Parameters(_Numbers):
@@ -266,8 +266,9 @@ class Parameters(_Numbers):
             read = self._read(expression, what, rule, beside=expression is node)
             below.discard(name)
             if read is not None:
-                follows = not words(expression).isdisjoint(self.known)
-                mode, value = kind is Kind.MODE, read[1]
+                _, parsed, value = read
+                follows = any(used.text in self.known for used in parsed.names)
+                mode = kind is Kind.MODE
                 (self.x.modes if mode else self.known)[name] = value
                 found.append(Parameter(name, value[0], unit, about, follows, mode))
         return tuple(found)
@@ -379,7 +380,7 @@ class Initial(_Numbers):
         read = self._read(expression, what, self._rule, wanted=sound)
         if read is None:
             return None
-        scalar, value = read
+        scalar, _, value = read
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{in_file(name)}: {scalar.text}`, and guess coordinates"
