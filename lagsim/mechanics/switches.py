@@ -595,11 +595,12 @@ def _passed(
 ) -> Switches:
     """Switches with the levels that kernels pass, see `Side`.
 
-    A table of positions is met at a rate that no force changes at once: where that is
-    clear the motion crosses, whatever y' does, unless a velocity jumps as that of a row
-    does, or another side by what decides it.
+    A table or whole number of positions is met at a rate that no force changes at
+    once: where that is clear the motion crosses, whatever y' does, unless a velocity
+    jumps as that of a row does, or another side by what decides it.
     """
-    jumps = highest_orders(g, [*(rates or ()), *(s.node for s in found.sides)])
+    others = [*(rates or ()), *(s.node for s in found.sides)]
+    jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))
     fast = g.dependent([s.node for s in found.sides], speeds)
     sides = []
     for side in found.sides:
@@ -607,6 +608,9 @@ def _passed(
         smooth = met = _smooth(g, cell, orders)
         if rates is not None and side.node not in fast:
             met = _smooth(g, cell, jumps)
+            steps = {cell, g.call("ceil", side.node)}
+            if cell_of(g, cell) is None and decisive.isdisjoint(steps):
+                met = (-math.inf, math.inf)
         sides.append(side._replace(smooth=smooth, met=met) if side.whole else side)
     return replace(found, sides=tuple(sides))
 
@@ -698,7 +702,7 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
-    if not e.model.tables:
+    if not e.model.tables and not e.graph.of(WHOLE):
         return _found(e.graph, *known, sizes)
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
