@@ -531,9 +531,9 @@ def find_switches(
     ignored
         Switches of the motion at the end of a mode anyway.
     accelerations, rates
-        All that y' depends on, but for quadratures, and the rates of rows (None: forces
-        decide on more than velocities): where tables in them have no jump, their points
-        are passed, see `_smooth` and `_passed`.
+        All that y' depends on, but for quadratures, and rows and their rates (None:
+        forces decide on more than velocities): where what steps in them makes no jump,
+        its points are passed, see `_smooth` and `_passed`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     orders = highest_orders(g, accelerations) if accelerations else {}
@@ -706,7 +706,7 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
         return _found(e.graph, *known, sizes)
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
-        rates = tuple(row.rate for row in e.every_row)
+        rates = tuple(x for row in e.every_row for x in (row.residual, row.rate))
     return _found(e.graph, *known, sizes, (*e.of_accelerations, *beside), rates)
 
 

@@ -372,16 +372,18 @@ def test_a_force_that_jumps_at_points_is_passed_by_the_rate_they_are_met_at():
     assert len(found.trajectory.events) == math.floor(found["x"][-1] / 0.02)
 
 
-def test_a_stair_of_whole_numbers_is_passed_by_the_rate_it_is_met_at():
-    text = scene({}, {"x": "-floor(10*x)/5"}, {"x": 0.55, "x_dot": 3}, duration=3)
-    found = run(text)
+@pytest.mark.parametrize("name", ["dop853", "taylor", "rk4"])
+def test_a_stair_of_whole_numbers_is_passed_by_the_rate_it_is_met_at(name):
+    """Series that end have no error, and their steps cross many levels to and fro."""
+    text = scene({}, {"x": "-floor(10*x)/5"}, {"x": 0.55, "x_dot": 3}, duration=30)
+    found = run(text, method=name, **steps(name, 0.01))
     k, part = np.divmod(10 * found["x"], 1)
     below = (k * (k - 1) / 2 + k * part) / 50  # the potential of the stair
     assert found["x_dot"] ** 2 / 2 + below == pytest.approx(4.5 + 0.25, abs=1e-12)
     assert np.max(found["x"]) > 2.0
     assert found["x_ddot"] == pytest.approx(-k / 5)
     # Where it turns the level passed last is met again, which is decided.
-    assert found.trajectory.statistics.arcs <= 3
+    assert found.trajectory.statistics.arcs < len(found.trajectory.events) / 10
 
 
 @pytest.mark.parametrize("name", ["dop853", "radau", "taylor"])

@@ -104,39 +104,40 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
     """Go through the last step from its fraction `low` on, row by row of a kind.
 
     EVENT: end the step where the first of them ends, or where that takes too many
-    points. SIGNAL: look for what the dense output misses; a step that cannot be
-    searched by MOST_SIGNALS counts too. RANK: look for a loss. Return the fraction
-    where that is, or 0.
+    points. What lies before it is searched again: beside what follows an earlier end
+    may have been too little to be seen, as where a motion turns back through several
+    levels of one surface. SIGNAL: look for what the dense output misses; a step that
+    cannot be searched by MOST_SIGNALS counts too. RANK: look for a loss. Return the
+    fraction where that is, or 0.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
     width = widest
     most = MOST_POINTS if kind == EVENT else MOST_SIGNALS
     points = 0
+    found, until = 0.0, 1.0
     sample(kind, s, p, low, BESIDE * width, first)
-    while low < 1.0:
-        x = min(low + width, 1.0)
+    while low < until:
+        x = min(low + width, until)
         half = low + BETWEEN * (x - low)
         sample(kind, s, p, half, -BESIDE * width, s.middles)
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
         narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p, low, x)
-        if points >= most and kind == EVENT and low == 0.0:
+        if points >= most and kind == EVENT and (low == 0.0 or found > 0.0):
             narrower = 0.0  # the step leads on, in any case
         if narrower == 0.0:
-            if kind == SIGNAL:
-                found = missed_within(s, p, low, x)
-            elif kind == RANK:
-                found = lost_within(s, p, low, x)
+            end = found_within(kind, s, p, low, x, found)
+            if end > 0.0:
+                if kind != EVENT or end - low < FINEST:
+                    return end
+                found, until = end, end
+                width = end - low
+                sample(kind, s, p, low, BESIDE * width, first)
             else:
-                found = end_within(s, p, low, half, first, s.middles)
-                if found == 0.0:
-                    found = end_within(s, p, half, x, s.middles, last)
-            if found > 0.0:
-                return found
-            first[:count] = last[:count]
-            low = x
-            width = min(2.0 * width, widest)
+                first[:count] = last[:count]
+                low = x
+                width = min(2.0 * width, widest)
         elif points < most:
             width = narrower
             sample(kind, s, p, low, BESIDE * width, first)
@@ -145,7 +146,25 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
         else:
             shorten(s, low)
             return low
-    return 0.0
+    return found
+
+
+def found_within(
+    kind: Static, s: Events, p: Parameters, low: float, x: float, known: float
+) -> float:
+    """Fraction in (low, x] at which a kind of row has what it is searched for, or 0.
+
+    At `known` something ends.
+    """
+    if kind == SIGNAL:
+        return missed_within(s, p, low, x)
+    if kind == RANK:
+        return lost_within(s, p, low, x)
+    half = low + BETWEEN * (x - low)
+    end = end_within(s, p, low, half, s.starts, s.middles)
+    if end == 0.0 and x != known:
+        end = end_within(s, p, half, x, s.middles, s.ends)
+    return end
 
 
 def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
@@ -452,11 +471,12 @@ def end_within(
                 high = least if high == 0.0 else min(high, least)
     if high > 0.0:
         cut(s, p, low, high)
-    elif SWITCHES:
+        return s.cut
+    if SWITCHES:
         for k in range(s.surfaces):
             if after[k] > p.slack[k]:
                 p.slack[k] = 0.0
-    return high
+    return 0.0
 
 
 def cut(s: Events, p: Parameters, low: float, high: float) -> None:
@@ -465,6 +485,8 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
     That is where its function vanishes, also where only one well below 0 tells it.
     """
     first = events(s)
+    s.event = 0.0
+    s.switched = 0.0
     for k in range(events(s)):
         if ends(s, p, k, value_at(EVENT, s, p, k, high), high):
             first = k
