@@ -264,6 +264,8 @@ def _proximal(unit: Problem, firm: float, times: int) -> _Point:
 STEPS = 30
 # Of a Newton step, the parts that are tried.
 PARTS = (1.0, 0.5, 0.25, 0.0625)
+# On the central path a Newton step this long, in its own metric, is taken as it is.
+NEAR_PATH = 0.25
 # Steps longer than this, in parts of what they mend, are those of dependent rows.
 FAR = 1e8
 
@@ -515,3 +517,42 @@ def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
     for _ in range(2):
         z[some] -= least_squares(B, (M @ z + q)[some], DEPENDENT_SQUARE)
     return np.maximum(z, 0.0)
+
+
+def least_parts(
+    x: Floats, free: Floats, discs: Floats, radii: Floats, pushes: Flags
+) -> Floats:
+    """Multipliers x + free y (k,), in parts of their bounds, whose largest is least.
+
+    free : (k, d); discs : (g, k), of each 1 at its rows; radii : (g, k), how their
+    bounds grow with multipliers; pushes : (k,), which are to stay positive. Newton's
+    steps follow the central path of the cones |x_g| < s + radii_g (x - x_0) to the
+    least s, for as long as rounding leaves them inside (Y. Nesterov, Lectures on Convex
+    Optimization, 2018, section 5.2).
+    """
+    k, d = free.shape
+    largest = np.sqrt((discs @ x**2).max())
+    G = np.zeros((k + 1, d + 1))  # x and s by y and s
+    G[:k, :d], G[k, d] = free, 1.0
+    u, first, weight = np.append(x, 2.0 * largest), radii @ x, 1.0 / largest
+    grow, signed = np.column_stack([radii, np.ones(len(discs))]), np.flatnonzero(pushes)
+    while weight < 1.0 / CONVERGED:
+        for _ in range(STEPS):
+            r = grow @ u - first
+            left = r * r - discs @ u[:k] ** 2
+            if not min(r.min(), left.min(), u[signed].min(initial=1.0)) > 0.0:
+                return x
+            x, inverse = u[:k], 1.0 / left[:, None]
+            R, P = grow @ G, G[signed] / u[signed, None]
+            C = 2.0 * inverse * ((discs * x) @ G[:k] - r[:, None] * R)
+            slope = C.sum(axis=0) - P.sum(axis=0)
+            slope[d] += weight
+            bend = 2.0 * (G[:k].T * (inverse.T @ discs)) @ G[:k]
+            bend += C.T @ C + P.T @ P - 2.0 * (inverse * R).T @ R
+            step = -np.linalg.lstsq(bend, slope, rcond=None)[0]
+            size = np.sqrt(max(0.0, -slope @ step))
+            u = u + G @ step / (1.0 + size if size > NEAR_PATH else 1.0)
+            if size <= NEAR_PATH:
+                break
+        weight *= 10.0
+    return x

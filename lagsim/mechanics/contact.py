@@ -19,7 +19,8 @@ What slides is driven by a force of known direction. What rests holds if a multi
 within its bound does it, and otherwise begins to slide against it. A box on four legs
 can lose any leg on whose side its weight is not. Where discs leave no corner to pivot
 to, legs are taken away until those that are left are independent, as long as friction
-allows it.
+allows it. Of friction that rows share, discs have the least parts of their bounds: a
+disc slips where no sharing holds it, along a way that the other rows leave.
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """
@@ -34,10 +35,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import Metric, Span, least_squares, scaled
+from lagsim.mechanics.algebra import Metric, Span, least_squares, null_space, scaled
 from lagsim.mechanics.complementarity import (
     RATES_ROUNDOFF,
     Problem,
+    least_parts,
     rates_at,
     solve,
 )
@@ -401,14 +403,14 @@ def modes(
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
         rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
+        if problem.discs:
+            solution = _eased(rows, _supported(rows, solution))
         found, directions_found = rows.edges(solution)
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
         if begins.any():
             begun |= begins
             continue
-        if problem.discs:
-            found, directions_found = rows.edges(_supported(rows, solution))
         return _decided(rows, found, directions_found)
 
 
@@ -495,7 +497,7 @@ class _Rows:
         """Mode of a bounded row, and its direction; one that is tied is off."""
         if self.given[k]:
             return Mode.SLIDING, float(self.directions[k])
-        rows = self._disc(k)
+        rows = self.disc(k)
         slip = np.linalg.norm(solution.w[rows])
         force = np.linalg.norm(solution.p[rows])
         inside = not force >= bound - small
@@ -505,10 +507,10 @@ class _Rows:
             return Mode.SLIDING, float(way)
         return (Mode.HELD if inside else Mode.OFF), 0.0
 
-    def _disc(self, k: int) -> list[int]:
-        """Row k, and the other on its disc."""
+    def disc(self, k: int) -> list[int]:
+        """Row k, or both of its disc."""
         pair = self.closed.pairs[k]
-        return [k] if pair < 0 else [k, pair]
+        return [k] if pair < 0 else [min(k, pair), max(k, pair)]
 
     def _hold(
         self,
@@ -525,12 +527,17 @@ class _Rows:
         What others hold is redundant, and cannot part; slips of contacts without force
         are off.
         """
-        closed, span = self.closed, _Independent(self.closed)
-        x, rate = self._rates(p, held, tied, pressed)
+        closed, span = self.closed, _Independent(self.closed.factor)
+        turn = self._turned(p, tied, pressed)
+        x, rate = self._rates(p, held, tied, pressed, turn)
         none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
-        ends = self.left & none
-        apart = [k for k in tied if ends[k] or rate[self._disc(k)].any()]
-        for k in (*held, *sorted(tied, key=lambda k: -abs(x[k]))):
+        apart = [
+            k
+            for k in tied
+            for disc in [self.disc(k)]
+            if rate[disc].any() or (self.left[disc].any() and none[disc[-1]])
+        ]
+        for k in (*held, *sorted(tied, key=lambda k: -abs(turn[k] @ x))):
             n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
                 continue
@@ -544,34 +551,51 @@ class _Rows:
             if n >= 0 and modes[n] is Mode.OFF:
                 modes[k], directions[k] = Mode.OFF, 0.0
 
+    def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats:
+        """Axes (r, r) of rows: of discs that are tied one across and one along p."""
+        turn = np.eye(len(p))
+        for i, k in self.problem.discs:
+            if k in tied and pressed[k]:
+                c, s = p[[i, k]] / np.linalg.norm(p[[i, k]])
+                turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
+        return turn
+
     def _rates(
-        self, p: Floats, held: list[int], tied: list[int], pressed: Flags
+        self,
+        p: Floats,
+        held: list[int],
+        tied: list[int],
+        pressed: Flags,
+        turn: Floats,
     ) -> tuple[Floats, Floats]:
         """Rates (r,) of multipliers beside their bounds, and of accelerations, at ties.
 
-        They solve a complementarity problem of their own: what is held has any rate of
-        its multiplier, what is tied one that leads inside; what slides, or has no rate,
-        keeps its part of its bound.
+        Along `turn`. They solve a complementarity problem of their own: what is held
+        has any rate of its multiplier, what is tied one that leads inside, or along the
+        edge of its disc; what slides, or has no rate, keeps its part of its bound.
         """
-        span, r = _Independent(self.closed), len(p)
-        free = [k for k in held if span.takes(k)]
-        unit, S = np.eye(r), np.eye(r)  # p' = S x
+        r = len(p)
         if self.ahead is None or not tied:
             return np.zeros(r), np.zeros(r)
+        span = _Independent(self.closed.factor @ turn)
+        edges = [i for i, k in self.problem.discs if k in tied and pressed[k]]
+        free = [k for k in (*held, *edges) if span.takes(k)]
+        unit, S = np.eye(r), np.eye(r)  # p' = S turn x
         for k, n in enumerate(self.closed.normals):
             if n >= 0 and p[n] > 0.0:
                 S[k, n] = p[k] / p[n]
         ways = [unit[k] for k in tied if k in self.one_sided]
-        ways += [-p[self._disc(k)] @ unit[self._disc(k)] for k in tied if pressed[k]]
-        D = self.closed.D @ S
-        return rates_at(D, *self.ahead(p), free, np.array(ways).reshape(-1, r))
+        inside = [k for k in tied if pressed[k] and k not in edges]
+        ways += [-(p @ turn[:, k]) * unit[k] for k in inside]
+        D, (change, noise) = turn.T @ self.closed.D @ S @ turn, self.ahead(p)
+        c, rounding = turn.T @ change, np.abs(turn.T) @ noise
+        return rates_at(D, c, rounding, free, np.array(ways).reshape(-1, r))
 
 
 class _Independent(Span):
     """The span of the rows taken so far."""
 
-    def __init__(self, closed: Closed) -> None:
-        Y = closed.factor
+    def __init__(self, Y: Floats) -> None:
         super().__init__(len(Y))
         lengths = np.linalg.norm(Y, axis=0)
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
@@ -604,7 +628,7 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
 
 def _spare(rows: _Rows, solution: Solution) -> list[int]:
     """Contacts that end first where forces change along a dependence."""
-    p, span = solution.p, _Independent(rows.closed)
+    p, span = solution.p, _Independent(rows.closed.factor)
     bear = [k for k in rows.one_sided if p[k] > 0.0]
     if all(span.takes(k) for k in bear):
         return []
@@ -617,6 +641,47 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
         if np.isfinite(parts.min()):
             ends.append(bear[int(parts.argmin())])
     return sorted(ends, key=lambda k: float(p[k]))
+
+
+def _eased(rows: _Rows, solution: Solution) -> Solution:
+    """Solution in which friction that rests is as far inside of its bounds as can be.
+
+    Where several rows hold by multipliers that are not unique, and some friction is at
+    its bound: a slip is possible only where all of it must be.
+    """
+    p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
+    limits = rows.problem.limits(p)
+    rests = (np.abs(solution.w) <= rows.rounding(p, limits)) & ~rows.given
+    rests &= closed.factor.any(axis=0)
+    rubs, pushes = rests & (limits > 0.0), rests & (p > 0.0)
+    pushes &= np.array([kind.one_sided for kind in kinds])
+    timed = rests & np.array([kind is Kind.TIMED for kind in kinds])
+    some = np.flatnonzero(rubs | pushes | timed)
+    discs, radii = np.zeros((2, len(p), len(p)))
+    for k in np.flatnonzero(rubs).tolist():
+        first = rows.disc(k)[0]
+        discs[first, k], radii[first, closed.normals[k]] = 1.0, closed.normals[k] >= 0
+    own = discs.any(axis=1)
+    discs, radii = discs[own][:, some], radii[own][:, some]
+
+    def largest(p: Floats) -> float:
+        parts = p / np.where(rubs, rows.problem.limits(p), 1.0)
+        return float((discs @ parts[some] ** 2).max(initial=0.0))
+
+    if largest(p) < 1.0 - RATES_ROUNDOFF:
+        return solution
+    lengths = np.linalg.norm(closed.factor, axis=0)
+    bounds = np.where(rubs, limits, np.where(pushes, p, 1.0))
+    bounds[timed] = (limits * lengths).max() / lengths[timed]
+    bounds, lengths = bounds[some], lengths[some]
+    free = null_space(closed.factor[:, some] / lengths) / (lengths * bounds)[:, None]
+    if not free.size:
+        return solution
+    eased, free = p.copy(), np.linalg.qr(free)[0]
+    parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
+    eased[some] = parts * bounds
+    better = largest(eased) < min(1.0, largest(p))
+    return solution._replace(p=eased) if better else solution
 
 
 def _expressed(

@@ -555,6 +555,8 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             continue
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
+        if rubs == 0.0:
+            continue
         changes = _steady(here, found, pair, rubs)
         scale = rubs * changes
         # Below this it would turn and stop in fewer roundings of the time than steps

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 from tests.scenes.contact.motions import G, contact, play, scene
 
@@ -182,3 +182,106 @@ def test_a_slip_that_begins_turns_as_its_load_moves():
     )
     end = [found[q][-1] for q in ("x", "y", "x_dot", "y_dot")]
     assert end == pytest.approx(expected.y[:, -1], abs=1e-5)
+
+
+# What holds a body across the way (-0.8, 0.6), and shares its load with a disc.
+ACROSS = "0.6*x_dot + 0.8*w_dot"
+RAILS = {
+    "friction": {"relation": f"{ACROSS} = 0", "limit": 2},
+    "a constraint": {"relation": f"{ACROSS} = 0"},
+    "a constraint for a time": {"relation": f"{ACROSS} = 0", "when": "t < 5"},
+    "a wall": contact("0.6*x + 0.8*w <= 0", 0),
+}  # fmt: skip
+DISCS = {
+    "limit": {"relation": ["x_dot = 0", "w_dot = 0"], "limit": 3},
+    "friction": contact("z >= 0", 0, friction=0.3, slip=["x_dot", "w_dot"]),
+}
+
+
+def railed(rail, disc, push, speed=0.0):
+    """Pushed with 1.5 across the rail and `push` along it."""
+    return play(scene(
+        "x w z", "(x_dot^2 + w_dot^2 + z_dot^2)/2", "10*z",
+        {"disc": DISCS[disc], "rail": RAILS[rail]},
+        {"x": 0, "w": 0, "z": 0, "x_dot": -0.8 * speed, "w_dot": 0.6 * speed},
+        forces={"x": f"0.9 - 0.8*({push})", "w": f"1.2 + 0.6*({push})",
+                "z": "if(z > 0, 10, 10)" if disc == "limit" else "0"},
+        duration=4, output_step=0.5,
+    ))  # fmt: skip
+
+
+@pytest.mark.parametrize("disc", DISCS)
+@pytest.mark.parametrize("rail", RAILS)
+def test_a_slip_begins_along_the_way_that_is_left(rail, disc):
+    # The rail bears what is across: the disc has 3 for the way.
+    found = railed(rail, disc, "1.5*t")
+    assert found.times("slip") == pytest.approx([2.0], abs=1e-9)
+    way = np.maximum(found.t - 2.0, 0.0) ** 3 / 4
+    assert found["x"] == pytest.approx(-0.8 * way, abs=1e-9)
+    assert found["w"] == pytest.approx(0.6 * way, abs=1e-9)
+    assert found.result.record["steps"] < 100
+
+
+@pytest.mark.parametrize("rail", RAILS)
+def test_a_slip_ends_along_the_way_that_is_left(rail):
+    found = railed(rail, "limit", "1", speed=1.0)
+    assert found.times("stick") == pytest.approx([0.5], abs=1e-9)
+    assert found["w"][1:] == pytest.approx(0.6 * 0.25, abs=1e-9)
+    assert found.result.record["steps"] < 100
+
+
+def test_friction_at_its_bound_that_turns_and_falls_holds():
+    force = "3*(1 - t/10)"
+    found = play(scene(
+        "x z", "(x_dot^2 + z_dot^2)/2", "0",
+        {"disc": {"relation": ["x_dot = 0", "z_dot = 0"], "limit": 3}},
+        {"x": 0, "z": 0}, forces={"x": f"{force}*cos(t)", "z": f"{force}*sin(t)"},
+        duration=4,
+    ))  # fmt: skip
+    assert found.result.events == ()
+    assert found.result.record["steps"] < 20
+
+
+LEGS = np.array([[0.5, 0.4], [-0.5, 0.3], [0.1, -0.6]])
+
+
+def test_a_table_slips_when_no_sharing_of_its_friction_holds_it():
+    """When it slips is limit analysis: the least work of friction over all slips.
+
+    It is pushed at its middle, turns as it slips, and then follows friction that is
+    smooth near rest.
+    """
+    press = np.linalg.solve(np.vstack([np.ones(3), LEGS.T]), [20.0, 0.0, 0.0])
+    arms = np.column_stack([-LEGS[:, 1], LEGS[:, 0]])
+
+    def work(slip):
+        return 0.3 * press @ np.hypot(*([1.0, slip[0]] + slip[1] * arms).T)
+
+    options = {"xatol": 1e-11, "fatol": 1e-15, "maxiter": 4000}
+    slips = minimize(work, [0.0, 0.0], method="Nelder-Mead", options=options).fun / 4
+
+    def rates(t, s):
+        slip = s[3:5] + s[5] * arms
+        pushes = -0.3 * press / np.sqrt((slip**2).sum(axis=1) + 1e-16) * slip.T
+        turn = (arms.T * pushes).sum() / 0.3
+        return [*s[3:], 2.0 * t + pushes[0].sum() / 2, pushes[1].sum() / 2, turn]
+
+    expected = solve_ivp(
+        rates, (slips, 2.0), np.zeros(6), "LSODA", rtol=1e-10, atol=1e-14
+    )
+    feet = {
+        f"leg{i}": contact(
+            f"z + {x}*b - {y}*a >= 0", 0, friction=0.3,
+            slip=[f"x_dot - {y}*c_dot", f"w_dot + {x}*c_dot"],
+        )
+        for i, (x, y) in enumerate(LEGS)
+    }  # fmt: skip
+    found = play(scene(
+        "x w z a b c",
+        "x_dot^2 + w_dot^2 + z_dot^2 + 0.15*(a_dot^2 + b_dot^2 + c_dot^2)",
+        "20*z", feet, dict.fromkeys("xwzabc", 0), forces={"x": "4*t"}, duration=2,
+    ))  # fmt: skip
+    assert found.times("slip")[0] == pytest.approx(slips, rel=1e-8)
+    end = [found[q][-1] for q in ("x", "w", "c", "x_dot", "w_dot", "c_dot")]
+    assert end == pytest.approx(expected.y[:, -1], abs=1e-6)
+    assert found.result.record["steps"] < 1000
