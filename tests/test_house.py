@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 222
-LINES = 75_400
-LINES_OF_TESTS = 57_420
+LINES = 75_510
+LINES_OF_TESTS = 57_520
 
 
 def lines(folder):
