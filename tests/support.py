@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,10 +78,18 @@ def at_outputs(t, start, step):
     return np.flatnonzero(near & later)
 
 
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+
+
+@functools.cache
+def shipped(name):
+    """Read a shipped model, once."""
+    return read_file(str(MODELS / f"{name}.yaml"))
+
+
 def has_laws(name):
     """Tell whether a shipped model has constraints that hold at times."""
-    model = read_file(str(MODELS / f"{name}.yaml"))
-    return not all(c.always for c in model.constraints)
+    return not all(c.always for c in shipped(name).constraints)
 
 
 def case_of(model, **options):

@@ -13,7 +13,7 @@ import pytest
 
 from lagsim.model.reader import read_file
 from tests.cli.conftest import lagsim  # noqa: F401
-from tests.support import MODELS
+from tests.support import MODELS, SHIPPED
 
 pytestmark = pytest.mark.timeout(7200)
 
@@ -54,7 +54,7 @@ def test_long_fuzzing(module, name, record_property):
 
 
 @pytest.mark.nightly(one_in=2)
-@pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_chart(name, lagsim):  # noqa: F811
     text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
     if name in SHORTER:
@@ -80,7 +80,7 @@ def test_every_chart(name, lagsim):  # noqa: F811
 
 
 @pytest.mark.nightly(one_in=2)
-@pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_map_of_stability(name, lagsim):  # noqa: F811
     called = lagsim("stability", MODELS / f"{name}.yaml", "-o", "out")
     assert called.code in (0, 2), called.err

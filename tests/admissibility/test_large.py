@@ -10,10 +10,10 @@ from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.reduction import equations_of_motion
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.plan.plan import make_plan
 from tests.admissibility.scenes import check
-from tests.support import MODELS
+from tests.support import SHIPPED, shipped
 
 
 def both(e, monkeypatch):
@@ -23,9 +23,9 @@ def both(e, monkeypatch):
     return dense, examine(e)
 
 
-@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
-def test_shipped_models(path, monkeypatch):
-    e = equations_of_motion(read_file(str(path)))
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_models(name, monkeypatch):
+    e = equations_of_motion(shipped(name))
     dense, sparse = both(e, monkeypatch)
     assert sparse.verdicts == dense.verdicts
     assert sparse.ranks.rank == dense.ranks.rank

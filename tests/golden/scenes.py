@@ -9,7 +9,6 @@ from lagsim.studies.golden import judge, load, run
 from tests.support import MODELS, ROOT
 
 GOLDENS = ROOT / "tests" / "golden"
-SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 
 
 def scene(name, **overrides):

@@ -16,7 +16,8 @@ from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
 from lagsim.studies.golden import METHODS, judge, measure, motion_of, perturbed, run
 from tests.choosing import share, tonight
-from tests.golden.scenes import SHIPPED, judged, replaced, scene, stored, told
+from tests.golden.scenes import judged, replaced, scene, stored, told
+from tests.support import SHIPPED
 
 SEEN = 200
 # A range below this part of the size is that of rounding errors.

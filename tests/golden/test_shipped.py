@@ -9,7 +9,8 @@ at up to a hundred times the tolerance pass, as the page on goldens promises.
 import pytest
 
 from lagsim.methods import method
-from tests.golden.scenes import GOLDENS, SHIPPED, judged, scene, told
+from tests.golden.scenes import GOLDENS, judged, scene, told
+from tests.support import SHIPPED
 
 
 @pytest.mark.parametrize("name", SHIPPED)

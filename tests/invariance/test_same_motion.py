@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.model.reader import read_file
 from tests.invariance import transforms as put
 from tests.invariance.same import (
     CHANGES,
@@ -22,7 +21,7 @@ from tests.invariance.same import (
     known,
 )
 from tests.invariance.transforms import document
-from tests.support import MODELS, at_outputs, run
+from tests.support import MODELS, SHIPPED, at_outputs, run, shipped
 from tests.written import is_expanded, written
 
 # A million ranges from the origin: 2^-53 of that is 1e-10 of a range.
@@ -94,7 +93,6 @@ initial: {x: 0, y: 1, phi: 0, phi_dot: 50}
 simulation: {duration: 2, output_step: 0.02}
 """,
 }
-SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 QUICK = [
     ("pendulum-cartesian", "shifted"), ("elastic-pendulum", "boosted"),
     ("elastic-pendulum", "beside-a-planet"), ("dry-friction", "microseconds"),
@@ -156,7 +154,7 @@ FAMILIES = [name for name in SHIPPED if is_expanded(MODELS / f"{name}.yaml")]
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_file_written_out_moves_as_the_file_does(name):
     base = measured(name)
-    model = read_file(str(MODELS / f"{name}.yaml"))
+    model = shipped(name)
     found = run(name, duration=base.model.duration)
     rows = at_outputs(found["t"], base.model.start, base.model.output_step)
     q = np.stack([found[x.name][rows] for x in model.coordinates], axis=1)

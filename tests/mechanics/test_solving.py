@@ -15,8 +15,8 @@ from lagsim.language.sparse import Budget, TooLongError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination, affordable, factored_mass, without_rows
 from lagsim.mechanics.tensions import accelerations
-from lagsim.model.reader import read, read_file
-from tests.support import MODELS, run
+from lagsim.model.reader import read
+from tests.support import run, shipped
 
 
 def document(coordinates, definitions, kinetic, potential, more="", loss=""):
@@ -338,7 +338,7 @@ def test_each_acceleration_has_nearly_all_digits(n, orders):
     ],
 )
 def test_elimination_is_as_short_as_by_hand(name, most):
-    e = derive(read_file(str(MODELS / f"{name}.yaml")))
+    e = derive(shipped(name))
     assert moving_operations(e, Elimination(e).motion()[0]) <= most
 
 

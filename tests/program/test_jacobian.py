@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from lagsim.methods import rk4
-from tests.support import MODELS, has_laws, ready
+from tests.support import SHIPPED, has_laws, ready
 
 # Where constraints hold at times, no method asks for it.
-SHIPPED = sorted(
-    path.stem
-    for path in MODELS.glob("*.yaml")
-    if path.stem != "chain-cartesian" and not has_laws(path.stem)
-)
+WITHOUT_LAWS = [x for x in SHIPPED if x != "chain-cartesian" and not has_laws(x)]
 MASSLESS = """
 coordinates: {x: {}, y: {}, z: {}}
 energy: {kinetic: x_dot^2/2 + x*y_dot^2, potential: cos(x) + z^2/2}

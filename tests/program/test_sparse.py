@@ -12,9 +12,7 @@ from lagsim.native.graph import tapes
 from lagsim.program.system import System
 from lagsim.run.events.breaks import Values
 from lagsim.run.observers import Keep
-from tests.support import MODELS, case_of, ready, run
-
-ALL = sorted(MODELS.glob("*.yaml"))
+from tests.support import SHIPPED, case_of, ready, run
 
 
 @pytest.mark.slow
@@ -72,9 +70,9 @@ def motion(e, plan, y, t):
     return runner.function("observe")(t, y[: system.size])[wanted]
 
 
-@pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
-def test_tapes_give_the_bits_of_compiled_code(path):
-    case = case_of(path.stem)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_tapes_give_the_bits_of_compiled_code(name):
+    case = case_of(name)
     e, plan = case.equations, case.plan()
     for t, y in states(case.start, 2):
         tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))

@@ -6,7 +6,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.methods import names
 from lagsim.program import system
-from tests.support import MODELS, run
+from tests.support import SHIPPED, run
 
 # Loops over rows that depend, impacts, events; the others wait for the slow suite.
 FEW = [
@@ -70,7 +70,7 @@ def test_a_run_ends_at_the_same_step_however_often_its_kernels_pause(monkeypatch
 
 
 # All methods take minutes for the contacts of four feet.
-SHORT_RUNS = sorted({x.stem for x in MODELS.glob("*.yaml")} - {"quadruped"})
+SHORT_RUNS = [name for name in SHIPPED if name != "quadruped"]
 
 
 @pytest.mark.slow

@@ -12,11 +12,11 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.equations import Equations, derive
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.show.lagrange import content
 from lagsim.show.printers import as_json
 from lagsim.show.symbols import symbol
-from tests.support import MODELS
+from tests.support import MODELS, SHIPPED, shipped
 from tests.sympy_oracle import reads
 
 if TYPE_CHECKING:
@@ -24,20 +24,19 @@ if TYPE_CHECKING:
 
     from lagsim.show import Content
 
-NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # What sympy reads.
-READ = [name for name in NAMES if reads(MODELS / f"{name}.yaml")]
+READ = [name for name in SHIPPED if reads(MODELS / f"{name}.yaml")]
 # Their equations fill pages: some seconds each.
 LONG = ("andrews", "rolling-disk-steady")
 EACH = [
     pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
-    for name in NAMES
+    for name in SHIPPED
 ]
 
 
 @functools.cache
 def equations_of(name: str) -> Equations:
-    return derive(read_file(str(MODELS / f"{name}.yaml")))
+    return derive(shipped(name))
 
 
 @functools.cache

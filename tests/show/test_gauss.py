@@ -7,14 +7,15 @@ from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.show.lagrange import content
 from lagsim.show.printers import as_json
-from tests.show.cases import NAMES, equations_of, known, numbers
-from tests.support import MODELS, case_of, ready, run
+from tests.show.cases import known, numbers
+from tests.support import MODELS, SHIPPED, case_of, ready, run, shipped
 
 # Without the constraint of its length a quaternion has directions without inertia.
 CONSTRAINED = [
     name
-    for name in NAMES
-    if equations_of(name).rows and not equations_of(name).model.quaternions
+    for name in SHIPPED
+    if any(c.always for c in shipped(name).constraints)
+    and not shipped(name).quaternions
 ]
 QUICK = ("elastic-pendulum-curve", "rolling-disk", "appell-hamel", "car-axis")
 EACH = [

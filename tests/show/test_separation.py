@@ -21,9 +21,9 @@ from lagsim.show.latex import as_latex
 from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.mechanics.test_equations import rows_of
-from tests.show.cases import NAMES, numbers
+from tests.show.cases import numbers
 from tests.show.latex_checker import check
-from tests.support import MODELS
+from tests.support import MODELS, SHIPPED
 
 # Models that are given so, and how many lines of text are enough.
 LINES = {
@@ -130,7 +130,7 @@ def check_by_value(e):
     return d, known
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_equations_are_those_of_the_graph(name, monkeypatch):
     monkeypatch.setattr(shown, "MOST_ROWS", -1)
     if equations_of(name).model.tables:

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.support import MODELS, at_outputs, has_laws, run
+from tests.support import MODELS, SHIPPED, at_outputs, has_laws, run
 
-SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # Chaotic: the errors of both tolerances grow tenfold in 2 s, to 1e-4 of the angles.
 CHAOTIC = {"double-pendulum"}
 

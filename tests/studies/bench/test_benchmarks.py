@@ -8,10 +8,9 @@ from benchmarks.rivals_chart import LOOKS, chart
 from benchmarks.textbook import OF, Numbers
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
-from lagsim.model.reader import read_file
 from lagsim.studies.bench import stamp
 from tests.outputs.drawn import assert_legible, drawn
-from tests.support import MODELS
+from tests.support import shipped
 
 
 def test_costs_between_points_are_straight_in_logarithms():
@@ -48,7 +47,7 @@ def accelerations(e, values):
 
 @pytest.mark.parametrize("model", OF)
 def test_equations_by_hand_are_those_derived(model):
-    e = derive(read_file(str(MODELS / f"{model}.yaml")))
+    e = derive(shipped(model))
     parameters = {p.name: p.value for p in e.model.parameters}
     start = {i.name: i.value for i in e.model.initial}
     rng = np.random.default_rng(1)
