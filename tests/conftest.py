@@ -50,7 +50,8 @@ def heeded_signals():
 # the rest waits for the slow suite.
 MANY_CASES = 4
 QUICK_ONE_IN = 8
-# Not where a case takes a millisecond, and not the goldens: all of these are quick.
+# Not where a case takes a millisecond, and not the goldens: all of these are quick. A
+# shipped model takes longer.
 ALL_CASES = tuple(
     f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")
 )
@@ -84,7 +85,8 @@ def pytest_generate_tests(metafunc):
     """
     result = yield
     cases, test = metafunc._calls, metafunc.definition
-    if len(cases) >= MANY_CASES and not (EVERY or test.nodeid.startswith(ALL_CASES)):
+    whole = test.nodeid.startswith(ALL_CASES) and "::test_shipped_" not in test.nodeid
+    if len(cases) >= MANY_CASES and not (EVERY or whole):
         for case in cases:
             if not chosen(f"{test.nodeid}[{case.id}]", COMMIT, QUICK_ONE_IN):
                 case.marks.append(pytest.mark.slow.mark)

@@ -107,15 +107,18 @@ def test_units_and_origin_do_not_matter(change, bound, how):
     assert coordinates(start) == pytest.approx(catenary(6, 0.8)[0], abs=bound)
 
 
-def test_the_run_begins_there_and_stays(tmp_path):
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("radau", "taylor")]
+
+
+@pytest.mark.parametrize("method", ["dop853", *SLOW])
+def test_the_run_begins_there_and_stays(tmp_path, method):
     path = tmp_path / "chain.yaml"
     path.write_text(chain(guess(3, "straight")))
     q, span = catenary(3, 0.8)
-    for method in ("dop853", "radau", "taylor"):
-        found = simulate(path, method=method, duration=2)
-        ends = [[found[f"q{i}"][k] for i in range(1, 4)] for k in (0, -1)]
-        assert ends == pytest.approx(np.array([q, q]), abs=1e-9)
-        assert np.abs(found["lambda_px"]) == pytest.approx(span, rel=1e-9)
+    found = simulate(path, method=method, duration=2)
+    ends = [[found[f"q{i}"][k] for i in range(1, 4)] for k in (0, -1)]
+    assert ends == pytest.approx(np.array([q, q]), abs=1e-9)
+    assert np.abs(found["lambda_px"]) == pytest.approx(span, rel=1e-9)
     assert lagsim.check(path).rest == pytest.approx(
         {f"q{i + 1}": q[i] for i in range(3)}
     )

@@ -287,8 +287,10 @@ def test_goldens_keep_both_rows_of_impacts_which_do_not_spoil_the_others(name):
     ("name", "old", "new"),
     [
         ("bouncing-ball", "restitution: 0.8", "restitution: 0.80000001"),
-        ("slack-string", "l: {value: 1.0,", "l: {value: 1.00000001,"),
-        ("newtons-cradle", "gap: {value: 1e-4", "gap: {value: 1.00001e-4"),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+            ("slack-string", "l: {value: 1.0,", "l: {value: 1.00000001,"),
+            ("newtons-cradle", "gap: {value: 1e-4", "gap: {value: 1.00001e-4"),
+        )),
     ],
 )  # fmt: skip
 def test_a_small_change_is_seen(name, old, new):

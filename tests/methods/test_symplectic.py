@@ -190,7 +190,9 @@ initial: {x: sin(2), y: -cos(2), s: sin(2)}
 """
 
 
-@pytest.mark.parametrize("text", [TWICE, MASSLESS])
+@pytest.mark.parametrize(
+    "text", [TWICE, pytest.param(MASSLESS, marks=pytest.mark.slow)]
+)
 def test_rattle_on_what_only_the_loops_solve(text):
     options = "duration: 10, output_step: 0.1"
     exact = run(f"{text}simulation: {{{options}}}")

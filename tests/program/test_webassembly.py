@@ -11,9 +11,11 @@ from lagsim.native.link import wasm
 from lagsim.native.link.engine import NativeError
 from lagsim.program import webassembly
 from lagsim.run.arcs import Run
+from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 from tests.support import MODELS
 
+PENDULUM = MODELS / "double-pendulum.yaml"
 # Between them they call nearly all that models and kernels may.
 RUNS = [
     ("elastic-pendulum", "auto"), ("double-pendulum", "dop853"), ("kepler", "gauss4"),
@@ -43,26 +45,24 @@ def _portable(monkeypatch):
     monkeypatch.setenv("LAGSIM_CPU", "portable")
 
 
-class Rows:
-    """An observer that keeps all rows."""
-
-    def __init__(self):
-        self.blocks = []
-
-    def add(self, rows):
-        self.blocks.append(rows.copy())
-
-
 def made(source, method="auto", **values):
     """Give a module, and the rows of the run that it was made of."""
     model = model_of(source).bind(**values)
     session = open_case(model, model.settings({"method": method})).ready()
-    rows = Rows()
-    run = Run(session.first_arc(), [rows])
+    keep = Keep()
+    run = Run(session.first_arc(), [keep])
     run.begin()
     module = webassembly.module(run.arc.runner, run.arc.state)
     run.whole(10**7)
-    return module, np.concatenate(rows.blocks)
+    return module, keep.table
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """Give the module and the portable rows of the double pendulum."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LAGSIM_CPU", "portable")
+        return made(PENDULUM)
 
 
 def by_wasmtime(module, **values):
@@ -128,17 +128,16 @@ def test_every_function_and_a_condition_that_ends_the_run():
     assert rows[-1, v] == pytest.approx(-2.4, abs=1e-14)
 
 
-def test_parameters_are_set_in_the_module():
-    path = MODELS / "double-pendulum.yaml"
-    module, former = made(path)
-    _, native = made(path, m2=2.0)
+def test_parameters_are_set_in_the_module(pendulum):
+    module, former = pendulum
+    _, native = made(PENDULUM, m2=2.0)
     rows, _ = by_wasmtime(module, m2=2.0)
     assert same(rows, native)
     assert not same(rows, former)
 
 
-def test_a_module_describes_itself():
-    module, native = made(MODELS / "double-pendulum.yaml")
+def test_a_module_describes_itself(pendulum):
+    module, native = pendulum
     about = wasm.described(module)
     assert about["version"] == 1
     assert about["columns"][:3] == ["t", "theta1", "theta2"]
@@ -161,9 +160,10 @@ def test_runs_that_python_leads_have_none(name):
         made(MODELS / f"{name}.yaml")
 
 
-def test_the_portable_target_differs_from_the_host_by_rounding_alone(monkeypatch):
-    path = MODELS / "double-pendulum.yaml"
-    (_, portable), _ = made(path), monkeypatch.setenv("LAGSIM_CPU", "host")
-    _, host = made(path)
+def test_the_portable_target_differs_from_the_host_by_rounding_alone(
+    monkeypatch, pendulum
+):
+    monkeypatch.setenv("LAGSIM_CPU", "host")
+    (_, portable), (_, host) = pendulum, made(PENDULUM)
     early = portable[:, 0] < 3.0  # chaos multiplies a difference by ten in 2 s
     assert np.allclose(portable[early], host[early], rtol=1e-9, atol=1e-9)

@@ -318,9 +318,9 @@ ARC = quad(lambda y: np.sqrt((1 + 4 * y**2) / 5), 0, 1, epsabs=1e-13)[0]
 SWING = quad(lambda a: (5.38 + 19.62 * np.cos(a)) ** -0.5, 0, np.pi / 2)[0]
 EDGES = [
     ("y = sqrt(1 - x)", "0", "x: 0, y: 1, x_dot: 2, y_dot: -1", ARC),
-    ("y = -sqrt(1 - x^2)", "9.81*y", "x: 0, y: -1, x_dot: 5", SWING),
-    ("y = -cos(asin(x))", "9.81*y", "x: 0, y: -1, x_dot: 5", SWING),
-]
+    *(pytest.param(x, "9.81*y", "x: 0, y: -1, x_dot: 5", SWING, marks=pytest.mark.slow)
+      for x in ("y = -sqrt(1 - x^2)", "y = -cos(asin(x))")),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("relation", "potential", "start", "end"), EDGES)
