@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts.parameters import TURNS
-from lagsim.tolerances import SUM_ROUNDOFF
+from lagsim.tolerances import CLEAR_OF_ROUNDING, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats, Ints
@@ -106,7 +106,9 @@ def _collocated(
     times = here.t + lasts * nodes
     start = -p.law_direction[pairs]
     phi = np.tile(np.arctan2(start[:, 1], start[:, 0]), (len(nodes), 1))
-    states = np.tile(here.y, (len(nodes), 1))
+    straight = np.tile(here.y, (len(nodes), 1))
+    straight[:, arc.state.positions] += np.outer(lasts * nodes, here.y[arc.velocities])
+    states = straight
     rates, slip = np.empty((len(nodes), size)), np.empty((len(nodes), count, 2))
     tolerance = float(arc.plan.tolerance)
     for _ in range(SWEEPS):
@@ -125,18 +127,20 @@ def _collocated(
         if not np.isfinite(step).all():
             return None
         phi = phi + step
-        least = tolerance * speed[-1] / (friction * lasts * _own(D)) + SUM_ROUNDOFF
+        turned = friction * lasts * _own(D)
+        least = tolerance * speed[-1] / turned + SUM_ROUNDOFF
+        rounded = CLEAR_OF_ROUNDING * here.still[pairs].max(axis=1) / turned
         # Forces follow the places, which begin to move a sweep after the speeds.
         near = (
-            tolerance * np.abs(states - here.y).max(axis=0) + SUM_ROUNDOFF * here.seen
+            tolerance * np.abs(states - straight).max(axis=0) + SUM_ROUNDOFF * here.seen
         )
         if (np.abs(states - former).max(axis=0) <= near).all() and (
-            np.abs(step).max(axis=0) <= 0.1 * least
+            np.abs(step).max(axis=0) <= 0.1 * least + rounded
         ).all():
             break
     else:
         return None
-    if (speed <= 0.0).any() or not _is_smooth(phi, nodes, least):
+    if (speed <= 0.0).any() or not _is_smooth(phi, nodes, least + rounded):
         return None
     if not all(_lasts(here, pairs, t, y) for t, y in zip(times, states, strict=True)):
         return None

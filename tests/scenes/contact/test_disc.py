@@ -285,3 +285,23 @@ def test_a_table_slips_when_no_sharing_of_its_friction_holds_it():
     end = [found[q][-1] for q in ("x", "w", "c", "x_dot", "w_dot", "c_dot")]
     assert end == pytest.approx(expected.y[:, -1], abs=1e-6)
     assert found.result.record["steps"] < 1000
+
+
+@pytest.mark.parametrize(("speed", "late"), [(0, 2000), (100, 0), (-30, 300)])
+def test_a_slip_begins_as_soon_seen_from_elsewhere(speed, late):
+    # Its load moves with the frame; friction falls until that moves it.
+    def seen(u, start):
+        place = f"(x - {u}*(t - {start}))"
+        floor = contact("z >= 0", 0, friction=f"0.3 - 0.1*(t - {start})",
+                        slip=[f"x_dot - {u}", "y_dot"])  # fmt: skip
+        return play(scene(
+            "x y z", "(x_dot^2 + y_dot^2 + z_dot^2)/2", f"2*{place}^2 + y^2/2 + 10*z",
+            {"floor": floor}, {"x": 0.6, "y": 0.6, "z": 0, "x_dot": u},
+            start=start, duration=1.25, output_step=0.25,
+        ))  # fmt: skip
+
+    here, there = seen(0, 0), seen(speed, late)
+    moves = here.result.record["steps"]
+    assert there.result.record["steps"] == pytest.approx(moves, abs=0.5 * moves)
+    assert there["x"][-1] - 1.25 * speed == pytest.approx(here["x"][-1], abs=1e-9)
+    assert there["y"][-1] == pytest.approx(here["y"][-1], abs=1e-9)
