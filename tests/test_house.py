@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 222
 LINES = 75_510
-LINES_OF_TESTS = 57_470
+LINES_OF_TESTS = 57_490
 
 
 def lines(folder):
