@@ -202,11 +202,6 @@ simulation: {duration: 0.1, output_step: 0.1}
         "energy: {kinetic: x_dot^2/2, potential: 0}\nforces: {x: push}\n"
         "initial: {x: 0}\n",
         _RUN),
-    warning("W316", "short-times",
-        "A short pulse could be stepped over: an argument of time has too many extrema "
-        "for all of them to be checked.",
-        "bound the step by a shorter `output_step`, or write the pulse as an `if`",
-        commands=()),
     warning("W317", "events-unlisted",
         "More events happened than are listed: `event_counts` counts all.",
         "end the run earlier, or count what is of interest in the table; what is so "

@@ -51,39 +51,23 @@ def indicators(
 ) -> list[Indicator]:
     """Return the indicators that steps are searched for.
 
-    Of what the motion depends on, `nodes` as they are in an arc, those that depend on
-    the state; of what ends an arc, `ends`, those that depend on t alone too.
+    Of what the motion depends on, `nodes` as they are in an arc, and of what ends an
+    arc, `ends`.
     """
-    g, state = equations.graph, equations.state
+    g, names = equations.graph, (*equations.state, "t")
 
     def found() -> list[Indicator]:
-        some = _Search(equations, nodes).among(state)
-        some += _Search(equations, ends).among((*state, "t"))
+        some = _Search(equations, nodes).among(names)
+        some += _Search(equations, ends).among(names)
         return list(dict.fromkeys(some))
 
     return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
-
-
-def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
-    """Return the indicators that depend on t and on nothing that moves."""
-    e, g = equations, equations.graph
-    if not g.dependent(nodes, ("t",)):
-        return []
-    return _Search(equations, nodes).among(("t",), _moves(e))
 
 
 def _moves(e: Equations) -> tuple[str, ...]:
     """Names of all that moves but t."""
     works = (x.name for x in e.works)
     return (*e.state, *e.accelerations, *e.multipliers, *works)
-
-
-def is_localized_in_time(equations: Equations) -> bool:
-    """Whether a term of the motion that depends on t alone is localized."""
-    nodes = equations.of_motion
-    key = is_localized_in_time, *_key(equations, tuple(nodes))
-    found = memoize(equations.graph, key, lambda: indicators_in_time(equations, nodes))
-    return bool(found)
 
 
 def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
@@ -122,14 +106,11 @@ class _Search:
         """Nodes that depend on what moves."""
         return self.g.dependent(self.nodes, self.moves)
 
-    def among(
-        self, names: Collection[str], others: Collection[str] = ()
-    ) -> list[Indicator]:
+    def among(self, names: Collection[str]) -> list[Indicator]:
         """Return the indicators that depend, with arguments, on `names` alone."""
         if not self.ops & MAY_BE_LOCALIZED:
             return []
-        those, more = self.g.dependents(self.nodes, names, others)
-        those -= more
+        those = self.g.dependent(self.nodes, names)
         found: dict[Indicator, None] = {}
         for n in self.cone:
             if n in those:

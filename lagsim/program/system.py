@@ -37,7 +37,7 @@ from lagsim.program.functions import (
     surface_functions,
     varying_inertias,
 )
-from lagsim.program.localized import indicators, is_localized_in_time
+from lagsim.program.localized import indicators
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -226,10 +226,12 @@ class System:
         loops = self.moreau is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
-    @cached_property
-    def timed(self) -> bool:
-        """Whether a term that depends on t alone is localized."""
-        return is_localized_in_time(self.equations)
+    @property
+    def timed(self) -> list[Indicator]:
+        """Those of localized terms that depend on t alone, in each mode."""
+        known = {"t", *self._fixed(), *self.model.modes}
+        depends = self.equations.graph.depends
+        return [x for x in self.indicators if depends([x.node]) <= known]
 
     @staticmethod
     def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
@@ -258,7 +260,6 @@ class System:
     def take_values(self, model: Model, plan: Plan) -> None:
         """Begin anew with other values, in a memory of its own."""
         self.plan, self.model = plan, model
-        self.__dict__.pop("timed", None)
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
         self.p = self._filled(self._parameters())

@@ -49,7 +49,6 @@ EXPORTS: Final = ("prepare", "advance", "tabulate")
 CODES: Final = (
     "DONE", "BLOCK_FULL", "PAUSED", "EVENT_FOUND", "STEP_TOO_SMALL", "NOT_FINITE",
     "PROJECTION_FAILED", "DEGENERATE", "RANK_LOST", "NEWTON_FAILED", "STIFF",
-    "FEATURE_PASSED",
 )  # fmt: skip
 
 

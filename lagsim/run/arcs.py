@@ -37,7 +37,7 @@ from lagsim.run.events.constraints import (
 )
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
-from lagsim.run.events.times import Features, Knots, TimeBreaks, clocks
+from lagsim.run.events.times import Knots, Pulses, TimeBreaks, clocks
 from lagsim.run.events.transitions import Transitions, give_leeway
 from lagsim.run.failures import (
     FAILED,
@@ -551,7 +551,7 @@ def _sources(arc: Arc) -> Iterator[Source]:
         yield RankLosses()
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
-        yield Features(arc)
+        yield Pulses()
 
 
 class Part:

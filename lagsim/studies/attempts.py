@@ -41,7 +41,6 @@ from lagsim.language.sparse import joined
 from lagsim.notes import Caution, Choice
 from lagsim.outputs.manifest import manifest
 from lagsim.plan.plan import ANY, Plan
-from lagsim.program.localized import is_localized_in_time
 from lagsim.run.arc import SERIES
 from lagsim.run.error import (
     LOST,
@@ -331,7 +330,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     per_step = SERIES_STEP if plan.method == SERIES else PER_STEP
     # A series that misses no feature of the model, whatever its steps, has other means
     # enough in other steps.
-    sees_all = not system.indicators and not is_localized_in_time(system.equations)
+    sees_all = not system.indicators
     for tighter in (tightened(plan, TIGHTER), tightened(plan, LOOSER)):
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
         # The tolerance may leave another method no room to be better.

@@ -30,7 +30,6 @@ WITHOUT = {
     "not-locked": "another file system",
     "starved": "a machine without memory",
     "unsettled-impulses": "hundreds of contacts",
-    "short-times": "thousands of turns",
     "events-unlisted": "10^4 events",
     "error-unknown": "a repeat that fails where the run does not",
     "too-large": "a thousand coordinates",

@@ -64,10 +64,6 @@ class State(Events):
     at_bound: float  # steps held by stability ...
     off_bound: float  # ... since when so many were not
     ask_at: float  # at so many the kernel returns; 0: never
-    feature: float  # about this time something short happens that depends on t alone
-    feature_width: float  # ... of this width; 0: nothing is known of
-    feature_reach: float  # it counts from so far before it ...
-    feature_end: float  # ... to this time
 
     # Of each inertia: the largest, the smallest, its time, and the state there.
     inertia_largest: Floats = array("inertias")
@@ -129,8 +125,6 @@ def arrived(s: State, p: Parameters) -> int:
         go_on(s, p)
     if (p.passed >= p.known and p.known > 0.0) or s.crossed >= max(s.noted, 1):
         return at.KNOTS_PASSED
-    if s.feature_width > 0.0 and s.t >= s.feature_end:
-        return at.FEATURE_PASSED
     if CONSTRAINED and s.sigma < s.degenerate_below:
         return at.DEGENERATE
     return NOWHERE
@@ -283,7 +277,7 @@ def inspect(s: State, p: Parameters) -> None:
     But for those that an end cuts short.
     """
     known = s.smallest_step
-    counts = s.steps > SETTLING and s.t < next_end(s, p)
+    counts = s.steps > SETTLING and s.t < missed.next_end(s, p)
     if counts and (known == 0.0 or s.step_h < known):
         s.smallest_step = s.step_h
     if SWITCHES or UNTIL:
@@ -450,12 +444,6 @@ def exchange_lengths(p: Parameters) -> None:
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.2 (automatic stiffness detection), for systems of first order.
 
-# Steps towards what happens at its own time are this part of the way to it.
-CLOSER = 0.25
-
-# What is closer than so many of the smallest steps has been reached.
-REACHED = 4.0
-
 # A step past this part of the limit is at the bound: step control holds it between
 # this and a little more than 1, and accuracy asks for less than a tenth of it.
 PART = 0.5
@@ -463,23 +451,12 @@ PART = 0.5
 FREE_STEPS = 6.0
 
 
-def next_end(s: State, p: Parameters) -> float:
-    """Time at which the next step ends at the latest: the arc's end, or a knot."""
-    if p.passed < p.known:
-        knot = p.knot_times[int(p.passed)]
-        if knot < s.end - p.apart:
-            return float(knot)
-    return float(s.end)
-
-
 def usable_step(s: State, p: Parameters) -> float:
     """Step to try, with t + h exact; 0 where it would be too small."""
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)
-    if s.feature_width > 0.0:
-        h = up_to_feature(s, h)
-    rest = next_end(s, p) - t
+    rest = missed.next_end(s, p) - t
     passes = False
     if CONSTRAINED:
         # A step over a loss of rank has the length that it needs, whatever is asked.
@@ -493,20 +470,6 @@ def usable_step(s: State, p: Parameters) -> float:
     if not h > TIME_ROUNDOFF * max(abs(t), 1e-6 * rest):
         return 0.0
     return float((t + h) - t)
-
-
-def up_to_feature(s: State, h: float) -> float:
-    """Step, bounded by a feature that depends on t alone.
-
-    It ends where that begins; from there steps shrink with the way left to it.
-    """
-    away = s.feature - s.t
-    before = away - s.feature_reach - s.feature_width
-    if before > REACHED * TIME_ROUNDOFF * abs(s.t):
-        return float(min(h, before))
-    if away < -s.feature_reach:
-        return h
-    return float(min(h, max(s.feature_width, CLOSER * abs(away))))
 
 
 def record_speed(

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import is_finite, project_step
 from lagsim.methods.parts.control import bound_roundoff, record_extents, record_sizes
-from lagsim.methods.parts.driver import State, next_end
+from lagsim.methods.parts.driver import State
+from lagsim.methods.parts.missed import next_end
 from lagsim.methods.parts.newton import SOLVED, progress
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative

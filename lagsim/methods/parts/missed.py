@@ -100,6 +100,15 @@ def rows(s: Table) -> int:
     return s.surfaces + s.conditions + s.signals + 1
 
 
+def next_end(s: Table, p: Parameters) -> float:
+    """Time at which a step ends at the latest: the arc's end, or a knot."""
+    if p.passed < p.known:
+        knot = p.knot_times[int(p.passed)]
+        if knot < s.end - p.apart:
+            return float(knot)
+    return float(s.end)
+
+
 def check_features(
     s: Table,
     p: Parameters,
@@ -117,7 +126,8 @@ def check_features(
     sample_roughly(s, p, h, old, old_rates, new, new_rates, 1.0, -BESIDE, s.ends)
     x = BETWEEN
     sample_roughly(s, p, h, old, old_rates, new, new_rates, x, -BESIDE, s.middles)
-    s.feature_possible = 0.0
+    # At the end of an arc its closest approach may be that of the whole motion.
+    s.feature_possible = 1.0 if s.t + h >= next_end(s, p) else 0.0
     for k in range(events(s), events(s) + s.signals):
         if may_approach(s, k, 1.0):
             s.feature_possible = 1.0

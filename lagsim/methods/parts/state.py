@@ -77,9 +77,8 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
-FEATURE_PASSED = 12
-LOSS_AHEAD = 13
-KNOTS_PASSED = 14
+LOSS_AHEAD = 12
+KNOTS_PASSED = 13
 
 
 # --- functions of a model and of a method that are linked in --------------------------

@@ -82,10 +82,8 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
 
 def _longest(here: Kinematics, steady: float) -> float:
     """Longest stretch: up to where the time alone changes something, or to the end."""
-    state, p, t = here.arc.state, here.arc.system.p, here.t
+    p, t = here.arc.system.p, here.t
     times = [here.arc.settings.end, *p.knot_times[int(p.passed) : int(p.known)]]
-    if state.feature_width > 0.0:
-        times.append(state.feature - state.feature_reach)
     left = min(x for x in times if x > t)
     if steady < here.arc.settings.end - t:  # else nothing changes as far as is seen
         left = min(left, t + STRETCH * steady)

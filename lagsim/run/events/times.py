@@ -1,12 +1,7 @@
-"""Events at times known in advance: switches of t alone, and features.
+"""Events at times known in advance: switches of t alone, and the sizes of pulses.
 
-The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
-of t alone is flat to rounding before it begins; no step sees it coming. Where such a
-function of t may rise is where its argument (see `localized`) is largest, passes
-zero or is least: `breaks` finds every such moment, however long the rest before it. How
-far the argument has to go from there for the function to fade tells how wide it is.
-Steps end where that begins and shrink towards the moment itself, see
-`methods.parts.driver`.
+The branch of each switch in time is fixed in an arc. A smooth pulse of t alone is
+located within the steps, as all localized terms are (`methods.parts.search`).
 """
 
 from __future__ import annotations
@@ -16,30 +11,25 @@ import math
 from functools import partial
 from itertools import islice
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.language.derivatives import tangent
-from lagsim.language.intervals import Enclosures
+from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.tables import at_ends
-from lagsim.mechanics.surfaces import expression_text
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
-from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
-from lagsim.notes import Caution, Event
-from lagsim.program.localized import indicators_in_time
+from lagsim.methods.parts.missed import distance
+from lagsim.notes import Event
 from lagsim.run.events.breaks import NEIGHBOURS, Clock, Values, break_times
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.language.graph import Graph
-    from lagsim.program.localized import Indicator
     from lagsim.run.arc import Arc
 
 
@@ -49,7 +39,7 @@ WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
 class _Ahead(Source):
-    """Future breaks or features of a run, in order, found as the run gets to them.
+    """Future breaks of a run, in order, found as the run gets to them.
 
     A run that is resumed finds it anew, past what it has taken; so does one whose
     events set modes on which it depends, from then on.
@@ -62,7 +52,6 @@ class _Ahead(Source):
         names, depends = arc.equations.model.modes, arc.equations.graph.depends
         self._names = sorted(names & depends(nodes)) if names else []
         self._modes = {name: arc.modes[name] for name in self._names}
-        self._cautions: list[Caution] = []
         self._taken = 0
         self._coming: Iterator[Any] | None = None
 
@@ -88,9 +77,8 @@ class _Ahead(Source):
         """Next of it; `last` after all of it."""
         if self._coming is None:
             self._coming = self._all()
-            if self._taken:  # what it told of these is told
+            if self._taken:
                 next(islice(self._coming, self._taken - 1, self._taken), None)
-                self._cautions.clear()
         self._taken += 1
         return next(self._coming, last)
 
@@ -250,211 +238,58 @@ class TimeBreaks(_Ahead):
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 
-# Distances are in powers of e, as in `methods.parts.missed`. The width of what happens
-# is the way on which it fades by the first, and it is over where it has faded by the
-# second; or, where it fades as a power does, after so many widths.
-FADED = 0.5
-GONE = 80.0
-FAR = 64.0
-# The part of what it does to a motion that counts as its size already before it begins:
-# until then the motion may change.
-FORESEEN = 1e-2
-# What varies by no more than this hides nothing: a method's own steps see it.
+# An arc is looked at so many times; distances there are in powers of e, see
+# `methods.parts.missed`. What comes closer by less than this is no pulse.
+SAMPLES = 128
 SHALLOW = 3.0
-# Halvings of the way on which the distance has grown past what counts.
-REFINED = 6
-# So many turns of an argument without anything short: some seconds.
-PATIENCE = 20_000
+# The part of what a pulse does to a motion that counts as its size before.
+FORESEEN = 1e-2
 
 
-class Feature(NamedTuple):
-    """Something at `time`, of this width, that is over at this distance."""
+class Pulses(Source):
+    """Sizes that pulses of t alone will give to what rests until then.
 
-    time: float
-    width: float
-    reach: float
+    The first traces of a wide pulse, a hundred powers of ten below it, would be
+    controlled as finely as rounding lets them be. One that these samples miss leaves no
+    trace until a step over it is taken back (`methods.parts.search`).
+    """
 
-
-class Features(_Ahead):
-    """Future features of a run, in order."""
-
-    def __init__(self, arc: Arc) -> None:
-        super().__init__(arc, [x.node for x in _indicators(arc)])
-        self._next: Feature | None = self._following(None)
-        self._now: Feature | None = None
-
-    def _all(self) -> Iterator[Feature]:
-        ends = self._start, self._arc.settings.end
-        graph, report = self._arc.equations.graph, self._cautions.append
-        lines = [
-            _Line(graph, self._values, ends, indicator, report)
-            for indicator in _indicators(self._arc)
-        ]
-        return heapq.merge(*(line.features() for line in lines if not line.shallow))
+    def __init__(self) -> None:
+        self._seen = -inf  # up to this time
 
     def set_out(self, arc: Arc) -> Decision:
-        """Store the next feature after the time reached for the kernel."""
-        if self._is_other(arc):
-            self._next, self._now = self._following(None), None
-        found = self._first(arc)._replace(cautions=tuple(self._cautions))
-        self._cautions.clear()
-        return found
-
-    def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Store the feature that comes after one that is over."""
-        return self.set_out(arc) if code == at.FEATURE_PASSED else None
-
-    def _first(self, arc: Arc) -> Decision:
-        while self._now is None or self._ends(self._now) <= arc.t:
-            if self._next is None:
-                self._now = None
-                return Decision(numbers={"feature_width": 0.0})
-            self._now, self._next = self._next, self._following(None)
-        now = self._now
-        begins = now.time - now.reach - now.width
-        is_ahead = arc.t < begins
-        numbers = {
-            "feature": now.time,
-            "feature_width": now.width,
-            "feature_reach": now.reach,
-            "feature_end": begins if is_ahead else self._ends(now),
-        }
-        sizes = _expected(arc, now, FORESEEN if is_ahead else 1.0)
-        return Decision(numbers=numbers, sizes=sizes)
-
-    def _ends(self, now: Feature) -> float:
-        """Return when it is over, or when the next begins."""
-        over = now.time + now.reach
-        if self._next is not None:
-            over = min(over, max(now.time, self._next.time - self._next.reach))
-        return over
+        """Look at what comes up to the end of an arc, and a little past it."""
+        if arc.t < self._seen:
+            return GO_ON
+        self._seen = arc.end
+        graph, timed, sizes = arc.equations.graph, arc.system.timed, arc.sizes
+        times = arc.t + (arc.end - arc.t) / SAMPLES * np.arange(SAMPLES + 2.0)
+        values: dict[str, Any] = {**arc.parameters, "t": times}
+        for mode in arc.system.switches.modes:
+            (values[mode.variable],) = evaluate_rows(
+                graph, [mode.discrete], values, len(times)
+            )
+        nodes = [x.node for x in timed]
+        found = evaluate_rows(graph, nodes, values, len(times)).tolist()
+        for (_, kind, power), arguments in zip(timed, found, strict=True):
+            away = np.array([distance(kind, power, u) for u in arguments])
+            away[np.isnan(away)] = inf
+            before = np.maximum.accumulate(away)[:-2]
+            after = np.maximum.accumulate(away[::-1])[::-1][2:]
+            closest = away[1:-1] <= np.minimum(away[:-2], away[2:])
+            closest &= np.minimum(before, after) - away[1:-1] >= SHALLOW
+            for time in times[1:-1][closest]:
+                sizes = np.maximum(sizes, _pushed(arc, time))
+        return Decision(sizes=sizes)
 
 
-def _indicators(arc: Arc) -> list[Indicator]:
-    """Find the indicators of what depends on t alone, parameters and modes."""
-    e = arc.system.equations
-    found = indicators_in_time(e, e.of_motion)
-    return [x for x in found if e.graph.depends([x.node]) <= {"t", *arc.parameters}]
-
-
-def _expected(arc: Arc, now: Feature, part: float) -> Floats:
-    """Sizes of the motion (size,) with what is about to happen.
-
-    Or the first traces of a pulse would be controlled against a body at rest, as
-    finely as rounding lets them be.
-    """
+def _pushed(arc: Arc, time: float) -> Floats:
+    """Sizes (size,) of what the forces of a time do between two samples."""
     state, velocities = arc.state, arc.velocities
-    sizes = arc.sizes
-    for time in (now.time - now.width, now.time, now.time + now.width):
-        push = part * now.width * np.abs(arc.rates(time, arc.y)[velocities])
-        moved = arc.y.copy()
-        moved[velocities] += push  # a body at rest takes no work
-        change = part * now.width * np.abs(arc.rates(time, moved))
-        change[state.positions], change[velocities] = now.width * push, push
-        if np.all(np.isfinite(change)):
-            sizes = np.maximum(sizes, change)
-    return sizes
-
-
-class _Line:
-    """The moments at which one argument may wake something."""
-
-    def __init__(
-        self,
-        g: Graph,
-        values: Mapping[str, float],
-        ends: tuple[float, float],
-        indicator: Indicator,
-        report: Callable[[Caution], None],
-    ) -> None:
-        self.g, self.values = g, values
-        self.report, self.text = report, expression_text(g, indicator.node)
-        self.indicator = indicator
-        start, end = self.start, self.end = ends
-        self.argument = Values(g, [indicator.node], values)
-        # Below the least step of a run nothing happens.
-        self.finest = 2.0**-40 * (end - start)
-        enclose = Enclosures(g, [indicator.node], values)
-        (whole,) = enclose(np.array([start]), np.array([end]))
-        lo, hi = float(whole.lo[0]), float(whole.hi[0])
-        self.shallow = self._shallow(lo, hi)
-
-    def _shallow(self, lo: float, hi: float) -> bool:
-        """Whether an argument between these bounds hides nothing."""
-        kind, power = self.indicator.kind, self.indicator.power
-        if kind == LARGEST:
-            return power * (hi - lo) < SHALLOW
-        if kind == NEAR_ZERO:
-            return not lo <= 0.0 <= hi or power * max(-lo, hi) < SHALLOW
-        if lo <= 0.0 <= hi:
-            return False
-        small, large = sorted((abs(lo), abs(hi)))
-        return power * (math.log(large) - math.log(small)) < SHALLOW
-
-    def features(self) -> Iterator[Feature]:
-        """Return them in order."""
-        g, node = self.g, self.indicator.node
-        discrete = g.call("sign", node)
-        if self.indicator.kind != NEAR_ZERO:
-            (rate,) = tangent(g, [node], {g.variable("t"): g.one})
-            discrete = g.call("sign", rate)
-        if "t" not in g.depends([discrete]):
-            return
-        vain = 0
-        for time in break_times(g, [discrete], self.values, self.start, self.end):
-            found = self._at(time)
-            vain += 1
-            if found is not None:
-                vain = 0
-                yield found
-            if vain == PATIENCE:
-                self.report(self._given_up(time))
-                return
-
-    def _given_up(self, time: float) -> Caution:
-        text = (
-            f"after t = {time:.9g} steps no longer end where `{self.text}` may "
-            f"have a pulse: it has turned {PATIENCE} times without one; a short "
-            "pulse could be missed there"
-        )
-        return Caution("short-times", text)
-
-    def _distance(self, t: float) -> float:
-        """Distance of the argument from activity, see `methods.parts.missed`."""
-        (u,) = self.argument(t)
-        kind, power = self.indicator.kind, self.indicator.power
-        return math.inf if math.isnan(u) else distance(kind, power, u)
-
-    def _beside(self, time: float, width: float) -> list[float]:
-        """Distances so long before a time, and after it."""
-        return [self._distance(time - width), self._distance(time + width)]
-
-    def _at(self, time: float) -> Feature | None:
-        """Return the feature at a time, or None."""
-        least = self._distance(time)
-        beside = max(8.0 * math.ulp(time), self.finest)
-        width = None
-        fade = 0.0
-        while beside <= self.end - self.start:
-            sides = self._beside(time, beside)
-            if width is None and min(sides) - least < -FADED:
-                return None  # it is closer to waking beside that moment
-            faded = max(sides) - least
-            if width is None and faded >= FADED:
-                width = beside
-            fade = max(fade, min(sides) - least)
-            if fade >= GONE or (width is not None and beside >= FAR * width):
-                break
-            beside *= 2.0
-        if width is None or fade < SHALLOW:
-            return None
-        return Feature(time, width, self._reach(time, least + GONE, beside))
-
-    def _reach(self, time: float, gone: float, far: float) -> float:
-        """How far from `time`, at most `far`, it has faded on both sides."""
-        near = 0.5 * far
-        for _ in range(REFINED):
-            middle = 0.5 * (near + far)
-            faded = min(self._beside(time, middle)) >= gone
-            near, far = (near, middle) if faded else (middle, far)
-        return far
+    width = FORESEEN * (arc.end - arc.t) / SAMPLES
+    push = width * np.abs(arc.rates(time, arc.y)[velocities])
+    moved = arc.y.copy()
+    moved[velocities] += push  # a body at rest takes no work
+    change = width * np.abs(arc.rates(time, moved))
+    change[state.positions], change[velocities] = width * push, push
+    return change if np.isfinite(change).all() else np.zeros(len(change))

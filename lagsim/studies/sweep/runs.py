@@ -40,7 +40,7 @@ from lagsim.outputs.manifest import encode
 from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import Columns
-from lagsim.program.localized import is_localized_in_time, names_in_exponents
+from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes
@@ -712,7 +712,7 @@ def refusal(session: Session) -> str:
         return "`until` is located in each run separately"
     if system.model.events:
         return "events act in each run separately"
-    if plan.switches.modes or is_localized_in_time(system.equations):
+    if plan.switches.modes or system.timed:
         return "events at given times are located in each run separately"
     return ""
 

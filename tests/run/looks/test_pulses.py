@@ -154,12 +154,3 @@ def test_a_pulse_in_the_first_and_the_last_instant():
     text = line(force="exp(-(t/1e-4)^2/2) + exp(-((t - 20)/1e-4)^2/2)", method="taylor")
     end = run(text)["x_dot"][-1]
     assert end == pytest.approx(1e-4 * ROOT, rel=1e-7)
-
-
-def test_turns_without_end_are_given_up_and_told(monkeypatch):
-    """A slow swing of the argument with a fast ripple on it: nothing short in it."""
-    monkeypatch.setattr("lagsim.run.events.times.PATIENCE", 50)
-    force = "exp(5*sin(t/20) + 0.01*sin(50*t))"
-    found = run(line(force=force, duration=20, step=1, method="dop853"))
-    assert [w.code for w in found.trajectory.warnings] == ["short-times"]
-    assert "`5*sin(t/20)" in found.trajectory.warnings[0].text

@@ -19,9 +19,8 @@ ROOT = math.sqrt(2 * math.pi)
 
 @pytest.fixture
 def by_rows_alone(monkeypatch):
-    """Neither localized terms nor those that depend on t alone are searched for."""
+    """Localized terms are not searched for."""
     monkeypatch.setattr("lagsim.program.system.indicators", lambda *_: [])
-    monkeypatch.setattr("lagsim.program.system.is_localized_in_time", lambda _: False)
 
 
 # Forces on a body at rest, and their impulse; rows are 1 apart.
