@@ -589,7 +589,8 @@ def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
         if s.farthest[own] - least > APPROACH:
             x = least_of(SIGNAL, CLOSEST, s, p, k, low, high)
             # Or it comes closer still, or the next step begins there.
-            if high - x >= AT_END * (high - low) or s.t >= missed.next_end(s, p):
+            inside = high - x >= AT_END * (high - low)
+            if inside or (high == 1.0 and s.t >= missed.next_end(s, p)):
                 found = missed_about(s, p, k, x)
                 if found > 0.0:
                     missed.expect(s)

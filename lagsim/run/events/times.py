@@ -263,7 +263,10 @@ class Pulses(Source):
             return GO_ON
         self._seen = arc.end
         graph, timed, sizes = arc.equations.graph, arc.system.timed, arc.sizes
-        times = arc.t + (arc.end - arc.t) / SAMPLES * np.arange(SAMPLES + 2.0)
+        times, p = np.linspace(arc.t, arc.end, SAMPLES), arc.system.p
+        beyond = 2.0 * times[-1] - times[-2]
+        times = np.union1d(times, p.knot_times[int(p.passed) : int(p.known)])
+        times = np.append(times[times <= arc.end], beyond)
         values: dict[str, Any] = {**arc.parameters, "t": times}
         for mode in arc.system.switches.modes:
             (values[mode.variable],) = evaluate_rows(

@@ -58,6 +58,7 @@ SHAPES = {
     "1/cosh(u)^2": 2.0,
     "exp(-(t + c)^2*u^2/(4*c^2))": math.sqrt(math.pi),
     "(tanh(4*u + 4) - tanh(4*u - 4))/2": 2.0,
+    "exp(-abs(u))": 2.0,  # its peak is where an arc ends
     "max(0, 1 - u^2)^3": 32 / 35,
     "if(abs(u) < 1, 1 - u^2, 0)": 4 / 3,
 }
