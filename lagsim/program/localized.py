@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import memoize, memoized
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
+from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -195,7 +196,11 @@ class _Search:
         """Logarithm of the size of a product of exponentials and constants."""
         g = self.g
         if n not in self.moving:
-            return g.call("log", g.call("abs", n)) if n != g.zero else None
+            if n == g.zero:
+                return None
+            # A parameter or a mode may be 0 as well.
+            size = g.call("add", g.call("abs", n), g.constant(TINY))
+            return g.call("log", size)
         op, args = g.ops[n], g.args[n]
         if op == "exp":
             return args[0]

@@ -157,6 +157,21 @@ def test_a_wall_is_met_from_far(potential, speed, after, method):
     assert found.drift < 1e-9
 
 
+@pytest.mark.parametrize("method", METHODS[1:])
+@pytest.mark.parametrize("of", ["x", "t"])
+@pytest.mark.parametrize("nothing", ["a", "heaviside(t - 9)"])
+def test_a_term_of_size_0_beside_a_hill_hides_nothing(nothing, of, method):
+    """What both terms are equal at was a logarithm of 0: no step could be searched."""
+    text = line(
+        force=f"{nothing} + exp(-(({of} - 1)/0.1)^2)", v=1, duration=2, method=method
+    )
+    found = run("parameters: {a: 0}\n" + text)
+    # As a force of x it does work, as one of t it is an impulse.
+    push = 0.1 * math.sqrt(math.pi)
+    after = math.sqrt(1 + 2 * push) if of == "x" else 1 + push
+    assert found["x_dot"][-1] == pytest.approx(after, rel=1e-9)
+
+
 def test_scenes_without_such_functions_are_not_looked_into():
     for name in ("elastic-pendulum", "bead-hoop"):
         assert run(name, duration=0.1).system.indicators == []
