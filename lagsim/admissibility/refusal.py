@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.graph import CONSTANT, DATA, VARIABLE, Graph
@@ -288,8 +288,7 @@ def out_of_scale(equations: Equations) -> InputError:
     if sizes:
         ends = dict.fromkeys(f(sizes, key=lambda x: sizes[x]) for f in (min, max))
         text += f" ({', '.join(ends)})"
-    hint = "choose units in which masses and lengths are nearer to 1"
-    return InputError([Problem("out-of-scale", text, hint=hint)])
+    return unusable("out-of-scale", text)
 
 
 # --- Inertia of every direction, or a constraint that determines it
@@ -399,7 +398,6 @@ def _of_inertia(
             f"the kinetic energy falls with the speed of the {what} {along} at the "
             "start: the mass matrix is indefinite",
             place,
-            "look for a negative mass or a wrong sign in `kinetic`",
         )
     moving = [q for q, c in zip(names, direction, strict=True) if abs(c) > 0.0]
     hint = "give it a mass in `kinetic`, a constraint, or make it a definition"

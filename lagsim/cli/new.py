@@ -10,7 +10,7 @@ from pathlib import Path
 import typer
 
 from lagsim.cli._shared import say
-from lagsim.errors import InputError, Problem, unusable
+from lagsim.errors import unusable
 
 TEMPLATES = {p.stem: p for p in Path(__file__).with_name("templates").glob("*.yaml")}
 ENDING = ".yaml"
@@ -38,8 +38,7 @@ def command(
             file.write(TEMPLATES[template].read_bytes())
     except FileExistsError:
         text = f"{path} is there already and stays as it is"
-        problem = Problem("exists", text, hint="choose another name")
-        raise InputError([problem]) from None
+        raise unusable("exists", text) from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or str(error)
         text = f"{path} cannot be written: {reason}"

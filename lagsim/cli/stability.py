@@ -30,7 +30,7 @@ from lagsim.cli._shared import (
     quiet,
     table,
 )
-from lagsim.errors import InputError, Problem, Problems, unusable
+from lagsim.errors import Problems, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
@@ -86,8 +86,8 @@ def command(
         try:
             return usual.bind({wish.name: value})
         except StartError:
-            problem = Problem("inadmissible", "the start is not admissible")
-            raise InputError([problem]) from None
+            text = "the start is not admissible"
+            raise unusable("inadmissible", text) from None
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         document = stability.measure(case, wish, interrupt=interrupt, progress=progress)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from lagsim import files, limits
-from lagsim.errors import InputError, Place, Problem
+from lagsim.errors import Place, Problem, unusable
 from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, Source
 
@@ -61,20 +61,14 @@ def text_of(path: str) -> tuple[str, str]:
             data = files.content(path, limits.MODEL_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
-        raise unusable("unreadable", f"cannot be read: {reason}", file) from None
+        raise unusable("unreadable", f"{file}: cannot be read: {reason}") from None
     try:
         return data.decode(), file
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
         message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
-        place = Place(file, line, column)
-        raise unusable("not-utf8", message, file, place) from None
-
-
-def unusable(code: str, text: str, file: str, place: Place | None = None) -> InputError:
-    """Give what tells that a text cannot be used."""
-    return InputError([Problem(code, f"{file}: {text}" if not place else text, place)])
+        raise unusable("not-utf8", message, Place(file, line, column)) from None
 
 
 class Document(NamedTuple):
@@ -182,7 +176,7 @@ class _Builder:
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]
         if isinstance(event, yaml.AliasEvent):
-            self._fault("alias", f"`*{anchor}` is an alias {unused}", event, hint)
+            self._fault("alias", f"`*{anchor}` is an alias {unused}", event)
             self._attach(Broken(self.source.place(start)))
             return True
         self.nodes += 1
@@ -243,7 +237,7 @@ class _Builder:
                 self._fault("complex-key", "a key must be a plain text", key)
             elif key.text == "<<" and not key.style:
                 text = "`<<` is a merge key of YAML, which models do not use"
-                self._fault("merge-key", text, key, "write the entries out")
+                self._fault("merge-key", text, key)
             elif key.text in found:
                 first, above = found[key.text]
                 text = f"the key `{key.text}` is given twice"

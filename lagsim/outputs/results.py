@@ -29,7 +29,7 @@ except ImportError:
 import orjson
 
 from lagsim import files, limits
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, unusable
 from lagsim.notes import Caution
 from lagsim.outputs import Format
 
@@ -338,8 +338,7 @@ def _opened(path: Path) -> int:
 
 
 def _unusable(folder: Path, why: str) -> InputError:
-    text = f"the output folder {folder} {why}"
-    return InputError([Problem("output-folder", text, hint="choose another folder")])
+    return unusable("output-folder", f"the output folder {folder} {why}")
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -439,7 +438,7 @@ def refuse_without_room(
     if ends or LEAST * needed <= free:
         return f"the disk may fill up: {about}"
     hint = "a larger output_step, fewer `output.columns`, --table npz, or another -o"
-    raise InputError([Problem("no-room", f"there is no room: {about}", hint=hint)])
+    raise unusable("no-room", f"there is no room: {about}", hint=hint)
 
 
 def _free(folder: Path) -> int:

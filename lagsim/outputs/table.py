@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.outputs import Format
 
 if TYPE_CHECKING:
@@ -255,7 +255,7 @@ def check_format(form: Format, *, show_units: bool) -> None:
     if show_units:
         text = f"a table in the format {form} has no line of units"
         hint = "run.json has the units of all columns, and Parquet its own"
-        raise InputError([Problem("usage", text, hint=hint)])
+        raise unusable("usage", text, hint=hint)
     if form is Format.PARQUET:
         arrow()
 
@@ -273,7 +273,7 @@ def arrow() -> Any:
     except ImportError:
         text = "tables in Parquet need pyarrow, which is not installed"
         hint = "pip install pyarrow; or take npz, which needs nothing more"
-        raise InputError([Problem("missing-package", text, hint=hint)]) from None
+        raise unusable("missing-package", text, hint=hint) from None
     return pyarrow.parquet
 
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
-from lagsim.errors import InputError, Problem
+from lagsim.errors import Problem, unusable
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.equations import Instant, may_strike
 from lagsim.mechanics.ldl import dense_operations, eliminated
@@ -109,8 +109,7 @@ def formulate(
         return _asked(asked, equations, start, settings.decay)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be used: {error}"
-        hint = "`auto` chooses one that suits"
-        raise InputError([Problem("formulation-refused", text, place, hint)]) from None
+        raise unusable("formulation-refused", text, place) from None
 
 
 def formulations() -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.admissibility.refusal import needs_constraints
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
@@ -337,15 +337,11 @@ def _asked(
     return asked
 
 
-INSTEAD = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
-
-
-def refuse(name: str, why: str, settings: Settings, hint: str = INSTEAD) -> None:
+def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
     """Raise InputError where there is a reason why a method cannot handle a scene."""
     if why:
         text = f"`{name}` cannot handle this model: {why}"
-        place = settings.method_place
-        raise InputError([Problem("method-refused", text, place, hint)])
+        raise unusable("method-refused", text, settings.method_place, hint)
 
 
 def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
@@ -549,8 +545,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     ):
         text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
         text += "and the mass matrix of this model is singular without the constraints"
-        hint = "leave `gauss` out, or give every coordinate some mass"
-        raise InputError([Problem("singular-mass", text, hint=hint)])
+        raise unusable("singular-mass", text)
     parts = _parts(equations, start, settings)
     if parts:  # the rows are those of the whole
         settings = settings._replace(formulation="full")
@@ -636,8 +631,7 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
             why = "a switch can stop the step of any of them"
     if why and asked == "apart":
         text = f"formulation `apart` cannot be used: {why}"
-        place = settings.formulation_place
-        raise InputError([Problem("formulation-refused", text, place)])
+        raise unusable("formulation-refused", text, settings.formulation_place)
     if why:
         return ()
     found = subsystems(equations, start)

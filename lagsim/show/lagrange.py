@@ -24,7 +24,7 @@ import numpy as np
 import sympy as sp
 
 from lagsim import limits
-from lagsim.errors import InputError, Problem
+from lagsim.errors import unusable
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.sparse import TooLongError
@@ -168,7 +168,7 @@ class _Solver:
                 "inertia"
             )
             hint = f"such as along `{lacking}`; give every coordinate some mass"
-            raise InputError([Problem("singular-mass", text, hint=hint)])
+            raise unusable("singular-mass", text, hint=hint)
         free = [
             x.add(symbol(f"a.{q}"), Name(q.name, 0, "unconstrained"), (4, len(x.q) + j))
             for j, q in enumerate(x.q)

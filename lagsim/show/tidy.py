@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from lagsim import limits
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, unusable
 from lagsim.language.forms import Turning, add_term
 from lagsim.language.sparse import Budget, TooLongError
 
@@ -372,13 +372,13 @@ def not_finite() -> InputError:
     """Give the fault of a model whose equations have no finite real value."""
     text = "an energy, a force or a constraint, or its slope, is not finite anywhere"
     hint = "look for a parameter that is 0 below the line, in a logarithm or a root"
-    return InputError([Problem("not-finite", text, None, hint)])
+    return unusable("not-finite", text, hint=hint)
 
 
 def too_long(text: str) -> InputError:
     """Give the fault of a model whose equations nobody could read."""
     hint = "`--format python` takes them as they are"
-    return InputError([Problem("too-long", text, None, hint)])
+    return unusable("too-long", text, hint=hint)
 
 
 def _product(*factors: Any) -> Any:

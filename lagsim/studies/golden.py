@@ -601,8 +601,7 @@ def load(folder: Path, model_name: str) -> Golden:
         about: Any = orjson.loads(files.content(path))
     except FileNotFoundError:
         text = f"there is no golden of {model_name} in {folder}"
-        hint = "`lagsim golden --update` stores one"
-        raise unusable("no-golden", text, hint=hint) from None
+        raise unusable("no-golden", text) from None
     except OSError as error:
         raise _broken(path, f"cannot be read: {error.strerror}") from None
     except ValueError:
@@ -630,8 +629,7 @@ def load(folder: Path, model_name: str) -> Golden:
 
 
 def _broken(path: Path, why: str) -> InputError:
-    hint = "`lagsim golden --update` stores it again"
-    return unusable("bad-golden", f"{path} {why}", hint=hint)
+    return unusable("bad-golden", f"{path} {why}")
 
 
 # Verdicts.

@@ -217,8 +217,7 @@ class Restart:
 
 
 def _refused(path: Path, why: str) -> InputError:
-    hint = "leave --resume out to start again, or choose another folder with -o"
-    return unusable("another-run", f"{path} {why}", hint=hint)
+    return unusable("another-run", f"{path} {why}")
 
 
 def _machine() -> dict[str, str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, unusable
+from lagsim.errors import unusable
 from lagsim.tolerances import SAME_ROW, TINY
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
     x = values[kept]
     if not np.isfinite(x).all():
         bad = float(t[kept][~np.isfinite(x)][0])
-        raise _unusable(f"`{column}` is no number at t = {bad!r}")
+        raise unusable("no-spectrum", f"`{column}` is no number at t = {bad!r}")
     from scipy.fft import next_fast_len
     from scipy.signal import get_window
 
@@ -162,13 +162,13 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     """Give the places of equally spaced rows, and their spacing."""
     apart = np.diff(t)
     if not (apart >= 0.0).all():
-        raise _unusable("the times of the rows do not go forward")
+        raise unusable("no-spectrum", "the times of the rows do not go forward")
     # Two rows share a time where something strikes.
     struck = np.append(apart == 0.0, False) | np.insert(apart == 0.0, 0, False)
     plain = np.flatnonzero(~struck[:-1])
     if len(plain) < LEAST_ROWS:
         text = f"{len(plain)} rows are too few for a spectrum of `{column}`"
-        raise _unusable(f"{text}: {LEAST_ROWS} are the least")
+        raise unusable("no-spectrum", f"{text}: {LEAST_ROWS} are the least")
     first, last = float(t[plain[0]]), float(t[plain[-1]])
     usual = float(np.median(np.diff(t[plain])))
     step = (last - first) / max(1, round((last - first) / usual))
@@ -186,7 +186,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     if stray.any() or len(gaps):
         at = t[np.flatnonzero(stray)[0]] if stray.any() else t[kept[gaps[0]]]
         text = f"the rows are not equally spaced: see t = {float(at)!r}"
-        raise _unusable(text, "a run with one `output_step` gives such rows")
+        raise unusable("no-spectrum", text)
     return kept, step
 
 
@@ -217,7 +217,3 @@ def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
     return Peak(
         float(frequency[k] + off * (frequency[1] - frequency[0])), float(np.exp(top))
     )
-
-
-def _unusable(text: str, hint: str = "") -> InputError:
-    return unusable("no-spectrum", text, hint=hint)

@@ -563,7 +563,7 @@ class Bodies(Section):
         self._said.add(key)
         if family := self.scope.variables.get("bodies"):
             text = "`bodies` is the word for the energies of bodies in this file"
-            self.report("reserved-name", text, family.place, "choose another name")
+            self.report("reserved-name", text, family.place)
         if key == "potential" and self._given and not self._weighs:
             text = "`bodies` in the potential energy needs `gravity`"
             self.report("missing-key", text, node, "such as gravity: [0, 0, -g]")

@@ -16,9 +16,9 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from lagsim import limits
-from lagsim.errors import InputError, Problem, unseen
+from lagsim.errors import unseen, unusable
 from lagsim.language.graph import Graph
-from lagsim.model.loading import STDIN, TEXT, load, text_of, unusable
+from lagsim.model.loading import STDIN, TEXT, load, text_of
 from lagsim.model.model import (
     APPROACH_SPEED,
     SLIP_SPEED,
@@ -134,7 +134,7 @@ def read(
     faults = Faults(file, document.problems)
     if document.root is None:
         faults.raise_if_any()
-        raise unusable("empty-file", "the file is empty", file)
+        raise unusable("empty-file", f"{file}: the file is empty")
     data = text.encode(errors="surrogatepass")
     graph = Graph(limits.graph_nodes(len(data)), limits.work(len(data)))
     root = document.root
@@ -525,8 +525,7 @@ def _check_roots(model: Model, found: Model) -> None:
             text += "multiplier does not give the definitions in `output.reactions` "
             text += "a reaction"
             hint = "write the relation with a simple zero"
-            place = one.relation.place
-            raise InputError([Problem("multiple-root", text, place, hint)])
+            raise unusable("multiple-root", text, one.relation.place, hint)
 
 
 # --- Sections in sections, keys of sections beside them: wrong indentation

@@ -367,7 +367,7 @@ def check_columns(names: Names, faults: Faults) -> None:
     for name, place in names.places.items():
         if name in columns:
             text = f"`{name}` is the column of {columns[name]} in this file"
-            faults.add("column-clash", text, place, "choose another name")
+            faults.add("column-clash", text, place)
 
 
 # --- Expressions

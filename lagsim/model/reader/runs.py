@@ -131,7 +131,7 @@ class _Simulation:
         key = "duration" if "duration" in self.given else "end"
         if key == "duration" and "end" in self.given:
             text, place = "both `duration` and `end` are", self.given.place_of("end")
-            self.x.faults.add("both-given", f"{text} given", place, "give one of them")
+            self.x.faults.add("both-given", f"{text} given", place)
         end = self._number(key, positive=key == "duration")
         if end is None or start is None:
             return None

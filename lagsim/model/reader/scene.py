@@ -164,8 +164,7 @@ class _Reader:
             if 0 < dimension < shape.dimension and () not in self.points.values():
                 text = f"the {shape.kind} `{key.text}` lies in space, and the points "
                 text += "of the scene in a plane"
-                hint = "give a point 3 components, such as [x, y, 0]"
-                x.faults.add("shape-of-space", text, key, hint)
+                x.faults.add("shape-of-space", text, key)
         shapes = tuple(found)
         check_sizes(Scene({}, shapes=shapes), x)
         return shapes

@@ -105,8 +105,7 @@ class Journal:
         other = [key for key, x in self._identity.items() if there.get(key) != x]
         if other:
             text = f"{self.path} cannot be resumed: it has another {other[0]}"
-            hint = "leave --resume out to start again, or choose another folder with -o"
-            raise unusable("another-sweep", text, hint=hint)
+            raise unusable("another-sweep", text)
         self._replace(content)
         rows = {}
         for number, values, *known, numbers, form in map(json.loads, lines):
