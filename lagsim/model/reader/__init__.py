@@ -58,7 +58,7 @@ from lagsim.model.reader.fields import (
     shortened,
 )
 from lagsim.model.reader.quantities import is_unit
-from lagsim.model.reader.scene import check_sizes, read_scene
+from lagsim.model.reader.runs import check_sizes, read_scene
 from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:
