@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 222
-LINES = 75_310
+FILES = 221
+LINES = 75_260
 LINES_OF_TESTS = 57_490
 
 
