@@ -271,14 +271,3 @@ def test_sines_wait_for_angles_that_are_sines() -> None:
         one = g.call("sin", g.call("mul", x, g.constant(1.0 + k)))
         found += [g.call("cos", one), g.call("sin", g.call("cos", one)), one]
     same(g, {"f": found, "h": found[:3]})
-
-
-def test_memory_is_used_again() -> None:
-    g = Graph()
-    node = g.variable("x")
-    for k in range(1000):
-        node = g.call("sin", g.call("mul", node, g.constant(1.0 + k % 3)))
-    tape = Compiled(g, {"f": [node]}, tapes.generate)
-    # Two values at once; three numbers, of which one is 1 and multiplies nothing; t;
-    # the state; and the cosines, which nobody uses.
-    assert tape.code.p_size <= SIZE + 2 + 2 + len(STATE) + 2

@@ -8,8 +8,7 @@ An instruction is an opcode, a count, and as many times the fields of one evalua
 indices into p (32 bits) of its values and of its operands. Evaluations of one kind
 and of one level (one above its highest operand) are gathered into one instruction, so
 that the interpreter decodes few instructions: a large model has the same kinds of
-operations body by body. The index of a value is free again after its last use. Truth
-values are 0 and 1.
+operations body by body. Truth values are 0 and 1.
 """
 
 from __future__ import annotations
@@ -169,7 +168,7 @@ class _Tapes:
         self.time = first + len(numbers)
         read = {g.payload(n) for n in leaves if g.ops[n] == VARIABLE}
         self.states = 1 + max([k for x, k in layout.y.items() if x in read] or (-1,))
-        self.first = self.time + self.states + 2  # index of values that are used again
+        self.first = self.time + self.states + 2  # index of a function's own values
         self.size = self.first
         self.index = np.full(len(g) + 1, self.first - 1, np.int32)
         self.index[fixed] = range(layout.size, first)
@@ -284,19 +283,16 @@ class _Tapes:
         chosen = tasks.users >> k & 1 == 1
         fields = tasks.fields[np.repeat(chosen, tasks.widths)]
         widths = tasks.widths[chosen]
-        starts, times = np.append(0, np.cumsum(widths)), np.arange(len(widths))
+        starts = np.append(0, np.cumsum(widths))
         written = [(n, j) for j, n in enumerate(results) if n != self.g.zero]
-        # Values are used last where they stand last, or are written at the end.
-        last = np.zeros(len(index), int)
-        last[fields] = np.repeat(times, widths)
-        last[[n for n, _ in written]] = len(times)
-        nodes = fields[starts[:-1]]
-        new = [j for j, n in enumerate(nodes.tolist()) if n not in self.fixed]
-        index[nodes[new]] = self._places(times[new], last[nodes[new]])
+        new = [n for n in fields[starts[:-1]].tolist() if n not in self.fixed]
+        last = self.first + len(new)
+        index[new] = range(self.first, last)
+        self.size = max(self.size, last)
         # The instructions, each with its opcode and count before its fields.
         firsts = np.flatnonzero(np.diff(tasks.groups[chosen], prepend=-1))
         opcodes = tasks.opcodes[chosen][firsts]
-        heads = np.column_stack([opcodes, np.diff(firsts, append=len(times))])
+        heads = np.column_stack([opcodes, np.diff(firsts, append=len(widths))])
         starts = starts[[*firsts, -1]]
         code = np.insert(index[fields], np.repeat(starts[:-1], 2), heads.ravel())
         pieces, at = [], 0
@@ -309,23 +305,6 @@ class _Tapes:
             pieces.append(np.array([self.opcodes[STORE], len(written)]))
             pieces.append(np.array(sorted((index[n], j) for n, j in written)).ravel())
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
-
-    def _places(self, times: Ints, last: Ints) -> list[int]:
-        """Return indices in p of values from when they are made and used last."""
-        free = list(range(self.size - 1, self.first - 1, -1))
-        order = np.argsort(last, kind="stable")
-        ends, ending = [*last[order].tolist(), len(self.g)], order.tolist()
-        places: list[int] = []
-        k = 0
-        for time in times.tolist():
-            while ends[k] <= time:
-                free.append(places[ending[k]])
-                k += 1
-            if not free:
-                free.append(self.size)
-                self.size += 1
-            places.append(free.pop())
-        return places
 
     def _sincos(self, fields: Ints) -> Ints:
         """Instruction of sines and cosines, from (node, angle) of each, by angle."""
