@@ -247,22 +247,6 @@ initial: {x: 0, y: 0, x_dot: 3}
 simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN),
-    warning("W322", "mixed-friction",
-        "Laws of constraints and switches, such as `sign` of a velocity, hold the same "
-        "bodies by forces that are not unique: which gives way first is a choice.",
-        "write the friction of all of them by `limit`",
-        """\
-coordinates: {x: {}, a: {}}
-definitions: {}
-energy: {kinetic: (x_dot^2 + a_dot^2)/2, potential: 0}
-forces: {x: t - sign(x_dot)}
-constraints:
-  brake: {relation: a_dot = 0, limit: 2}
-  clutch: {relation: a_dot = x_dot, limit: 1}
-initial: {x: 0, a: 0}
-simulation: {duration: 0.1, output_step: 0.1}
-""",
-        _RUN),
     warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: "
         "there is no page.",

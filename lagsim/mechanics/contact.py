@@ -91,6 +91,8 @@ class Closed:
         Of contacts: restitution is of impulses, not of rates.
     factor : ndarray, shape (k, r)
         D = factor^T factor, from which rows at a small angle are still told apart.
+    pushes : ndarray, shape (k, r), optional
+        Where shares of switching surfaces are rows, too: D = factor^T pushes.
     """
 
     D: Floats
@@ -102,6 +104,12 @@ class Closed:
     restitutions: Floats
     factor: Floats
     poisson: tuple[bool, ...] = ()
+    pushes: Floats | None = None
+
+    @cached_property
+    def columns(self) -> Floats:
+        """What multipliers of one do in the space of the factor (k, r)."""
+        return self.factor if self.pushes is None else self.pushes
 
     @classmethod
     def of(
@@ -126,6 +134,23 @@ class Closed:
             factor=reply.factor,
             poisson=tuple([law.poisson for law in own]),
         )
+
+    def with_shares(self, D: Floats, bounds: Floats) -> Closed:
+        """Add rows with bounds (s,) for shares of surfaces; D is that of all rows.
+
+        A share is in [0, 1]; 1/2 less it is limited as a force is, to 1/2. The jump of
+        forces need not be along the row, so that D is not symmetric.
+        """
+        if not len(bounds):
+            return self
+        alone = (-1,) * len(bounds)
+        return replace(
+            self, D=D, factor=np.eye(len(D)), pushes=D,
+            kinds=(*self.kinds, *(Kind.LIMITED,) * len(bounds)),
+            normals=self.normals + alone, pairs=self.pairs + alone,
+            bounds=np.append(self.bounds, bounds),
+            statics=np.append(self.statics, bounds),
+        )  # fmt: skip
 
     @cached_property
     def bounded(self) -> Flags:
@@ -364,7 +389,6 @@ def modes(
     slip_noise: Floats,
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
     left: Flags | None = None,
-    placed: Floats | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -384,17 +408,12 @@ def modes(
     left : ndarray of bool, shape (r,), optional
         What held until now, and has reached the edge of what it bears: there it does
         not go on where no rate decides.
-    placed : ndarray, shape (r,), optional
-        Directions of what bears its bound at no slip, for a switch bears the rest.
     """
+    if not closed.kinds:
+        return Modes((), accelerations, accelerations, paradox=False)
     left = np.zeros(len(rates), dtype=bool) if left is None else left
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
-    if placed is not None:
-        given, directions = (
-            given | (placed != 0.0),
-            np.where(placed, placed, directions),
-        )
     while True:
         sizes = np.where(given | begun, closed.bounds, closed.statics)
         problem = _problem(closed, accelerations, sizes, directions, given=given)
@@ -527,7 +546,7 @@ class _Rows:
         What others hold is redundant, and cannot part; slips of contacts without force
         are off.
         """
-        closed, span = self.closed, _Independent(self.closed.factor)
+        closed, span = self.closed, _Independent(self.closed.columns)
         turn = self._turned(p, tied, pressed)
         x, rate = self._rates(p, held, tied, pressed, turn)
         none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
@@ -577,7 +596,7 @@ class _Rows:
         r = len(p)
         if self.ahead is None or not tied:
             return np.zeros(r), np.zeros(r)
-        span = _Independent(self.closed.factor @ turn)
+        span = _Independent(self.closed.columns @ turn)
         edges = [i for i, k in self.problem.discs if k in tied and pressed[k]]
         free = [k for k in (*held, *edges) if span.takes(k)]
         unit, S = np.eye(r), np.eye(r)  # p' = S turn x
@@ -628,7 +647,7 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
 
 def _spare(rows: _Rows, solution: Solution) -> list[int]:
     """Contacts that end first where forces change along a dependence."""
-    p, span = solution.p, _Independent(rows.closed.factor)
+    p, span = solution.p, _Independent(rows.closed.columns)
     bear = [k for k in rows.one_sided if p[k] > 0.0]
     if all(span.takes(k) for k in bear):
         return []
@@ -652,7 +671,7 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
     p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
     limits = rows.problem.limits(p)
     rests = (np.abs(solution.w) <= rows.rounding(p, limits)) & ~rows.given
-    rests &= closed.factor.any(axis=0)
+    rests &= closed.columns.any(axis=0)
     rubs, pushes = rests & (limits > 0.0), rests & (p > 0.0)
     pushes &= np.array([kind.one_sided for kind in kinds])
     timed = rests & np.array([kind is Kind.TIMED for kind in kinds])
@@ -670,11 +689,11 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
 
     if largest(p) < 1.0 - RATES_ROUNDOFF:
         return solution
-    lengths = np.linalg.norm(closed.factor, axis=0)
+    lengths = np.linalg.norm(closed.columns, axis=0)
     bounds = np.where(rubs, limits, np.where(pushes, p, 1.0))
     bounds[timed] = (limits * lengths).max() / lengths[timed]
     bounds, lengths = bounds[some], lengths[some]
-    free = null_space(closed.factor[:, some] / lengths) / (lengths * bounds)[:, None]
+    free = null_space(closed.columns[:, some] / lengths) / (lengths * bounds)[:, None]
     if not free.size:
         return solution
     eased, free = p.copy(), np.linalg.qr(free)[0]
@@ -720,7 +739,7 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     D, Y = closed.D[held], closed.factor
     B, h = (D @ E)[:, held], c[held] + D @ p0
     Q, R = np.linalg.qr(Y[:, held])
-    forces = Q.T @ (Y @ E)[:, held]
+    forces = Q.T @ (closed.columns @ E)[:, held]
     x = np.zeros(len(held))
     for _ in range(2):
         right = np.linalg.solve(R.T, B @ x + h)
@@ -753,7 +772,7 @@ def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
     Y = rows.closed.factor
     lengths = np.linalg.norm(Y[:, rest], axis=0)
     units = np.where(lengths > 0.0, lengths, 1.0)
-    F = (Y @ E)[:, rest] / units
+    F = (rows.closed.columns @ E)[:, rest] / units
     _, s, V = np.linalg.svd(Y[:, rest].T @ F / units[:, None])
     free = V[s <= DEPENDENT_SQUARE * s[0]]
     return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
@@ -776,6 +795,8 @@ def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) ->
     signed = [k for k in held if k in rows.one_sided]
     if (masses[signed] <= ACCELERATION_ROUNDOFF * D.diagonal()[signed]).any():
         return True
+    if rows.closed.pushes is not None:  # jumps of forces need not be along their rows
+        return False
     sign, size = np.linalg.slogdet(forces)
     other, plain = np.linalg.slogdet(R)
     return bool(sign * other * np.exp(size - plain) <= ACCELERATION_ROUNDOFF)

@@ -337,6 +337,8 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
+        if p.sliding > 0.0:  # else on the lower sides of what the motion follows
+            p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     gaps(t, y, p, out)
     for k in range(p.laws):
         if p.law_kind[k] == SLIDER:

@@ -223,6 +223,9 @@ def take_shares(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             p.share[k] = p.right[3 * i]
             p.B[i] = abs(p.asked[k]) + extent(k, p, forced)
+            for j in range(sliding):
+                change = fields[(j + 1) * width :]
+                p.B[i] += abs(p.right[3 * j]) * extent(k, p, change[p.driven])
             i += 1
     for i in range(sliding):
         fields[:width] += p.right[3 * i] * fields[(i + 1) * width : (i + 2) * width]

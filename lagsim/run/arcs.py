@@ -114,8 +114,6 @@ def finite_rows(rows: Floats, columns: int) -> int:
 MOST_EVENTS = 10_000
 # So many of the last of them show where they come from, and how fast.
 LATELY = 1000
-# Switches and laws that change each other's modes are asked so many times more.
-ROUNDS = 4
 
 
 class Recorder:
@@ -427,13 +425,11 @@ class Run:
     def _set_modes(self, but: Source | None = None) -> Ending | None:
         """Let all sources set their modes, but for one.
 
-        All of them again where something strikes, and a few times more where laws that
-        go or come change what keeps the motion on a surface.
+        All of them again where something strikes.
         """
-        p, again = self.arc.system.p, ROUNDS if self.arc.system.surfaces else 0
         struck = True
         while struck:
-            struck, before = False, p.law_mode.copy()
+            struck = False
             for source in self.sources:
                 if source is but:
                     continue
@@ -443,8 +439,6 @@ class Run:
                     return begun.ending
                 struck |= begun.rows is not None
             but = None
-            if again and not np.array_equal(p.law_mode, before):
-                struck, again = True, again - 1
         return None
 
     def _take(self, decision: Decision) -> None:
@@ -542,10 +536,11 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield TimeBreaks(arc)
     if arc.equations.model.events:
         yield Transitions(arc)
+    contacts = Contacts(arc) if arc.system.laws else None
     if arc.system.surfaces:
-        yield Switching(arc)
-    if arc.system.laws:
-        yield Contacts(arc)
+        yield Switching(arc, contacts)
+    if contacts is not None:
+        yield contacts
     if arc.system.m:
         yield Dependence()
         yield RankLosses()

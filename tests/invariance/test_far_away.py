@@ -191,7 +191,7 @@ simulation: {{start: {start!r}, duration: 0.5, output_step: 0.1, method: dop853}
     result = run(text)
     assert result.trajectory.outcome.complete
     events = result.trajectory.events
-    assert sorted(e.kind for e in events) == ["slip", "stick", "switch"]
+    assert sorted(e.kind for e in events) == ["slip", "stick"]
     assert {e.time for e in events} == {events[0].time}
     assert events[0].time - start == pytest.approx(math.pi / 2 / 5.85, abs=1e-11)
     assert result["x"][-1] == pytest.approx(0.1 / 5.85, abs=1e-12)

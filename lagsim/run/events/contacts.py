@@ -30,7 +30,6 @@ from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quote
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
-    DEPENDENT_SQUARE,
     LEAST_CLOSING,
     SATISFIED,
     SOLUTION_ROUNDOFF,
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import Impact
+    from lagsim.mechanics.contact import Impact, Modes
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
 
@@ -72,10 +71,6 @@ WARNINGS = {
     "shared-contact": (
         "at t = {t:.9g} the contacts {names} are redundant: the motion is unique, "
         "their forces are not, and one solution is given"
-    ),
-    "mixed-friction": (
-        "at t = {t:.9g} {names} and switches hold the same bodies by forces that are "
-        "not unique: which of them gives way, and when, is a choice"
     ),
     "shared-friction": (
         "at t = {t:.9g} friction slides by forces of {names} that are not unique, so "
@@ -110,6 +105,12 @@ class Contacts(Source):
         # then, and has reached the edge of what it bears.
         self.slid: set[int] = set()
         self.left: set[int] = set()
+        # And what is closed at it whatever its gap is; constraints whose bounces end.
+        self.also: set[int] = set()
+        self.rested: set[str] = set()
+        # Time, laws and modes where these are chosen with those of surfaces.
+        self.joint: tuple[float, list[int], Modes] | None = None
+        self.before = np.zeros(len(self.laws))  # the modes up to the time reached
         self.asked_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
@@ -139,13 +140,14 @@ class Contacts(Source):
             # The beginning on a disc has ended, and of those that began with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
             p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
-        found = self._through(arc, k)
+        also = arc.system.surfaces > 0  # then modes are chosen with those of these
+        found = self._through(arc, k, select=not also)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
         if (restless or self.sequence.is_stuck()) and found.ending is None:
             about = self._names(restless or self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
-        turn = Turn.MODES if arc.system.surfaces else Turn.ARC
+        turn = Turn.MODES if also else Turn.ARC
         return self._decision(arc, found, turn)
 
     def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
@@ -163,7 +165,8 @@ class Contacts(Source):
         """Note what slid until this time, if it is a new one."""
         if arc.t != self.asked_at:
             slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
-            self.asked_at, self.slid, self.left = arc.t, set(slid.tolist()), set()
+            self.asked_at, self.slid = arc.t, set(slid.tolist())
+            self.left, self.also, self.rested = set(), set(), set()
 
     def _report(
         self, found: Found, code: str, some: list[int], **numbers: float
@@ -175,20 +178,24 @@ class Contacts(Source):
     def _names(self, some: Collection[int]) -> str:
         return quoted(self.laws[k].constraint for k in some)
 
-    def _through(self, arc: Arc, met: int | None) -> Found:
+    def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> Found:
         """Go through impacts, then choose the modes."""
         here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
         if arc.system.p.law_opens.any():
             found.y = _raised_state(here)
             arc.system.p.law_opens[:] = 0.0
             here = Kinematics(arc, found.y.copy())
-        also = {met} if met is not None else set()
+        self._note_former(arc)
+        if met is not None:
+            self.also.add(met)
+        also = set(self.also)
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
         closed = here.is_closed(also)
         here.grazing = _grazing(here, closed, flown)
         if here.grazing:
             also.difference_update(here.grazing)
+            self.also.difference_update(here.grazing)
             closed = here.is_closed(also)
         ends = self._ends(here, closed)
         for k, law in enumerate(self.laws):
@@ -210,7 +217,7 @@ class Contacts(Source):
             here = here.at(found.y)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
-        if found.ending is None:
+        if found.ending is None and select:
             self._select(here, also, some, found)
         return found
 
@@ -220,12 +227,13 @@ class Contacts(Source):
         """Choose the modes of laws by the accelerations; also : closed in any case."""
         arc, p = here.arc, here.arc.system.p
         self._note_former(arc)
-        before = p.law_mode.copy()
-        chosen = _chosen(here, also, self.left)
-        own = p.law_place < 0.0  # a slider's are those that it is settled with
-        p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
+        joint, self.joint = self.joint, None
+        if joint is None or joint[0] != arc.t or found.rows is not None or here.grazing:
+            chosen = _chosen(here, that_could_act(here, also), self.left)
+        else:
+            chosen = Chosen.of(here, *joint[1:])
+        self._put(arc, chosen)
         _set_floors(here, chosen, self.slid)
-        p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
         _set_slack(here, chosen)
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
@@ -233,9 +241,9 @@ class Contacts(Source):
         if any(stopped):  # what is left of the speed of a disc goes no farther
             asked = np.where(stopped, here.rates[held], 0.0)
             found.y[arc.velocities] -= here.shape.lift(held, asked)
-        rested = {e.constraint for e in found.events if e.kind == "zeno"}
-        events = _changes(here, before) if arc.steps else ()
-        found.events += [e for e in events if e.constraint not in rested]
+        events = _changes(here, self.before) if arc.steps else ()
+        self.before = p.law_mode.copy()
+        found.events += [e for e in events if e.constraint not in self.rested]
         if chosen.paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         # The friction of a body that rests on two points is never determined.
@@ -245,11 +253,34 @@ class Contacts(Source):
         if shares or chosen.open:
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
-        holds = np.flatnonzero(p.law_mode == kept.HELD)
-        if p.sliding and any(
-            here.is_shared(k, holds) and not here.is_own(k) for k in redundant
-        ):
-            self._report(found, "mixed-friction", chosen.some, t=arc.t)
+
+    def that_may_act(self, arc: Arc) -> list[int]:
+        """Numbers of the laws that could act at the state reached."""
+        self._note_former(arc)
+        return that_could_act(Kinematics(arc, arc.y), self.also)
+
+    def take(self, arc: Arc, some: list[int], found: Modes) -> None:
+        """Take modes of some laws that are chosen with those of surfaces."""
+        self.joint = arc.t, some, found
+        self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
+
+    def _put(self, arc: Arc, chosen: Chosen) -> None:
+        """Store modes where the compiled functions read them."""
+        p = arc.system.p
+        own = p.law_place < 0.0  # a slider's are those that it is settled with
+        p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
+        p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
+
+    def rest_soon(self, arc: Arc, within: float) -> None:
+        """Take slips on discs that may come to rest in this time to be at rest.
+
+        With switches that accumulate: of a slip that goes round with them nothing is
+        left, but friction along what is left would hide what the switches do.
+        """
+        here, p = Kinematics(arc, arc.y), arc.system.p
+        discs = [k for k, law in enumerate(self.laws) if law.pair >= 0]
+        slow = within * np.abs(here.present[discs])
+        p.law_still[discs] = np.maximum(p.law_still[discs], slow)
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
         """Kinematics with sliders without mass as they go on."""
@@ -349,6 +380,7 @@ class Contacts(Source):
             if k in ends:
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
+                    self.rested.add(name)
                 self.bounces[k] = 0
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
@@ -416,32 +448,6 @@ def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) ->
     return here.shape.lift(rows, there.rates[rows])
 
 
-def stop_slips(arc: Arc, within: float) -> list[int]:
-    """Stop slips on discs that may come to rest in this time; return their rows.
-
-    With switches that accumulate: of a slip that goes round with them nothing is left,
-    but friction along what is left would hide what the switches do. It is taken off.
-    """
-    p = arc.system.p
-    slides = p.law_mode == kept.SLIDING
-    if not slides.any():
-        return []
-    here = Kinematics(arc, arc.y)
-    pairs = [[k, x.pair] for k, x in enumerate(here.laws) if slides[k] and x.pair > k]
-    speeds, pulls = (
-        [np.linalg.norm(x[pair]) for pair in pairs] for x in (here.rates, here.present)
-    )
-    rests = [v <= within * a for v, a in zip(speeds, pulls, strict=True)]
-    stopped = [k for pair, rest in zip(pairs, rests, strict=True) if rest for k in pair]
-    if stopped:
-        y = arc.y.copy()
-        y[arc.velocities] -= here.shape.lift(stopped, here.rates[stopped])
-        arc.add_work(y, arc.energies(arc.y))
-        arc.put(y)
-        p.law_mode[stopped] = kept.OFF
-    return stopped
-
-
 # --- Mode selection: which laws hold from a state on, by the accelerations
 
 
@@ -452,8 +458,17 @@ def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) ->
     return here.arc.later(here.y, rates, moment)
 
 
-def _ahead(here: Kinematics, some: list[int]) -> Ahead:
-    """Rates of change, and their rounding, of accelerations at given multipliers."""
+def ahead_of(
+    here: Kinematics, some: list[int],
+    others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
+) -> Ahead:  # fmt: skip
+    """Rates of change, and their rounding, of accelerations at given multipliers.
+
+    Each bounded one keeps its part of its bound.
+
+    others : rates (k,) of other rows, which come first, at a state with accelerations
+    (n,) by these multipliers; of them no rounding is given.
+    """
     moment = here.arc.moment
 
     def change(p: Floats) -> tuple[Floats, Floats]:
@@ -461,13 +476,26 @@ def _ahead(here: Kinematics, some: list[int]) -> Ahead:
         later = here.at(y, here.t + moment)
         w = []
         for x in here, later:
-            D, part = x.answer.D[np.ix_(some, some)], np.ones(len(some))
-            known = here.bounds[some] > 0.0
+            part, known = np.ones(len(some)), here.bounds[some] > 0.0
             part[known] = x.bounds[some][known] / here.bounds[some][known]
-            w.append(x.accelerations[some] + D @ (part * p))
+            D, response = x.answer.D[np.ix_(some, some)], x.answer.response[:, some]
+            more = others(x, response @ (part * p))
+            w.append(np.append(more, x.accelerations[some] + D @ (part * p)))
         return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
 
     return change
+
+
+def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
+    """Numbers of the laws that are closed and do not separate."""
+    closed, some = here.is_closed(also), list[int]()
+    for k, law in enumerate(here.laws):
+        leaves = law.kind.one_sided and here.rates[k] > here.still[k]
+        if law.kind is Kind.SLIP:
+            leaves = law.normal not in some
+        if closed[k] and not leaves:
+            some.append(k)
+    return some
 
 
 class Chosen(NamedTuple):
@@ -484,46 +512,28 @@ class Chosen(NamedTuple):
     paradox: bool
     open: bool = False
 
+    @classmethod
+    def of(cls, here: Kinematics, some: list[int], found: Modes) -> Chosen:
+        """Modes of the laws, of those of some, and of rows after these."""
+        mode, direction = np.zeros((2, here.count))
+        r = len(some)
+        mode[some] = [float(x) for x in found.mode[:r]]
+        direction[some] = found.direction[:r]
+        D = here.answer.D.diagonal()[some]
+        return cls(
+            mode, direction, some, found.multipliers[:r], D, found.paradox, found.open
+        )
 
-def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> Chosen:
-    """Select modes by the accelerations of what is closed and does not separate."""
-    laws, L, rates = here.laws, here.count, here.rates
-    closed, p = here.is_closed(also), here.arc.system.p
-    some: list[int] = []
-    mode, direction = np.zeros(L), np.zeros(L)
-    for k, law in enumerate(laws):
-        pressed = law.kind is not Kind.SLIP or law.normal in some
-        if pressed and here.slides_in_place(k):
-            mode[k], direction[k] = kept.SLIDING, p.law_direction[k]
-            if here.answer.D[k, k] <= DEPENDENT_SQUARE * here.shape.reply.D[k, k]:
-                continue  # it changes no acceleration
-        leaves = law.kind.one_sided and rates[k] > here.still[k]
-        if law.kind is Kind.SLIP:
-            leaves = law.normal not in some
-        if closed[k] and not leaves:
-            some.append(k)
-    if not some:
-        return Chosen(mode, direction, some, np.empty(0), np.empty(0), False)
-    problem, _ = here.problem(some, np.zeros(len(some)), here.answer)
-    roundoff = here.roundoff[some]
-    asked = here.accelerations[some]
+
+def _chosen(here: Kinematics, some: list[int], left: Collection[int]) -> Chosen:
+    """Select modes by the accelerations of some laws."""
+    laws, asked = here.acting(some, left), here.accelerations[some]
+    asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
     found = modes(
-        problem,
-        np.where(np.abs(asked) <= roundoff, 0.0, asked),
-        rates[some],
-        roundoff,
-        np.maximum(here.still, 2.0 * p.law_still)[some],
-        _ahead(here, some),
-        np.array([k in left for k in some]),
-        direction[some],
-    )
-    mode[some], direction[some] = [float(x) for x in found.mode], found.direction
-    for k, law in enumerate(laws):
-        if law.kind is Kind.SLIP and mode[law.normal] == kept.OFF:
-            mode[k] = kept.OFF
-    diagonal = np.diag(problem.D).copy()
-    multipliers, paradox = found.multipliers, found.paradox
-    return Chosen(mode, direction, some, multipliers, diagonal, paradox, found.open)
+        laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
+        ahead_of(here, some), laws.left,
+    )  # fmt: skip
+    return Chosen.of(here, some, found)
 
 
 def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:

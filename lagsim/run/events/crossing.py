@@ -20,12 +20,14 @@ motion rests; so it does where switches accumulate, if forces stop it in the tim
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
+from lagsim.run.events.contacts import ahead_of
 from lagsim.run.events.filippov import (
     ABOVE,
     BELOW,
@@ -34,6 +36,7 @@ from lagsim.run.events.filippov import (
     SLIDING,
     FilippovCone,
 )
+from lagsim.run.events.kinematics import Kinematics
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
@@ -45,7 +48,10 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact import Modes as RowModes
+    from lagsim.run.events.contacts import Contacts
     from lagsim.run.events.filippov import Modes, Rows
+    from lagsim.run.events.kinematics import Acting
 
 
 # The first step is this part of the run, each next one so much longer, and so many.
@@ -230,6 +236,8 @@ class Crossing:
     left: float  # the time in which the motion comes to rest on those
     hit: int | None  # the surface that has ended the arc before
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
+    contacts: Contacts | None  # whose laws could act beside them
+    laws: list[int] = field(default_factory=list)  # the numbers of those that could
     open: list[int] = field(default_factory=list)  # what forces decide
     loose: list[int] = field(default_factory=list)  # what follows from the open ones
     undecided: list[int] = field(default_factory=list)  # by nothing at all
@@ -241,6 +249,8 @@ class Crossing:
         value, whole = self.modes.value, self.modes.whole
         edges = {k: level if whole[k] else 0.5 for k, level in self.levels.items()}
         now = {k: ABOVE if value[k] >= edge else BELOW for k, edge in edges.items()}
+        if self.contacts is not None:
+            self.laws = self.contacts.that_may_act(self.modes.arc)
         for k in self.modes.order:
             self._sort(k)
         if self.open:
@@ -259,7 +269,7 @@ class Crossing:
             return
         modes.write()
         rows = modes.rows()
-        if k in self.resting or modes.keeps(k):
+        if modes.keeps(k) or (k in self.resting and self.contacts is None):
             modes.put(k, self.levels[k], LEVEL)
             return
         rate = self._rate(rows, k)
@@ -335,6 +345,8 @@ class Crossing:
         # Not to be at rest: a surface that it has just come to may have to hold it.
         still = [i for i, k in enumerate(self.open) if k != self.hit]
         found = cone.select(now, still)
+        if self.contacts is not None and cone.modes is not None:
+            self.contacts.take(self.modes.arc, self.laws, cone.modes)
         if found is None and self.at_rest:  # round and round to where it rests
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
@@ -343,9 +355,14 @@ class Crossing:
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
         self._take(found or now, cone.shares)
 
-    def _leaves(self, w: Floats, i: int) -> int | None:
-        """Side to which short steps with shares w (k,) leave an open surface."""
+    def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
+        """Side to which short steps with shares w (k,) leave an open surface.
+
+        chosen : the modes of the laws, first of all rows.
+        """
         self._share(w)
+        if self.contacts is not None:
+            self.contacts.take(self.modes.arc, self.laws, chosen)
         modes, arc, k = self.modes, self.modes.arc, self.open[i]
         t, y, level = arc.t, arc.y, self.levels[k]
         clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
@@ -385,34 +402,55 @@ class Crossing:
         for k, side, share in zip(self.open, sides, shares, strict=True):
             if side == REDUNDANT:
                 modes.put(k, self.levels[k], REDUNDANT, share)
-            elif side == LEVEL:
+            elif side == LEVEL == share:
                 modes.watched.append(k)
 
     def _cone(self) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
 
-        def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, Floats, Floats]:
+        def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:
             self._settle(corner)
-            rows = modes.rows(y)
-            return rows.J[self.open], rows.b[self.open], modes.accelerations(y)
+            rows, a, others = modes.rows(y), modes.accelerations(y), np.zeros(0)
+            if self.laws:  # the motion without them
+                here = Kinematics(arc, y)
+                a, others = here.free[arc.state.driven], here.accelerations[self.laws]
+            return rows.J[self.open], rows.b[self.open], a, others
 
         def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
-            J, b, a = terms(corner, y)
+            J, b, a, others = terms(corner, y)
             # What has no value tells nothing.
-            return np.nan_to_num(J @ a - b, nan=0.0, posinf=0.0, neginf=0.0)
+            found = np.append(J @ a - b, others)
+            return np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0)
 
         count, sides = len(self.open), (BELOW, ABOVE)
         scale, least = np.zeros((2, count))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
         ends = [(side,) * count for side in sides]
         for corner in product(sides, repeat=count) if count <= FEW_CORNERS else ends:
-            J, b, a = terms(corner, arc.y)
+            J, b, a, _ = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
             for aside in modes.asides(reach):
-                least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
+                change = np.abs(rates(corner, aside) - rates(corner))[:count]
+                least = np.fmax(least, change)
         self.roundoff[self.open] = least
-        return FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
+        cone = FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
+        if self.contacts is not None and self.laws:
+            cone.laws = partial(self._acting, self.contacts.left)
+        return cone
+
+    def _acting(
+        self, left: Collection[int], corner: Sequence[int]
+    ) -> tuple[Acting, Floats]:
+        """Laws at a corner; rates (k, r) that they give to the open surfaces.
+
+        left : those that have reached the edge of what they bear.
+        """
+        self._settle(corner)
+        arc = self.modes.arc
+        laws = Kinematics(arc, arc.y).acting(self.laws, left)
+        J = self.modes.rows().J[self.open, : arc.system.n]
+        return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
         """Put the open surfaces between their sides, by shares (k,), or at levels."""
@@ -422,11 +460,21 @@ class Crossing:
                 self.modes.put(k, self.levels[k], REDUNDANT, share)
         self.modes.write()
 
-    def _ahead(self, w: Floats) -> tuple[float, Floats]:
-        """Return a short time, and how fast rates (k,) with shares (k,) change."""
-        modes, arc = self.modes, self.modes.arc
-        moment = arc.moment
+    def _ahead(self, w: Floats, p: Floats) -> tuple[float, Floats]:
+        """Return a short time, and how fast rates with shares (k,) change.
+
+        Of the surfaces, then of the laws, whose multipliers are p (r,).
+        """
+        modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.moment
         self._share(w)
-        y = arc.y + moment * modes.rates(arc.t, arc.y)
-        change = modes.forced(y, arc.t + moment) - modes.forced(arc.y)
-        return moment, np.asarray(change)[self.open] / moment
+        if not self.laws:
+            y = arc.y + moment * modes.rates(arc.t, arc.y)
+            change = modes.forced(y, arc.t + moment) - modes.forced(arc.y)
+            return moment, np.asarray(change)[self.open] / moment
+
+        def others(here: Kinematics, forced: Floats) -> Floats:
+            a, rows = here.free[arc.state.driven].copy(), modes.rows(here.y, here.t)
+            a[: arc.system.n] += forced
+            return np.asarray(rows.J @ a - rows.b)[self.open]
+
+        return moment, ahead_of(Kinematics(arc, arc.y), self.laws, others)(p)[0]

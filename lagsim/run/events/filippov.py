@@ -19,12 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import Span
-from lagsim.mechanics.complementarity import Problem, rates_at, solve
+from lagsim.mechanics.contact import Mode, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.program.functions import on_rates
+from lagsim.run.events.kinematics import NO_LAWS
 from lagsim.tolerances import (
-    DEPENDENT_DIRECTIONS,
     RESIDUAL_ROUNDOFF,
     SOLUTION_ROUNDOFF,
     TINY,
@@ -34,12 +33,17 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Flags, Floats, Ints
+    from lagsim.mechanics.contact import Modes as RowModes
     from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
+    from lagsim.run.events.kinematics import Acting
 
     Corner = tuple[int, ...]
     Rates = Callable[[Corner], Floats]
+    Beside = Callable[[Corner], tuple[Acting, Floats]]
+    Leaves = Callable[[Floats, int, RowModes], int | None]
+    Ahead = Callable[[Floats, Floats], tuple[float, Floats]]
 
 
 BELOW, ABOVE, SLIDING = 0, 1, 2
@@ -63,17 +67,21 @@ class Trial(NamedTuple):
     leads : ndarray, shape (n,)
         Of a surface that does not attract, the rate at which it leaves to the side that
         it was put on: below 0 it is wrong there. Else infinity.
+    modes : Modes
+        Those of laws beside them, then of surfaces that attract.
     """
 
     mode: list[int]
     w: Floats
     leads: Floats
+    modes: RowModes
 
 
 class FilippovCone:
     """Filippov's conditions at a point on `count` surfaces.
 
-    They are a complementarity problem: with p = -w the rates are rho = rho_0 - B p.
+    They are a complementarity problem: with p = 1/2 - w the rates are rho_0 - B p, and
+    p is limited as a force is: laws beside the surfaces are rows of the same problem.
     Where steps multiply, it is solved by Newton's method, linear in each of its steps.
 
     Several answers may hold where the own upper side of a surface does not diminish its
@@ -85,7 +93,8 @@ class FilippovCone:
     Parameters
     ----------
     rates
-        The rates (count,) with each surface BELOW, ABOVE or at its LEVEL.
+        The rates (count,) with each surface BELOW, ABOVE or at its LEVEL; then the
+        accelerations (r,) of laws without their multipliers.
     scale : ndarray, shape (count,)
         The size of the terms of the rates.
     roundoff : ndarray, shape (count,)
@@ -94,7 +103,8 @@ class FilippovCone:
         The side to which the motion with these shares (count,) leaves a surface, where
         no rate tells; None if it stays.
     ahead
-        A short time, and how fast rates with these shares (count,) change in it.
+        A short time, and how fast rates with these shares (count,) and multipliers (r,)
+        change in it.
 
     Attributes
     ----------
@@ -102,14 +112,18 @@ class FilippovCone:
         Those of the mode that was selected.
     is_fork : bool
         The other side of some surface would do as well.
+    laws
+        The laws at a corner, and the rates (count, r) by their multipliers.
+    modes : Modes or None
+        Those of the laws, then of surfaces that attract, in the mode that was selected.
     """
 
     def __init__(
         self,
         rates: Rates,
         scale: Floats,
-        leaves: Callable[[Floats, int], int | None] = lambda _w, _k: None,
-        ahead: Callable[[Floats], tuple[float, Floats]] = lambda w: (1.0, 0.0 * w),
+        leaves: Leaves = lambda _w, _k, _modes: None,
+        ahead: Ahead = lambda w, _p: (1.0, 0.0 * w),
         *,
         roundoff: Floats | float = 0.0,
     ) -> None:
@@ -119,6 +133,8 @@ class FilippovCone:
         self.rates = cache(rates)
         self.leaves, self.ahead = leaves, ahead
         self.shares, self.is_fork = np.zeros(self.count), False
+        self.laws: Beside = lambda _corner: (NO_LAWS, np.zeros((self.count, 0)))
+        self.modes: RowModes | None = None
 
     def select(
         self, now: Sequence[int], still: Collection[int] = ()
@@ -145,7 +161,7 @@ class FilippovCone:
             exchanged = [exchange(sides, k, now[k]) for k in others]
             exchanged = [way for way in exchanged if way not in tried]
             if not wrong and not exchanged:
-                self.shares = trial.w
+                self.shares, self.modes = trial.w, trial.modes
                 return trial.mode
             ways += reversed(exchanged)
         return None
@@ -160,7 +176,7 @@ class FilippovCone:
         for k in np.flatnonzero(trial.leads < math.inf).tolist():
             side, w = sides[k], trial.w.copy()
             if side == LEVEL:
-                if self.leaves(w, k) is not None:
+                if self.leaves(w, k, trial.modes) is not None:
                     return [k]
                 continue
             other = self._solved(exchange(sides, k))
@@ -169,9 +185,9 @@ class FilippovCone:
                 other.leads[k] > 0.0 and np.all(other.leads >= 0.0)
             )
             if not here and not there:
-                way = self.leaves(w, k)
+                way = self.leaves(w, k, trial.modes)
                 w[k] = 1 - side
-                back = self.leaves(w, k)
+                back = self.leaves(w, k, trial.modes)
                 here, there = way == side, back == 1 - side
                 if way == 1 - side and back == side:
                     trial.mode[k] = SLIDING
@@ -194,7 +210,7 @@ class FilippovCone:
         if len(between) > FEW:
             effects = (self.rates(exchange(low.tolist(), j)) - base for j in between)
             return sum((w[j] * x for j, x in zip(between, effects, strict=True)), base)
-        rates = np.zeros(self.count)
+        rates = 0.0 * base
         for corner in product((BELOW, ABOVE), repeat=len(between)):
             low[between] = corner
             parts = np.where(np.array(corner) == ABOVE, w[between], 1.0 - w[between])
@@ -204,56 +220,99 @@ class FilippovCone:
     def _solved(self, sides: Corner) -> Trial | None:
         """Mode where surfaces that do not attract have these sides.
 
-        A surface with rate 0 whose share is at its end is left if the rates of the
-        shares ask for that, see `rates_at`; and one that keeps to its level because
-        others do has a share that is constant.
+        Those that do are rows of one problem with the laws beside them. One that keeps
+        to its level because others do has a share that is constant.
         """
         n, at = self.count, np.array(sides)
-        w, alone, ends = at.astype(float), np.full(n, -1), np.zeros((4, n))
+        w = at.astype(float)
         for _ in range(MOST_STEPS):
-            B, base = (
-                np.array([self._change(w, j) for j in range(n)]).T,
-                self._blended(w),
-            )
+            B = np.array([self._change(w, j) for j in range(n)]).T
+            base = self._blended(w)
             # Each surface in a unit of its own: a power of two, which rounds nothing.
-            size = np.maximum(np.maximum(np.max(np.abs(B), axis=1), np.abs(base)), TINY)
-            unit = np.exp2(-np.round(np.log2(size)))
-            B, base, tolerance = unit[:, None] * B, unit * base, unit * self.tolerance
-            own = B.diagonal()
-            attract = own < -tolerance
+            size = np.maximum(np.max(np.abs(B[:n]), axis=1), np.abs(base[:n]))
+            unit = np.exp2(-np.round(np.log2(np.maximum(size, TINY))))
+            B[:n], base[:n] = unit[:, None] * B[:n], unit * base[:n]
+            tolerance = unit * self.tolerance
+            attract = B.diagonal() < -tolerance
             if np.any(attract & (w == LEVEL)):
                 w[attract] = BELOW
                 continue
-            ends[0] = np.where(attract, -1.0, 0.0)
-            c = base - B[:, attract] @ w[attract]
-            found = solve(Problem(-B, c, ends[:2], ends[2:], alone, alone))
-            if not found.found:
+            some = np.flatnonzero(attract)
+            B = B[:, some]
+            base += B @ (0.5 - w[some])
+            w = at.astype(float)
+            found, by_laws = self._modes(sides, some, unit, tolerance, base, B)
+            if found.paradox:
                 return None
-            w, rho = np.where(attract, -found.p, at), found.w
-            if np.all(np.abs(unit * self._blended(w) - rho) <= tolerance):
+            r = len(found.mode) - len(some)
+            w[some] = 0.5 - found.multipliers[r:]
+            rho = base[:n] - B[:n] @ found.multipliers[r:] + by_laws
+            off = unit * self._blended(w)[:n] + by_laws - rho
+            if np.all(np.abs(off) <= tolerance):
                 break
-        modes = np.where(rho > 0.0, ABOVE, BELOW)
-        still = np.abs(rho) <= tolerance
-        small = tolerance / np.abs(np.where(own, own, 1.0))
-        rests = np.flatnonzero(attract & still).tolist()
-        inside = [k for k in rests if small[k] < w[k] < 1.0 - small[k]]
-        tied = [k for k in rests if k not in inside]
-        w[tied] = np.round(w[tied])
-        span, units = Span(n), B / np.maximum(np.linalg.norm(B, axis=0), TINY)
-        free = [k for k in inside if span.extend(units[:, k], DEPENDENT_DIRECTIONS)]
-        if tied:
-            ways = (2.0 * w - 1.0)[tied, None] * np.eye(n)[tied]
-            moment, change = self.ahead(w)
-            x, rate = rates_at(-B, unit * change, tolerance / moment, free, ways)
-            modes[tied] = np.where(w[tied] > 0.5, ABOVE, BELOW)
-            tied = sorted([k for k in tied if not rate[k]], key=lambda k: -abs(x[k]))
-        for k in (*inside, *tied):
-            new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
-            modes[k] = SLIDING if new else REDUNDANT
-        modes[~attract] = at[~attract]
+        mode = at.copy()
+        for k, way, now in zip(some, found.direction[r:], found.mode[r:], strict=True):
+            mode[k] = WAYS.get(now, BELOW if way > 0.0 else ABOVE)
+            if r and mode[k] == REDUNDANT and not way:
+                mode[k] = LEVEL  # laws alone hold it
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
-        leads = np.where(attract, math.inf, np.where(still, 0.0, off))
-        return Trial(modes.tolist(), w, leads)
+        leads = np.where(np.abs(rho) <= tolerance, 0.0, off)
+        leads[some] = math.inf
+        return Trial(mode.tolist(), w, leads, found)
+
+    def _modes(
+        self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
+        B: Floats,
+    ) -> tuple[RowModes, Floats]:  # fmt: skip
+        """Modes of laws and of the surfaces that attract; what the laws add to rates.
+
+        A share that laws can do without is 1/2, as that of a surface at its level.
+
+        Parameters
+        ----------
+        some : ndarray of int, shape (s,)
+            The numbers of those surfaces.
+        unit, tolerance : ndarray, shape (n,)
+            Of the surfaces, which have been brought to these units.
+        base : ndarray, shape (n + r,)
+            Rates of surfaces and laws with shares of 1/2 of some.
+        B : ndarray, shape (n + r, s)
+            How they change with these shares.
+        """
+        n, s, (laws, response) = self.count, len(some), self.laws(sides)
+        r = len(laws.rates)
+        rows = [*range(n, n + r), *some]
+        left = np.vstack([laws.closed.D, unit[some, None] * response[some]])
+        D = np.hstack([left, -B[rows]])
+        # Rows of shares as long as their columns, as those of forces are.
+        down, across = (np.linalg.norm(x, axis=0) for x in (D[:r, r:], D[r:, :r].T))
+        ratio = np.divide(down, across, out=np.ones(s), where=down * across > 0.0)
+        scale = np.append(np.ones(r), np.exp2(np.round(np.log2(ratio))))
+        roundoff = np.append(laws.roundoff, tolerance[some])
+        c = scale * np.where(np.abs(base[rows]) > roundoff, base[rows], 0.0)
+
+        def ahead(p: Floats) -> tuple[Floats, Floats]:
+            w = np.array(sides, dtype=float)
+            w[some] = 0.5 - p[r:]
+            moment, change = self.ahead(w, p[:r])
+            change[:n] *= unit
+            return scale * change[rows], scale * roundoff / moment
+
+        none, bounds = np.zeros(s), np.full(s, 0.0 if r else 0.5)
+        while True:
+            found = modes(
+                laws.closed.with_shares(scale[:, None] * D, bounds), c,
+                np.append(laws.rates, none), scale * roundoff,
+                np.append(laws.slow, none), ahead, np.append(laws.left, none > 0.0),
+            )  # fmt: skip
+            needed = ~np.isin(found.mode[r:], HOLDING) & (bounds == 0.0)
+            if not needed.any():
+                return found, unit * (response @ found.multipliers[:r])
+            bounds[needed] = 0.5
+
+
+HOLDING = (Mode.HELD, Mode.REDUNDANT)
+WAYS = {Mode.HELD: SLIDING, Mode.REDUNDANT: REDUNDANT}
 
 
 def exchange(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import least_squares, multiple_of
+from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
-    DEPENDENT_ROWS,
-    DEPENDENT_SQUARE,
     SAME_TIME,
     SOLUTION_ROUNDOFF,
     SUM_ROUNDOFF,
@@ -28,7 +26,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from lagsim.language.arrays import Floats, Ints
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
 
 # How far a state is moved, by parts, to see what its rounding does; and these parts.
@@ -53,14 +51,6 @@ class Shape:
         """Change of q or q' (n,) by which some laws have these rates (r,) less."""
         D = self.reply.D[np.ix_(some, some)]
         return self.reply.response[:, some] @ least_squares(D, rates, None)
-
-
-def _left_of(factor: Floats, k: int, others: Ints) -> float:
-    """Square of row k's column of a factor D = factor^T factor that others leave."""
-    own, Y = factor[:, k], factor[:, others]
-    if Y.size:
-        own = own - Y @ np.linalg.lstsq(Y, own, rcond=DEPENDENT_ROWS)[0]
-    return float(own @ own)
 
 
 @lru_cache(maxsize=4)
@@ -278,36 +268,6 @@ class Kinematics:
         rows = np.vstack([shape.equalities, self._along()])
         return delassus(shape.M, rows, shape.rows)
 
-    def slides_in_place(self, k: int) -> bool:
-        """Whether a law bears its bound, and a surface keeps its slip at 0.
-
-        Nothing but the switch there knows how much more is borne: `sign` of a slip that
-        has a `limit` or friction too, or of one that other laws join to it.
-        """
-        law, p = self.laws[k], self.arc.system.p
-        slides = p.law_mode[k] == kept.SLIDING and abs(self.rates[k]) <= self.still[k]
-        bounded = law.kind in (Kind.LIMITED, Kind.SLIP)
-        alone = bounded and law.pair < 0 and not law.slider
-        if not (alone and slides and p.sliding):
-            return False
-        return self.is_shared(k, np.flatnonzero(p.law_mode == kept.HELD))
-
-    def is_shared(self, k: int, others: Ints) -> bool:
-        """Whether surfaces that the motion follows, with other laws, hold law k.
-
-        Which they would not without the surfaces.
-        """
-        least = DEPENDENT_SQUARE * self.shape.reply.D[k, k]
-        beside, free = (
-            _left_of(reply.factor, k, others)
-            for reply in (self.answer, self.shape.reply)
-        )
-        return bool(beside <= least < free)
-
-    def is_own(self, k: int) -> bool:
-        """Whether the slip of law k is that of a surface that the motion follows."""
-        return any(multiple_of(along, self.rows[k]) for along in self._along())
-
     def _along(self) -> Floats:
         """Rows (., n) of the surfaces that the motion follows."""
         _, J = self.arc.surface_rows(self.t, self.y)
@@ -390,7 +350,40 @@ class Kinematics:
     ) -> tuple[Closed, Floats]:
         """Rows of some laws as a problem, and what they do (n, r)."""
         # All of them, as is usual, need no copies.
-        at = slice(None) if len(some) == self.count else np.array(some)
+        at = slice(None) if len(some) == self.count else np.array(some, dtype=int)
         own = Delassus(reply.D[at][:, at], reply.response[:, at], reply.factor[:, at])
         limits = self.bounds[at], self.statics[at]
         return Closed.of(self.laws, some, own, *limits, restitutions), own.response
+
+    def acting(self, some: Sequence[int], left: Collection[int]) -> Acting:
+        """Give some laws as rows whose modes are chosen; left : see `modes`."""
+        closed, response = self.problem(some, np.zeros(len(some)), self.answer)
+        slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
+        return Acting(
+            closed, self.rates[some], self.roundoff[some], slow[some],
+            np.isin(some, list(left)), response,
+        )  # fmt: skip
+
+
+class Acting(NamedTuple):
+    """Laws that could act at a state, r of them: what `modes` asks for.
+
+    Attributes
+    ----------
+    response : ndarray, shape (n, r)
+        Accelerations of the coordinates by multipliers of one.
+    """
+
+    closed: Closed
+    rates: Floats
+    roundoff: Floats
+    slow: Floats
+    left: Flags
+    response: Floats
+
+
+_NONE = np.zeros(0)
+NO_LAWS = Acting(
+    Closed(np.zeros((0, 0)), (), (), (), _NONE, _NONE, _NONE, _NONE),
+    _NONE, _NONE, _NONE, _NONE > 0.0, _NONE,
+)  # fmt: skip

@@ -16,7 +16,6 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
-from lagsim.run.events.contacts import stop_slips
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import Modes
 from lagsim.run.events.sequence import Sequence
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
+    from lagsim.run.events.contacts import Contacts
     from lagsim.run.events.filippov import Rows
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
@@ -58,7 +58,8 @@ BENT = (
 class Switching(Source):
     """The switches of a run."""
 
-    def __init__(self, arc: Arc) -> None:
+    def __init__(self, arc: Arc, contacts: Contacts | None) -> None:
+        self.contacts = contacts
         self.modes = Modes(arc)
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
@@ -148,7 +149,9 @@ class Switching(Source):
         left = max(0.0, time - arc.t) if at_rest else 0.0
         rests = come_to_rest(modes, levels, sizes, left)
         if not rests:
-            crossing = Crossing(modes, levels, sizes, at_rest, left, met, self.resting)
+            crossing = Crossing(
+                modes, levels, sizes, at_rest, left, met, self.resting, self.contacts
+            )
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
             for k in crossing.undecided:
@@ -272,12 +275,12 @@ class Switching(Source):
             goes_on = not self.sequence.is_stuck()
         else:
             self.sequence.recent.clear()
-            stopped = stop_slips(arc, REACH * (limit - arc.t))
+            if self.contacts is not None:
+                self.contacts.rest_soon(arc, REACH * (limit - arc.t))
             found = self.begin(arc, at_rest=several, time=limit)
-            arc.system.p.law_mode[stopped] = kept.SLIDING  # until laws choose
             zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
             found = found._replace(events=(*zeno, *found.events))
-            goes_on = bool(np.any(self.modes.kind[several] > 0.0))
+            goes_on = bool(np.any(self.modes.bound[several]))
         if self.jumped:
             return found._replace(ending=Ending(Outcome.STATE_JUMPS))
         if not goes_on:

@@ -118,5 +118,5 @@ def test_friction_on_what_is_held_is_zero(hold, place):
     force = -9.81 * np.sin(y) * np.cos(y) - v * v * np.sin(y)
     assert found["lambda_hold"][held] == pytest.approx(force, abs=1e-9)
     kinds = [event.kind for event in found.events]
-    released = ["switch", "release", "stick", "slip"]
+    released = ["switch", "stick", "release", "slip"]
     assert kinds == (released if "when" in hold else [])

@@ -77,27 +77,33 @@ def test_laws_and_switches_act_as_if_alone(law, push):
     assert z[known] == pytest.approx(expected[known], abs=1e-9)
 
 
-def rubbing(bound, pairs, force, *, as_limit, mu=0.3, k=20, start=("f", 0.1)):
-    """Bodies on springs that rub on the ground, and some on each other."""
+def rubbing(bound, pairs, force, *, limits, mu=0.3, k=20, start=("f", 0.1)):
+    """Bodies on springs that rub on the ground, and some on each other.
+
+    limits : the part of all friction that is by limits, chosen at random.
+    """
     slips = {x: (f"{x}_dot", F) for x, F in bound.items()}
     slips |= {x + y: (f"{y}_dot - {x}_dot", mu) for x, y in pairs}
     force = dict.fromkeys(bound, "0") | force
-    for name, (v, F) in ({} if as_limit else slips).items():
+    r, laws = random.Random(repr(bound)), {}
+    for name, (v, F) in slips.items():
+        if r.random() < limits:
+            laws[name] = {"relation": f"{v} = 0", "limit": F}
+            continue
         force[name[-1]] += f" - {F}*sign({v})"
         force[name[0]] += f" + {F}*sign({v})" if len(name) > 1 else ""
-    laws = {k: {"relation": f"{v} = 0", "limit": F} for k, (v, F) in slips.items()}
     springs = " + ".join(f"({x} - {y})^2" for x, y in itertools.pairwise(bound))
     return mechanical(
         " ".join(bound), " + ".join(f"{x}_dot^2/2" for x in bound),
-        f"{k}*({springs}) + a^2/2", laws if as_limit else {},
+        f"{k}*({springs}) + a^2/2", laws,
         dict.fromkeys(bound, 0.0) | dict([start]), forces=force, duration=3,
         output_step=0.125,
     )  # fmt: skip
 
 
 def agree(names, least, **scene):
-    """Motions by limits and by switches, over the size of all of them."""
-    texts = [rubbing(**scene, as_limit=x) for x in (0, 1)]
+    """Motions by limits, by switches and by both, over the size of all of them."""
+    texts = [rubbing(**scene, limits=x) for x in (1.0, 0.0, 0.5)]
     ways = [run(read(text, "rubbing.yaml")) for text in texts]
     assert all(way.trajectory.outcome is Outcome.DONE for way in ways)
     assert len(ways[1].trajectory.events) > least
@@ -106,7 +112,9 @@ def agree(names, least, **scene):
         np.array([x[name][np.searchsorted(x["t"], times - 1e-9)] for name in names])
         for x in ways
     ]
-    assert rows[0] == pytest.approx(rows[1], abs=1e-9 * np.max(np.ptp(rows[1], axis=1)))
+    for other in rows[1:]:
+        size = np.max(np.ptp(other, axis=1))
+        assert rows[0] == pytest.approx(other, abs=1e-9 * size)
 
 
 @pytest.mark.parametrize("pairs", one_quick(["ab"], ["ab", "bc", "cd"]))
@@ -131,7 +139,7 @@ def test_friction_by_a_switch_beside_a_clutch_to_a_brake(brake, x, a):
     )  # fmt: skip
     found = run(read(text, "clutch.yaml"))
     assert [found[q][-1] for q in ("x", "a")] == pytest.approx([x, a], abs=1e-9)
-    assert [w.code for w in found.trajectory.warnings] == ["mixed-friction"]
+    assert not found.trajectory.warnings
 
 
 # Scenes that ended in switches without end, or jumped, where ties were broken one by
