@@ -20,16 +20,15 @@ from lagsim.outputs.figure import (
     point,
 )
 from lagsim.outputs.scale import (
-    Scale,
     extent,
     log_scale,
-    size_of,
+    per_inch,
+    put_around,
     time_scale,
     value_scale,
 )
 
-WIDTH, HEIGHT = 6.4, 1.66
-LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.2, 0.18, 0.42, 0.76
+WIDTH, HEIGHT = 6.4, 2.2
 
 # What fails is vermilion, what holds blue, the exact thin and black: told apart by
 # everyone, and by their dashes in print.
@@ -69,12 +68,11 @@ class View:
 @in_house_style
 def draw(*views):
     """Draw views side by side; gives a PNG."""
-    picture = Picture(TOP + HEIGHT + BOTTOM, "", width=WIDTH)
-    room = WIDTH - LEFT - RIGHT - BETWEEN * (len(views) - 1)
-    widths = [room / len(views)] * len(views)
-    [panels] = picture.panels(widths, [HEIGHT], left=LEFT, top=TOP, across=BETWEEN)
+    picture = Picture(HEIGHT, "", width=WIDTH)
+    [panels] = picture.subplots(1, len(views), squeeze=False)
     for axes, view in zip(panels, views, strict=True):
-        _panel(axes, view)
+        _panel(picture, axes, view)
+    picture.settle()
     canvas = FigureCanvasAgg(picture)
     canvas.draw()
     return small_png(np.asarray(canvas.buffer_rgba()))
@@ -104,23 +102,21 @@ def small_png(pixels):
     )  # fmt: skip
 
 
-def _scales(view, width, height):
+def _scales(view):
     xs, ys = [c[1] for c in view.curves], [c[2] for c in view.curves]
-    if view.square:
-        (a, b), (c, d) = extent(*xs), extent(*ys)
-        half = 0.55 * max((b - a) / width, (d - c) / height)
-        x, y = (a + b) / 2, (c + d) / 2
-        across = Scale(x - half * width, x + half * width)
-        return across, Scale(y - half * height, y + half * height)
     x = time_scale(np.concatenate(xs)) if view.times else value_scale(*xs)
     if view.log_x:
         x = log_scale(*xs, margin=0.0)
     return x, log_scale(*ys, least=0.06) if view.log_y else value_scale(*ys)
 
 
-def _panel(axes, view):
-    x, y = _scales(view, *size_of(axes))
-    frame(axes, x, y, below=named(view.x), up=named(view.y))
+def _panel(picture, axes, view):
+    frame(axes, *_scales(view), below=named(view.x), up=named(view.y))
+    if view.square:
+        ends = [extent(*(c[k] for c in view.curves)) for k in (1, 2)]
+        picture.adjust.append(
+            lambda: put_around(axes, ends, 1.1 * per_inch(axes, ends))
+        )
     for _, x, y, pen in view.curves:
         curve(axes, x, y, pen)
         if view.marks:

@@ -1,7 +1,6 @@
-"""Picture: a matplotlib Figure with a header, panels of given sides, small print.
+"""Picture: a matplotlib Figure with title, legend and notes; what is drawn in panels.
 
-Lengths are inches, places those from the upper left corner. They are known before
-anything is drawn: a layout engine would take as long as all the drawing.
+Places are found by matplotlib's constrained layout, once for all formats.
 """
 
 from __future__ import annotations
@@ -12,29 +11,29 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 import functools
 import io
 import math
+import textwrap
 import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import RendererAgg
-from matplotlib.cbook import is_math_text
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation
 
 from lagsim.outputs import ENERGIES
-from lagsim.outputs.letters import BELOW, END, mathtext, plain
-from lagsim.outputs.scale import Counting, extent, label, read_off, size_of
+from lagsim.outputs.letters import mathtext, shortened
+from lagsim.outputs.scale import extent, name_axis, read_off, size_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import SubFigure
     from matplotlib.legend import Legend
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from lagsim.language.arrays import Floats
     from lagsim.outputs.scale import Scale
@@ -42,31 +41,21 @@ if TYPE_CHECKING:
 
 # Of pixels to the inch.
 DPI = 200
-# A picture, what is free at its edge, and at the sides of its panels.
-WIDTH, EDGE, LEFT, RIGHT = 7.0, 0.12, 0.78, 0.18
-# The base line of the title; the title, a line of a legend, one of small print.
-LEVEL, TITLE, NAMES, LINE = 0.22, 0.34, 0.2, 0.14
-# Below the last panel: its numbers and what they are.
-BELOW_PANELS = 0.45
-# How much longer than its panel a name at its side, or below it, may be.
-SPARE = 0.4
-# A name above a panel is written smaller before it is cut.
-SIZES = 7.5, 7.0, 6.5, 6.0, 5.5
+# Inches: of a picture; of a line of its title or legend, and of one of its notes; what
+# the numbers below the last panel take, and what is above each panel.
+WIDTH, LINE, NOTE, BELOW_PANELS, APART = 7.0, 0.2, 0.14, 0.45, 0.26
+# Characters to the inch: of the title, of labels, and of small print.
+OF_TITLE, OF_LABELS, OF_SMALL_PRINT = 10, 11, 14
+# Of a legend, what a line before a name takes.
+BESIDE = 6
 
 # Points, as printed.
 SMALL, NORMAL, HEADING = 7.5, 8.5, 9.5
-# Of a line of text, the part above its base line.
-ASCENT = 0.76
 
 # matplotlib's own.
 FONT = "DejaVu Sans"
 
 INK, DIM, FAINT = "#000000", "#555555", "#d8d8d8"
-
-ELLIPSIS = "…"
-
-# Of a legend: the piece of line, with the space after it, and the space between names.
-STROKE, SAMPLE, GAP = 0.28, 0.34, 0.18
 
 # How lines and marks look, in matplotlib's words for a Line2D.
 Pen: TypeAlias = dict[str, Any]
@@ -102,17 +91,19 @@ def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
 
 HOUSE: dict[Any, Any] = {
     "font.family": FONT, "font.size": NORMAL, "axes.axisbelow": True,
-    "grid.color": FAINT, "grid.linewidth": 0.4,
+    "axes.grid": True, "grid.color": FAINT, "grid.linewidth": 0.4,
     "axes.edgecolor": DIM, "axes.linewidth": 0.6, "axes.labelsize": NORMAL,
-    "axes.titlelocation": "left", "axes.titlesize": SMALL, "axes.titley": 1.0,
-    "axes.titlepad": 0.06 * 72,
+    "axes.titlelocation": "left", "axes.titlesize": SMALL, "axes.titlepad": 4.0,
+    "axes.formatter.limits": (-3, 5),
     "xtick.labelsize": SMALL, "ytick.labelsize": SMALL,
     "xtick.major.size": 0.0, "ytick.major.size": 0.0,
+    "xtick.minor.size": 0.0, "ytick.minor.size": 0.0,
     "ytick.alignment": "center_baseline", "lines.linewidth": 0.9,
     "legend.frameon": False, "legend.fontsize": SMALL, "legend.borderpad": 0.0,
-    "legend.borderaxespad": 0.0, "legend.handlelength": STROKE * 72 / SMALL,
-    "legend.handletextpad": (SAMPLE - STROKE) * 72 / SMALL,
-    "legend.columnspacing": GAP * 72 / SMALL, "svg.hashsalt": "lagsim",
+    "legend.borderaxespad": 0.4, "legend.handlelength": 2.7,
+    "legend.handletextpad": 0.6, "legend.columnspacing": 1.7,
+    "figure.constrained_layout.h_pad": 0.06, "figure.constrained_layout.w_pad": 0.08,
+    "svg.hashsalt": "lagsim",
 }  # fmt: skip
 # No file tells a date, a version or who made it: the same rows give the same bytes.
 NOBODY = {
@@ -144,116 +135,63 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
 @in_house_style
 def content(figure: Figure, form: str = "png") -> bytes:
     """Return a figure as a file: png, svg (with letters as outlines) or pdf."""
+    if isinstance(figure, Picture):
+        figure.settle()
     file = io.BytesIO()
     how: dict[str, Any] = {"metadata": dict.fromkeys(NOBODY[form])}
     if form == "png":
         # A third faster than matplotlib's usual 6, and a tenth larger.
         how["pil_kwargs"] = {"compress_level": 3}
-    figure.savefig(file, format=form, dpi=DPI, **how)
+    # `savefig` would draw all twice, to find the places.
+    canvas = get_registered_canvas_class(form)(figure)
+    getattr(canvas, f"print_{form}")(file, **how)
     return file.getvalue()
 
 
-@functools.cache
-def _ruler() -> RendererAgg:
-    return RendererAgg(1, 1, DPI)  # type: ignore[no-untyped-call]
-
-
-@functools.lru_cache(maxsize=1024)
-def text_width(text: str, size: float = NORMAL, weight: str = "normal") -> float:
-    """Return the width of a text in inches."""
-    font = FontProperties(family=FONT, size=size, weight=weight)
-    shown = mathtext(text)
-    measured = _ruler().get_text_width_height_descent(  # type: ignore[no-untyped-call]
-        shown, font, ismath=is_math_text(shown)
-    )
-    return float(measured[0]) / DPI
-
-
-def fitted(text: str, room: float, size: float = NORMAL, weight: str = "normal") -> str:
-    """Return the text, its middle left out until it is at most `room` inches wide."""
-    shown = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
-    if text_width(shown, size, weight) <= room:
-        return shown
-    text = shown = plain(shown)
-    keep = len(text)
-    while (width := text_width(shown, size, weight)) > room and keep > 1:
-        keep = max(1, min(keep - 1, int(keep * room / width)))
-        # Names differ at the end more often than in the middle.
-        head = (keep + 1) // 2
-        shown = text[:head] + ELLIPSIS + text[len(text) - (keep - head) :]
-    return shown
-
-
-def wrapped(notes: Iterable[str], room: float) -> list[str]:
-    """Break texts in small print into lines of at most `room` inches."""
-    lines = []
-    for note in notes:
-        lines.append("")
-        for word in note.split():
-            longer = f"{lines[-1]} {word}".strip()
-            if lines[-1] and text_width(longer, SMALL) > room:
-                lines.append(word)
-            else:
-                lines[-1] = longer
-    return lines
-
-
-def in_lines(entries: Sequence[Entry], room: float) -> list[list[Entry]]:
-    """Break the entries of a legend into lines of at most `room` inches."""
-    lines: list[list[Entry]] = []
-    left = 0.0
-    for name, pen in entries:
-        wanted = SAMPLE + text_width(name, SMALL) + GAP
-        if not lines or wanted > left:
-            lines.append([])
-            left = room
-        lines[-1].append((name, pen))
-        left -= wanted
-    return lines
-
-
 def legend(
-    of: Figure | Axes, entries: Sequence[Entry], room: float, **more: Any
+    of: Figure | SubFigure | Axes, entries: Sequence[Entry], width: float, **more: Any
 ) -> Legend:
-    """Name lines side by side, cut to their shares of the room where it is short."""
-    wanted = sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
-    share = math.inf if wanted <= room else room / len(entries) - SAMPLE - GAP
-    names = [mathtext(fitted(name, share, SMALL)) for name, _ in entries]
+    """Name lines in as many columns as fit into a width in inches."""
+    names, columns = in_columns(entries, width)
     # Where there is no pen there is no line; a broad one keeps to its place.
     pens = (pen or {"linestyle": "none"} for _, pen in entries)
     lines = [Line2D([], [], **{"solid_capstyle": "butt", **pen}) for pen in pens]
-    return of.legend(lines, names, ncols=len(names), **more)
+    return of.legend(lines, list(map(mathtext, names)), ncols=columns, **more)
+
+
+def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
+    """Return names, cut to a line, and how many columns of them fit beside lines."""
+    most = int(OF_SMALL_PRINT * width)
+    names = [shortened(name, most - BESIDE) for name, _ in entries]
+    longest = max(map(len, names), default=0)
+    return names, max(1, min(most // (longest + BESIDE), len(names)))
 
 
 def legend_above(axes: Axes, entries: Sequence[Entry]) -> None:
     """Name the lines of a panel above it."""
     anchor: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
-    legend(axes, entries, size_of(axes)[0], **anchor, borderaxespad=0.4)
+    legend(axes, entries, size_of(axes)[0], **anchor)
 
 
 class Picture(Figure):
-    """A picture with a title, what it shows, a legend, and notes.
+    """A picture with a title, a legend below it, and notes below all.
 
     Parameters
     ----------
     height : float
-        Of what is between the header and the notes: panels, and what belongs to them.
+        Of panels, and what belongs to them, in inches.
     title, subject : str
-        At the left and at the right of the first line.
+        What is shown, and what of it.
     width : float
-        The least one: it grows up to `WIDTH` until the first line fits.
+        In inches.
     legend : sequence of (str, Pen)
-        Below it.
-    remarks, notes : sequence of str
-        Small print below these, and at the end.
-    layout : str, optional
-        A layout engine of matplotlib's, which finds the places of panels.
+    notes : iterable of str
 
     Attributes
     ----------
-    width, height : float
-    top : float
-        Where the panels begin.
+    adjust : list of callable
+        What chooses scales by the sizes of panels, called before these are final too,
+        since they depend on the numbers at axes.
     """
 
     def __init__(
@@ -264,91 +202,57 @@ class Picture(Figure):
         *,
         width: float = WIDTH,
         legend: Sequence[Entry] = (),
-        remarks: Iterable[str] = (),
         notes: Iterable[str] = (),
-        layout: Any = None,
     ) -> None:
-        header = text_width(title, HEADING, "bold") + text_width(subject) + GAP
-        width = max(width, min(header + 2 * EDGE, WIDTH))
-        room = width - 2 * EDGE
-        names = in_lines(legend, room)
-        above, below = wrapped(remarks, room), wrapped(notes, room)
-        self.top = TITLE + NAMES * len(names) + LINE * len(above)
-        under = LINE * (len(below) + bool(below))
-        high = self.top + height + under
-        super().__init__(figsize=(width, high), dpi=DPI, layout=layout)
-        self.width, self.height = width, high
-        if isinstance(engine := self.get_layout_engine(), ConstrainedLayoutEngine):
-            engine.set(rect=(0.0, under / high, 1.0, height / high), wspace=0.08)
-        title = fitted(title, 0.65 * width, HEADING, "bold")
-        self.write(EDGE, LEVEL, title, size=HEADING, weight="bold")
-        room -= text_width(title, HEADING, "bold") + GAP
-        right = width - EDGE
-        self.write(right, LEVEL, subject, room=room, ha="right", color=DIM)
-        self.names(EDGE, TITLE + 0.08, names, width - 2 * EDGE)
-        self._small_print(self.top - LINE * len(above), above)
-        self._small_print(high - under + 0.5 * LINE, below)
+        self.adjust: list[Callable[[], None]] = []
+        self._drawing: list[Callable[[], None]] = []
+        text = f"{title}: {subject}" if subject else title
+        lines = textwrap.wrap(text, int(OF_TITLE * width), break_on_hyphens=False)
+        below = "\n".join(notes)
+        counted = -(-len(below) // int(OF_SMALL_PRINT * width)) + below.count("\n")
+        super().__init__(layout="constrained", dpi=DPI)
+        named = header(self, legend, width, title=mathtext("\n".join(lines)))
+        high = height + LINE * (len(lines) + named) + NOTE * counted
+        self.set_size_inches(width, high)
+        if below:
+            look: Pen = {"size": SMALL, "color": DIM, "ha": "left", "wrap": True}
+            self.supxlabel(mathtext(below), x=0.012, **look)
 
-    def _small_print(self, top: float, lines: Sequence[str]) -> None:
-        look: Pen = {"size": SMALL, "color": DIM, "room": self.width - 2 * EDGE}
-        for k, text in enumerate(lines):
-            self.write(EDGE, top + (k + 0.6) * LINE, text, **look)
+    def settle(self) -> None:
+        """Find the places of panels, and keep them."""
+        engine = self.get_layout_engine()
+        if engine is None or not self.axes:
+            return
+        for adjust in self.adjust:
+            adjust()
+        engine.execute(self)
+        for adjust in self.adjust:
+            adjust()
+        for draw in self._drawing:
+            draw()
+        self.adjust, self._drawing = [], []
+        self.set_layout_engine("none")
 
-    def write(
-        self, x: float, y: float, text: str, *, room: float = math.inf, **look: Any
-    ) -> None:
-        """Write text, cut to `room`; of it names of `Letters` are typeset."""
-        look = {"size": NORMAL, "weight": "normal", **look}
-        shown = mathtext(fitted(text, room, look["size"], look["weight"]))
-        self.text(x, self.height - y, shown, transform=self.dpi_scale_trans, **look)
-
-    def names(
-        self, x: float, y: float, lines: Sequence[Sequence[Entry]], room: float
-    ) -> None:
-        """Name curves from here on to the right and down, as `in_lines` has them."""
-        for k, entries in enumerate(lines):
-            place = x, self.height - y - k * NAMES + ASCENT * SMALL / 72
-            legend(
-                self, entries, room, loc="upper left", bbox_to_anchor=place,
-                bbox_transform=self.dpi_scale_trans,
-            ).set_in_layout(False)  # fmt: skip
-
-    def panels(
-        self,
-        widths: Sequence[float],
-        heights: Sequence[float],
-        *,
-        left: float = LEFT,
-        top: float = 0.0,
-        across: float = 0.0,
-        down: float = 0.0,
-    ) -> NDArray[Any]:
-        """Return a grid of panels (rows, columns), so far below the header.
-
-        Parameters
-        ----------
-        widths, heights
-            Of the columns and the rows of the grid.
-        across, down
-            What is between columns, and between rows.
-        """
-        wide, high, top = self.width, self.height, self.top + top
-        right = left + sum(widths) + across * (len(widths) - 1)
-        below = top + sum(heights) + down * (len(heights) - 1)
-        grid = self.add_gridspec(
-            len(heights), len(widths), left=left / wide, right=right / wide,
-            top=1.0 - top / high, bottom=1.0 - below / high,
-            wspace=across * len(widths) / sum(widths), width_ratios=widths,
-            hspace=down * len(heights) / sum(heights), height_ratios=heights,
-        )  # fmt: skip
-        found = grid.subplots(squeeze=False)
-        for axes in found.flat:
-            axes.grid(visible=True)
-        return np.asarray(found)
+    def when_placed(self, draw: Callable[..., None], *args: Any) -> None:
+        """Draw by a function that needs the sizes of panels."""
+        self._drawing.append(functools.partial(draw, *args))
 
     def _repr_png_(self) -> bytes:
         """Return what a notebook shows, without pyplot."""
         return content(self)
+
+
+def header(
+    of: Figure | SubFigure, entries: Sequence[Entry], width: float, title: str = ""
+) -> int:
+    """Put a title, and below it a legend, above all panels; return its lines."""
+    if title or entries:
+        legend(
+            of, entries, width, loc="outside upper left", title=title or None,
+            alignment="left", title_fontproperties={"size": HEADING, "weight": "bold"},
+            borderaxespad=1.0,
+        )  # fmt: skip
+    return -(-len(entries) // in_columns(entries, width)[1])
 
 
 def frame(
@@ -369,24 +273,23 @@ def frame(
     above : the second stands above the panel, or at its side; None: where it fits.
     colour : of the axis that runs up.
     """
-    x.put(axes, "x", bare=not below[0])
+    x.put(axes, "x")
     y.put(axes, "y")
-    width, height = size_of(axes)
-    axes.set_xlabel(_named(axes.xaxis, below, width + SPARE))
-    if above is None:
-        above = text_width(label(axes.yaxis, *up)) > height + SPARE
-    if above:
-        text, room = label(axes.yaxis, *up), width + RIGHT
-        fits = (size for size in SIZES if text_width(text, size) <= room)
-        size = next(fits, SIZES[-1])
-        axes.set_title(_named(axes.yaxis, up, room, size), fontsize=size)
+    if below[0]:
+        name_axis(axes.xaxis, *below)
     else:
-        axes.set_ylabel(_named(axes.yaxis, up, height + SPARE), color=colour)
+        axes.tick_params(labelbottom=False)
+    width, height = size_of(axes)
+    beside = int(OF_LABELS * (height + BELOW_PANELS))
+    if above is None:
+        above = len(up[0]) + len(up[1]) > beside
+    if above:
+        most = int(OF_SMALL_PRINT * width)
+        name_axis(axes.yaxis, *up, text=axes.set_title(""), most=most)
+    else:
+        name_axis(axes.yaxis, *up, most=beside)
+        axes.yaxis.label.set_color(colour)
     axes.tick_params("y", labelcolor=colour)
-
-
-def _named(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
-    return mathtext(fitted(label(axis, *named), room, size)) if named[0] else ""
 
 
 # --- Curves: gaps and single values, bands, marks of events and of the horizon
@@ -536,8 +439,10 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
     size = float(look.top["markersize"])
     apart = TICKS_APART if look.top["marker"] == "|" else size + TICKS_APART
     shown = inside[_spaced(at / axes.figure.dpi, apart / 72)]
-    level = np.full_like(shown, 1.0 - size / 144 / size_of(axes)[1])
-    line(axes, shown, level, look.top, transform=across, zorder=1.6, clip_on=False)
+    inch = axes.figure.dpi_scale_trans
+    at_top = across + ScaledTranslation(0.0, -size / 144, inch)
+    level = np.ones_like(shown)
+    line(axes, shown, level, look.top, transform=at_top, zorder=1.6, clip_on=False)
 
 
 def _spaced(places: Array, apart: float) -> list[int]:
@@ -594,10 +499,8 @@ def dotted(x: Array, y: Array) -> bool:
 
 # --- Columns
 
-# Inches: of a panel of columns, of one that shows a path, of a spectrum, of a map; and
-# between them.
+# Inches: of a panel of columns, of one that shows a path, of a spectrum, of a map.
 PANEL, PATH, SPECTRUM, MAP = 1.65, 4.2, 3.2, 2.2
-APART = 0.26
 # Of the largest amplitude, what a spectrum still shows.
 SHOWN = 1e-5
 
@@ -610,22 +513,9 @@ class Column(NamedTuple):
     values: Floats
     log: bool = False
 
-    def stand_at(self, axis: Axis, room: float = math.inf) -> None:
-        """Name an axis, in so many inches, with what its numbers count in."""
-        if axis.get_scale() == "linear":
-            axis.set_major_formatter(Counting())
-            axis.get_offset_text().set_visible(False)
-        axis.set_label_text(_named(axis, (self.name, self.unit), room))
-
-
-def stacked(found: Picture, count: int, height: float, top: float = 0.0) -> list[Axes]:
-    """Return so many panels above each other, on one scale that runs across."""
-    width, top = found.width - LEFT - RIGHT, top + APART
-    panels = found.panels([width], [height] * count, top=top, down=APART)[:, 0]
-    for axes in panels[:-1]:
-        axes.sharex(panels[-1])
-        axes.tick_params(labelbottom=False)
-    return list(panels)
+    def stand_at(self, axis: Axis) -> None:
+        """Name an axis with what its numbers count in."""
+        name_axis(axis, self.name, self.unit)
 
 
 def stack_height(count: int, height: float) -> float:
@@ -643,7 +533,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
     equal = bool(against.unit) and {c.unit for c in columns} == {against.unit}
     height = PATH if equal else PANEL
     found = Picture(stack_height(len(groups), height), title)
-    panels = stacked(found, len(groups), height)
+    panels = found.subplots(len(groups), squeeze=False, sharex=True)[:, 0]
     for axes, group in zip(panels, groups, strict=True):
         _draw(axes, against, group)
         if equal:
@@ -657,13 +547,13 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
 def crossed(title: str, x: Column, y: Column) -> Picture:
     """Draw points: the states of a section."""
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} crossings")
-    (axes,) = stacked(found, 1, PATH)
+    axes = found.subplots()
     axes.plot(x.values, y.values, **mark(".", 3.0, PENS[0]["color"]))
     axes.margins(0.05)
     if x.unit and x.unit == y.unit:
         axes.set_aspect("equal", adjustable="datalim")
     x.stand_at(axes.xaxis)
-    y.stand_at(axes.yaxis, PATH)
+    y.stand_at(axes.yaxis)
     return found
 
 
@@ -674,7 +564,7 @@ def spectrum_figure(
     """Draw amplitudes against frequencies, with the places of peaks, and their list."""
     subject = f"spectrum of {up.name.removeprefix('amplitude of ')}"
     found = Picture(stack_height(1, SPECTRUM), title, subject)
-    [axes] = stacked(found, 1, SPECTRUM)
+    axes = found.subplots()
     _draw(axes, across, [up._replace(log=True)])
     across.stand_at(axes.xaxis)
     largest = float(up.values.max(initial=0.0))
@@ -719,26 +609,23 @@ def map_figure(
     """
     rows = -(-len(maps) // abreast)
     found = Picture(stack_height(rows, MAP), title, subject, **header)
-    # Each with its bar of colours, and the numbers at it.
-    width = (WIDTH - LEFT + EDGE) / abreast - LEFT
-    panels = found.panels(
-        [width] * abreast, [MAP] * rows, top=APART, across=LEFT, down=APART
-    )
+    panels = found.subplots(
+        rows, abreast, squeeze=False, sharex=True, sharey=True,
+        subplot_kw={"facecolor": NO_RESULT},
+    )  # fmt: skip
     for k, (axes, column) in enumerate(zip(panels.flat, maps, strict=False)):
-        axes.set_facecolor(NO_RESULT)
         axes.grid(visible=False)
         axes.set_xscale("log" if across.log else "linear")
         axes.set_yscale("log" if up.log else "linear")
         cells = np.ma.masked_invalid(column.values)
         drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
         bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
-        column.stand_at(bar.ax.yaxis, MAP + SPARE)
-        is_last = k + abreast >= len(maps)
-        axes.tick_params(length=2.0, labelbottom=is_last, labelleft=k % abreast == 0)
+        column.stand_at(bar.ax.yaxis)
+        axes.tick_params(length=2.0, labelbottom=k + abreast >= len(maps))
         if k % abreast == 0:
-            up.stand_at(axes.yaxis, MAP + SPARE)
-        if is_last:
-            across.stand_at(axes.xaxis, width)
+            up.stand_at(axes.yaxis)
+        if k + abreast >= len(maps):
+            across.stand_at(axes.xaxis)
     for axes in panels.flat[len(maps) :]:
         axes.remove()
     return found
@@ -758,7 +645,6 @@ def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
 def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     for column, pen in zip(group, PENS, strict=False):
         axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
-    axes.yaxis.get_offset_text().set_fontsize(SMALL)
     axes.margins(x=0.0 if against.name == "t" else 0.03)
     # Before the labels, which have the powers of ten of linear scales.
     if against.log:
@@ -767,10 +653,7 @@ def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
         axes.set_yscale("log", nonpositive="mask")
         axes.minorticks_off()
     if len(group) == 1:
-        group[0].stand_at(axes.yaxis, PATH)
+        group[0].stand_at(axes.yaxis)
     else:
-        axes.set_ylabel(mathtext(group[0].unit))
-        axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(group),
-            borderaxespad=0.4,
-        )  # fmt: skip
+        name_axis(axes.yaxis, "", group[0].unit)
+        legend_above(axes, [(c.name, pen) for c, pen in zip(group, PENS, strict=False)])

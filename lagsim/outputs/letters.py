@@ -23,6 +23,7 @@ PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
 
 # Around a subscript; no name has them, and of other texts they are taken out.
 BELOW, END = "\x0e", "\x0f"
+ELLIPSIS = "…"
 _DIGITS = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
 _SUBSCRIPT = re.compile(f"{BELOW}([\\w,.]*){END}")
 _MARKS = re.compile(f"[{BELOW}{END}]")
@@ -110,6 +111,17 @@ def _dotted(found: re.Match[str]) -> str:
 def plain(text: str) -> str:
     """Return a text that may be cut anywhere: λ_c for λ with c as its subscript."""
     return text.replace(BELOW, "_").replace(END, "")
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text of at most so many letters, if need be without its middle."""
+    text = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
+    if len(text) <= most:
+        return text
+    text = plain(text)
+    # Names differ at the end more often than in the middle.
+    head = max(1, most // 2)
+    return text[:head] + ELLIPSIS + text[len(text) - max(1, most - head - 1) :]
 
 
 def raised(unit: str) -> str:

@@ -19,30 +19,28 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
+from matplotlib.offsetbox import AnchoredText
 
 from lagsim.native.link import ahead
 from lagsim.outputs import attempted
 from lagsim.outputs.figure import (
+    APART,
     BELOW_PANELS,
     BLACK,
     COLOURS,
     DIM,
-    EDGE,
     INK,
-    LEFT,
     LOST,
     MARKS,
     NOTHING,
     OTHERS,
     PENS,
-    RIGHT,
     SMALL,
     WIDTH,
     Mark,
     Picture,
     content,
     dotted,
-    fitted,
     frame,
     in_house_style,
     inches,
@@ -53,23 +51,23 @@ from lagsim.outputs.figure import (
     series,
     shade,
     stack_height,
-    stacked,
     stems,
 )
-from lagsim.outputs.letters import Letters
+from lagsim.outputs.letters import Letters, mathtext
 from lagsim.outputs.scale import (
     Scale,
     extent,
     greatest,
     log_scale,
     noise_scale,
+    per_inch,
+    put_around,
     read_off,
-    size_of,
     spread_scale,
     time_scale,
     value_scale,
 )
-from lagsim.outputs.views import Views, around
+from lagsim.outputs.views import Views
 from lagsim.run.observers.thinning import DRIFT
 from lagsim.tolerances import ZERO_BESIDE
 
@@ -77,6 +75,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
 
     from lagsim.model.model import Curve, Model, Plot, Scene
     from lagsim.outputs import Made
@@ -104,10 +103,10 @@ def sheet(
         names += [(look.name, look.top) for look, _ in event_marks(record)]
     if record.horizon < record.rows.last("t"):
         names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+    notes = [record.note] if record.note else ()
     return Picture(
-        height, record.title, subject, width=width, legend=names,
-        remarks=[record.note] if record.note else (),
-    )  # fmt: skip
+        height, record.title, subject, width=width, legend=names, notes=notes
+    )
 
 
 def event_marks(record: Record) -> list[tuple[Mark, Sequence[float]]]:
@@ -130,9 +129,6 @@ def time_of(record: Record) -> Scale:
 
 
 # --- Columns against time
-
-# Inches for the numbers at the left of a small panel, and above each for its name.
-NUMBERS, APART = 0.46, 0.25
 
 # Coordinates of one unit share a panel while they are few, and while none of them
 # would be squeezed by the others into less than this part of it.
@@ -218,17 +214,13 @@ class Panels:
         self._rows = -(-len(self._groups) // self._abreast)
         self.height = self._rows * (self._each + APART) + BELOW_PANELS
 
-    def draw(self, picture: Picture, *, above: bool = False) -> None:
-        """Draw them below the header, with all names `above` them or as it fits."""
+    def draw(
+        self, picture: Picture, part: Picture | SubFigure, *, above: bool = False
+    ) -> None:
+        """Draw them in a part of a picture, with all names `above` or as it fits."""
         record, abreast = self._record, self._abreast
-        left, width = LEFT, WIDTH - LEFT - RIGHT
-        if abreast > 1:
-            left, above = EDGE + NUMBERS, True
-            width = (WIDTH - RIGHT - EDGE) / abreast - NUMBERS
-        panels = picture.panels(
-            [width] * abreast, [self._each] * self._rows, left=left, top=APART,
-            across=NUMBERS, down=APART,
-        )  # fmt: skip
+        above = above or abreast > 1
+        panels = part.subplots(self._rows, abreast, squeeze=False)
         names = [name for group in self._groups for name in group]
         sizes = largest(record, {name: size_of_column(record, name) for name in names})
         under = self._groups[abreast:]
@@ -248,11 +240,12 @@ class Panels:
                 below=NOTHING if follows else record.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
-            against_time(record, axes, drawn, PENS, draw)
+            picture.when_placed(against_time, record, axes, drawn, PENS, draw)
             label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
-        picture.align_ylabels()
+        if not above:
+            part.align_ylabels()
 
 
 def against_time(
@@ -282,16 +275,14 @@ def label_greatest(
     at = int(np.where(np.isfinite(t + values), np.abs(values), 0.0).argmax())
     most = read_off(values[at])
     beyond = f"logarithmic beyond {read_off(scale.linear)}"
-    width, _ = size_of(axes)
     if above:  # in a small panel it would stand across the curve
-        text = fitted(f"peak {most}; {beyond}", 0.68 * width, SMALL)
-        axes.set_title(text, loc="right", color=DIM)
+        axes.set_title(f"peak {most}; {beyond}", loc="right", color=DIM)
         return
     # Where the greatest value is not.
-    x, side = (0.01, "left") if t[at] > 0.5 * (t[0] + t[-1]) else (0.99, "right")
+    side = "left" if t[at] > 0.5 * (t[0] + t[-1]) else "right"
     text = f"peak {most} at t = {read_off(t[at], 5)}; {beyond}"
-    look: Pen = {"size": SMALL, "color": DIM, "transform": axes.transAxes}
-    axes.text(x, 0.96, fitted(text, width, SMALL), ha=side, va="top", **look)
+    look: Pen = {"size": SMALL, "color": DIM}
+    axes.add_artist(AnchoredText(text, f"upper {side}", frameon=False, prop=look))
 
 
 def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
@@ -309,8 +300,9 @@ def size_of_column(record: Record, name: str) -> float:
 
 # --- A plot that the model asks for
 
-# Inches: of a panel; at most, and at least, where both directions have one scale.
-HEIGHT, TALLEST, NARROWEST = 3.6, 5.2, 2.4
+# Inches: the height of a panel; where both directions have one scale, at least and at
+# most, the width of it, what stands beside it, and the least width of the picture.
+HEIGHT, LOWEST, TALLEST, PANEL, BESIDE, NARROWEST = 3.6, 1.2, 5.2, 6.0, 0.9, 3.4
 # Where one scale would make one side so many times longer than the other, a path would
 # look like a line.
 LONGEST = 12.0
@@ -332,17 +324,15 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
     sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
     for side, own in sides.items():
         scales[side] = _up([drawn[n] for n in own], log=side in wanted.log, timed=timed)
-    right = LEFT if wanted.y2 else RIGHT
-    size = WIDTH - LEFT - right, HEIGHT
+    ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
     has_one_scale = not timed and not wanted.y2 and not wanted.log
-    if has_one_scale and _are_directions(record, curves, scene, drawn):
-        size = _equal(scales, size[0])
-    named = APART if len(names) > 1 else 0.06
-    picture = sheet(record,
-        named + size[1] + BELOW_PANELS, wanted.title, timed=timed,
-        width=LEFT + size[0] + right,
-    )  # fmt: skip
-    [[axes]] = picture.panels([size[0]], [size[1]], top=named)
+    has_one_scale = has_one_scale and _are_directions(record, curves, scene, drawn)
+    width, height = _sides(*ends) if has_one_scale else (WIDTH, HEIGHT)
+    height += BELOW_PANELS + (APART if len(names) > 1 else 0.0)
+    picture = sheet(record, height, wanted.title, timed=timed, width=width)
+    axes = picture.subplots()
+    if has_one_scale:
+        picture.adjust.append(lambda: put_around(axes, ends, per_inch(axes, ends)))
     below = texts[x], record.unit("t" if timed else x)
     for side, own in sides.items() if wanted.y2 else [("y", names)]:
         units = {record.unit(name) for name in own}
@@ -354,14 +344,16 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
             colour=pens[own[0]]["color"] if single else INK,
             above=None if len(names) == 1 else False,
         )  # fmt: skip
+        if panel is not axes:
+            panel.grid(visible=False)
         if timed and side == "y":
-            mark_events(record, axes)
+            picture.when_placed(mark_events, record, axes)
             label_greatest(axes, scales[side], [drawn[name] for name in own])
         for name in own:
             if timed:
-                series(panel, *drawn[name], pens[name])
+                picture.when_placed(series, panel, *drawn[name], pens[name])
             else:
-                _path(record, panel, *drawn[name], pens[name])
+                picture.when_placed(_path, record, panel, *drawn[name], pens[name])
     if len(names) > 1:
         legend_above(axes, [(texts[name], pens[name]) for name in names])
     return picture
@@ -411,14 +403,11 @@ def _are_directions(
     return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
 
 
-def _equal(scales: dict[str, Scale], widest: float) -> tuple[float, float]:
-    """Return both directions one scale; return width and height of the panel."""
-    ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
-    spans = [high - low for low, high in ends]
-    scale = max(spans[0] / widest, spans[1] / TALLEST)
-    sides = max(spans[0] / scale, NARROWEST), max(spans[1] / scale, 0.5 * NARROWEST)
-    scales |= dict(zip("xy", around(ends, sides, scale), strict=True))
-    return sides
+def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float]:
+    """Return width of a picture, and height of its panel, for a path in one scale."""
+    ratio = (y[1] - y[0]) / (x[1] - x[0])
+    height = min(max(LOWEST, PANEL * ratio), TALLEST)
+    return min(max(NARROWEST, BESIDE + height / ratio), WIDTH), height
 
 
 def _path(record: Record, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
@@ -446,8 +435,7 @@ def energy(record: Record) -> Picture:
     """
     heights = [TALL, LOW]
     picture = sheet(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
-    width = WIDTH - LEFT - RIGHT
-    (axes,), (lower,) = picture.panels([width], heights, top=APART, down=APART)
+    axes, lower = picture.subplots(2, height_ratios=heights)
     total = "energy T + V" if record.is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
@@ -458,15 +446,16 @@ def energy(record: Record) -> Picture:
     drawn = {name: record.rows.series(name) for name in reversed(names)}
     values = spread_scale(*drawn.values())
     frame(axes, time_of(record), values, up=("energy", record.unit("energy")))
-    against_time(record, axes, drawn.values(), [pens[name] for name in drawn])
+    looks = [pens[name] for name in drawn]
+    picture.when_placed(against_time, record, axes, drawn.values(), looks)
     label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
-    _drift(lower, record)
+    _drift(picture, lower, record)
     picture.align_ylabels()
     return picture
 
 
-def _drift(axes: Axes, record: Record) -> None:
+def _drift(picture: Picture, axes: Axes, record: Record) -> None:
     balance = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
@@ -474,12 +463,11 @@ def _drift(axes: Axes, record: Record) -> None:
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
-    against_time(record, axes, [(t, drift)], [BLACK])
+    picture.when_placed(against_time, record, axes, [(t, drift)], [BLACK])
     what = "energy − work" if balance == DRIFT else "energy"
     worst = greatest(drift)
     most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"
-    text = f"{what} minus its first value: {most}".rstrip()
-    axes.set_title(fitted(text, WIDTH - LEFT - RIGHT, SMALL))
+    axes.set_title(f"{what} minus its first value: {most}".rstrip())
 
 
 @in_house_style
@@ -499,9 +487,13 @@ def trajectory(
     views = Views(record, scene, model)
     subject = _counted(subject, len(shown), len(names))
     picture = sheet(record, panels.height + views.height, subject)
-    panels.draw(picture)
-    if views.height:
-        views.draw(picture, panels.height)
+    if not views.height:
+        panels.draw(picture, picture)
+        return picture
+    heights = [panels.height, views.height]
+    upper, lower = picture.subfigures(2, height_ratios=heights, squeeze=False)[:, 0]
+    panels.draw(picture, upper)
+    views.draw(lower, picture)
     return picture
 
 
@@ -531,7 +523,7 @@ def constraint_forces(
         subject = _counted(subject, len(shown), len(names))
     panels = Panels(record, [(name,) for name in shown])
     picture = sheet(record, panels.height, subject)
-    panels.draw(picture, above=True)
+    panels.draw(picture, picture, above=True)
     return picture
 
 
@@ -575,10 +567,9 @@ def _file(draw: Callable[[], Picture], form: str) -> bytes:
 # Inches: how high a panel is where there are so many; and at least.
 OVERLAID = (2.9, 1.9, 1.5, 1.3)
 LEAST_OVERLAID = 1.1
-# Runs that a legend names; more are distinguished by colour: a bar of colours, how
-# long and how high it is, where it begins, and what it takes with its numbers.
-MOST_NAMED = 12
-BAR_LONG, BAR_HIGH, BAR_AT, BAR = 2.6, 0.1, 1.7, 0.3
+# Runs that a legend names; more are distinguished by colour, and what a bar of colours
+# takes.
+MOST_NAMED, BAR = 12, 0.5
 
 
 def pens(count: int) -> list[Pen]:
@@ -588,13 +579,6 @@ def pens(count: int) -> list[Pen]:
         PENS[(k + k // size) % size] | {"color": PENS[k % size]["color"]}
         for k in range(count)
     ]
-
-
-def _bar(found: Picture, name: str, colours: ScalarMappable) -> None:
-    """Draw what the colours of many runs mean."""
-    found.write(LEFT, found.top + 0.1, f"colour: {name}", size=SMALL, room=BAR_AT)
-    [[axes]] = found.panels([BAR_LONG], [BAR_HIGH], left=LEFT + BAR_AT)
-    found.colorbar(colours, cax=axes, orientation="horizontal")
 
 
 @in_house_style
@@ -616,7 +600,7 @@ def overlay(
     units : mapping of str to str
         Of the columns; the first one is that of the time, `t`.
     notes : sequence of str
-        Said below the legend.
+        Said below the panels.
     order : tuple
         A name, and a number for each run, by which many runs are coloured.
     """
@@ -633,24 +617,24 @@ def overlay(
     height = (
         OVERLAID[len(columns) - 1] if len(columns) <= len(OVERLAID) else LEAST_OVERLAID
     )
-    aside = BAR if many else 0.0
     found = Picture(
-        stack_height(len(columns), height) + aside, title,
+        stack_height(len(columns), height) + (BAR if many else 0.0), title,
         f"{', '.join(letters.name(name) for name in columns)} of {len(runs)} runs",
         legend=[] if many else list(zip(runs, looks, strict=True)),
-        remarks=notes,
+        notes=notes,
     )  # fmt: skip
-    if many:
-        _bar(found, letters.text(order[0]), colours)
     rows = list(runs.values())
     times = time_scale(np.concatenate([r.series(columns[0])[0] for r in rows]))
-    panels = stacked(found, len(columns), height, aside)
+    panels = found.subplots(len(columns), squeeze=False, sharex=True)[:, 0]
+    if many:
+        bar = found.colorbar(colours, ax=panels, location="bottom", aspect=60)
+        bar.set_label(mathtext(f"colour: {letters.text(order[0])}"))
     for axes, name in zip(panels, columns, strict=True):
         drawn = [r.series(name) for r in rows]
         below = ("t", units.get("t", "")) if name == columns[-1] else NOTHING
         scale = value_scale(*(column for _, column in drawn))
         frame(axes, times, scale, below=below, up=(letters.name(name), units[name]))
         for (t, column), pen in zip(drawn, looks, strict=True):
-            series(axes, t, column, pen)
+            found.when_placed(series, axes, t, column, pen)
     found.align_ylabels()
     return found

@@ -6,24 +6,12 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
-from contextlib import nullcontext
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import (
-    FixedLocator,
-    Formatter,
-    FuncFormatter,
-    Locator,
-    LogLocator,
-    MaxNLocator,
-    NullLocator,
-    ScalarFormatter,
-    SymmetricalLogLocator,
-)
+from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator, ScalarFormatter
 
-from lagsim.outputs.letters import SUPERSCRIPTS
+from lagsim.outputs.letters import SUPERSCRIPTS, mathtext, shortened
 from lagsim.run.observers.thinning import FAINT
 from lagsim.tolerances import COMPUTED_ZERO, OVERFLOW, ZERO_BESIDE
 
@@ -32,20 +20,18 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.text import Text
 
     from lagsim.run.observers.thinning import Array
 
-# Powers of ten from which on they stand in the label and not at the ticks.
-PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-2, 4)
+    # Least and greatest of what runs across, and of what runs up.
+    Ends: TypeAlias = Sequence[tuple[float, float]]
 
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
-
-# Inches: what a number across takes, in a panel that is no wider than the second.
-ROOMY, BRIEFLY, CROWDED = 0.67, 0.38, 3.0
-# Beside a panel no wider than this there is room for a number of six characters:
-# digits that ticks share, if there are so many, stand in the label.
-NARROW, SHARED = 2.0, 2
+STEPS = (1, 2, 2.5, 5, 10)
+# Powers of ten stand at the ticks of scales that go further than this.
+DECADES = 1000.0
 
 # A spike lasts for no more than this part of the time, and is so many times as high as
 # anything else.
@@ -62,135 +48,119 @@ class Scale(NamedTuple):
 
     Attributes
     ----------
-    plain : powers of ten beyond which numbers are counted in them.
     log : whether it is logarithmic; then `low` may be the larger.
     linear : beyond this size it is, to both sides, if that is not 0.
     share : of how many decades the length of `linear` is.
-    power : the power of ten that numbers are counted in; None where that is free.
     """
 
     low: float
     high: float
-    plain: tuple[int, int] = PLAIN
     log: bool = False
     linear: float = 0.0
     share: float = 1.0
-    power: int | None = None
 
-    def put(
-        self,
-        axes: Axes,
-        direction: Literal["x", "y"],
-        most: int | None = None,
-        *,
-        bare: bool = False,
-    ) -> None:
-        """Give Axes this range and at most so many ticks, by default as many as fit.
-
-        What numbers count in stands in the `label`; `bare` axes have none.
-        """
+    def put(self, axes: Axes, direction: Literal["x", "y"]) -> None:
+        """Give Axes this range, with matplotlib's ticks."""
         across = direction == "x"
         axis: Axis = axes.xaxis if across else axes.yaxis
         choose = axes.set_xscale if across else axes.set_yscale
         if self.linear:
             choose("symlog", linthresh=self.linear, linscale=self.share)
+            axis.set_major_formatter(Powers())
         elif self.log:
             choose("log")
-        (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
-        scale = self
-        if most is None:
-            width, height = size_of(axes)
-            most = max(3, min(7, math.ceil(3.4 * height)))
-            if across and width < CROWDED:
-                most, scale = max(2, int(width / BRIEFLY)), self._replace(plain=BRIEF)
-            elif across:
-                most = int(width / ROOMY)
-        elif most and not self.log:
-            most = max(most, LEAST_TICKS)
-        briefly = mpl.rc_context({"axes.formatter.offset_threshold": SHARED})
-        narrow = not across and size_of(axes)[0] <= NARROW
-        with briefly if narrow else nullcontext():
-            locator, formatter = scale.ticks(most)
-        axis.set_major_locator(locator)
-        axis.set_minor_locator(NullLocator())
-        axis.set_major_formatter(formatter)
-        axis.offsetText.set_visible(False)
-        if bare:
-            axis.set_tick_params(labelbottom=False)
-
-    def ticks(self, most: int) -> tuple[Locator, Formatter]:
-        """Return at most so many ticks, and how their numbers are written."""
-        if not most:
-            return NullLocator(), ScalarFormatter()
-        read = FuncFormatter(lambda x, _: read_off(x))
-        if self.linear:
-            return self._beyond(most), read
-        if self.log:
-            low, high = sorted((math.log10(self.low), math.log10(self.high)))
-            if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
-                return LogLocator(numticks=most), FuncFormatter(_as_power)
-            subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
-            return LogLocator(subs=subs, numticks=most), read
-        steps, least = [1, 2, 2.5, 5, 10], min(most, LEAST_TICKS)
-        locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
-        formatter = Counting()
-        if self.power == 0:
-            formatter.set_scientific(False)
+            axis.set_major_formatter(Powers())
+            axis.set_minor_formatter(Powers())
         else:
-            limits = self.plain if self.power is None else (self.power, self.power)
-            formatter.set_powerlimits(limits)
-        return locator, formatter
-
-    def _beyond(self, most: int) -> Locator:
-        """Return ticks of both parts: 0, the ends of the linear one, powers beyond."""
-        powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
-        powers.set_params(numticks=most)
-        ends = self.low, self.high
-        decades = math.log10(max(map(abs, ends)) / self.linear)
-        # As far from the linear part as from each other.
-        least = self.linear * 10.0 ** max(0.6, decades / most)
-        found = [x for x in powers.tick_values(*ends) if abs(x) >= least]
-        found += [-self.linear, 0.0, self.linear]
-        return FixedLocator(sorted(x for x in found if self.low <= x <= self.high))
+            # Numbers side by side take twice the room that matplotlib gives them.
+            most = min(9, axis.get_tick_space() // (2 if across else 1))
+            axis.set_major_locator(
+                MaxNLocator(max(2, most), steps=STEPS, min_n_ticks=LEAST_TICKS)
+            )
+        (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
 
 
 def size_of(axes: Axes) -> tuple[float, float]:
-    """Return width and height of a panel in inches."""
+    """Return width and height of a panel in inches; before it is drawn, about."""
     dpi = axes.figure.dpi
     return axes.bbox.width / dpi, axes.bbox.height / dpi
 
 
+def per_inch(axes: Axes, ends: Ends) -> float:
+    """Return how much an inch is on one scale for both directions of a panel."""
+    sides = zip(ends, size_of(axes), strict=True)
+    return max((high - low) / side for (low, high), side in sides)
+
+
+def put_around(axes: Axes, ends: Ends, each: float) -> None:
+    """Give both directions a scale, so much an inch, about the middle of their ends."""
+    across, up = (
+        Scale(middle - half, middle + half)
+        for (low, high), side in zip(ends, size_of(axes), strict=True)
+        for middle, half in [(0.5 * (low + high), 0.5 * each * side)]
+    )
+    across.put(axes, "x")
+    up.put(axes, "y")
+
+
+def name_axis(
+    axis: Axis, name: str, unit: str = "", *, text: Text | None = None, most: int = 80
+) -> None:
+    """Name an axis, with what its numbers count in, and from where.
+
+    Parameters
+    ----------
+    text : where the name is written; by default at the axis.
+    most : letters of the name.
+    """
+    text = text or axis.label
+    if axis.get_scale() == "linear":
+        axis.set_major_formatter(Counting(text, shortened(name, most), unit))
+        axis.offsetText.set_visible(False)
+    else:
+        text.set_text(mathtext(labelled(shortened(name, most), unit)))
+
+
+def labelled(name: str, *unit: str) -> str:
+    """Return a name with its unit."""
+    inside = " ".join(part for part in unit if part)
+    return f"{name} ({inside})" if name and inside else name or inside
+
+
 class Counting(ScalarFormatter):
-    """Numbers that count from an offset in powers of ten, both in the label."""
+    """Numbers that count from an offset in powers of ten; both stand in the label.
 
-    def counted(self) -> tuple[float, int]:
-        """Return the offset, and the power of ten that the numbers count in."""
+    matplotlib writes ten digits of the offset, which are too few.
+    """
+
+    def __init__(self, text: Text, name: str, unit: str) -> None:
+        super().__init__()
+        self._text, self._named = text, (name, unit)
+        text.set_text(mathtext(labelled(name, unit)))
+
+    def set_locs(self, locs: Any) -> None:
+        """Take places of ticks, and name the axis after what they count in."""
+        super().set_locs(locs)
         # Its name of before 3.11 will go in 3.13.
-        name = "_orderOfMagnitude"
-        power = vars(self).get(name, vars(self).get("orderOfMagnitude", 0))
-        return float(self.offset), int(power)
-
-
-def _as_power(value: float, _: object) -> str:
-    # A locator looks for ticks past the ends too, where there may be no number left.
-    known = 0.0 < value < math.inf
-    return power_of_ten(round(math.log10(value))) if known else ""
-
-
-def label(axis: Axis, name: str, unit: str = "") -> str:
-    """Return what an axis shows, from where its ticks count, in what, and the unit."""
-    formatter = axis.get_major_formatter()
-    scale = ""
-    if isinstance(formatter, Counting):
-        formatter.set_locs(list(axis.get_majorticklocs()))
-        offset, exponent = formatter.counted()
-        if offset:
+        power = vars(self).get("_orderOfMagnitude", vars(self).get("orderOfMagnitude"))
+        name, unit = self._named
+        if self.offset:
             # Fifteen digits hold it exactly: it is a multiple of the span's own size.
-            sign = "−" if offset > 0 else "+"
-            name = f"{name} {sign} {abs(offset):.15g}"
-        scale = power_of_ten(exponent) if exponent else ""
-    inside = " ".join(part for part in (scale, unit) if part)
-    return f"{name} ({inside})" if inside else name
+            sign = "−" if self.offset > 0 else "+"
+            name = f"{name} {sign} {abs(self.offset):.15g}"
+        scale = power_of_ten(int(power)) if power else ""
+        self._text.set_text(mathtext(labelled(name, scale, unit)))
+
+
+class Powers(LogFormatterSciNotation):
+    """Powers of ten, and on a scale of few decades plain numbers."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the text at a tick; past the ends there may be no number left."""
+        text = str(super().__call__(x, pos)) if math.isfinite(x) else ""
+        assert self.axis is not None
+        low, high = self.axis.get_view_interval()
+        return read_off(x) if text and high < DECADES * low else text
 
 
 def read_off(value: float, digits: int = 4) -> str:
@@ -245,26 +215,13 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
     return Scale(low - free, high + free)
 
 
-def with_one_power(scales: Sequence[Scale]) -> list[Scale]:
-    """Return scales whose numbers are counted in one power of ten."""
-    spans = [s.high - s.low for s in scales]
-    sizes = [
-        size if size < 1e4 * span else span
-        for s, span in zip(scales, spans, strict=True)
-        if (size := max(abs(s.low), abs(s.high)))
-    ]
-    power = math.floor(math.log10(max(sizes, default=1.0)))
-    power = 0 if PLAIN[0] < power < PLAIN[1] else power
-    return [s._replace(power=power) for s in scales]
-
-
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
     low, high = extent(t, empty=(0.0, 1.0))
     if high - low <= FAINT + 1e-14 * abs(high):
         half = 0.5 * abs(low) or 0.5
         low, high = low - half, high + half
-    return Scale(low, high, PLAIN_TIMES)
+    return Scale(low, high)
 
 
 def noise_scale(values: Array, size: float) -> Scale:

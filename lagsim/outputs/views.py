@@ -5,8 +5,9 @@ from __future__ import annotations
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
+from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from matplotlib.colors import to_hex, to_rgb
@@ -16,22 +17,20 @@ from lagsim.outputs.figure import (
     BELOW_PANELS,
     DIM,
     INK,
-    LEFT,
-    NAMES,
+    LINE,
     PENS,
-    RIGHT,
     SMALL,
     WIDTH,
     curve,
     dotted,
-    frame,
-    in_lines,
+    header,
+    in_columns,
     line,
     mark,
     path,
     point,
 )
-from lagsim.outputs.scale import Scale, extent, with_one_power
+from lagsim.outputs.scale import extent, name_axis, per_inch, put_around, size_of
 from lagsim.outputs.shapes import bodies, needed, reached, seen
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import SubFigure
 
     from lagsim.model.model import Model, Scene
     from lagsim.outputs.figure import Entry, Pen, Picture
@@ -47,27 +46,16 @@ if TYPE_CHECKING:
     from lagsim.outputs.shapes import Body
     from lagsim.run.observers.thinning import Array
 
-
-def around(
-    ends: Sequence[tuple[float, float]], sides: Sequence[float], scale: float
-) -> list[Scale]:
-    """Return ranges of these sides at one scale, about what they show."""
-    middles = [0.5 * (low + high) for low, high in ends]
-    halves = [0.5 * scale * side for side in sides]
-    return with_one_power(
-        [Scale(m - half, m + half) for m, half in zip(middles, halves, strict=True)]
-    )
+    # The directions that run across and up; none are those of the view from aside.
+    View: TypeAlias = tuple[int, ...]
 
 
 # --- Views
 
-# Inches: between two views, with numbers and names; the least height of one, and the
-# greatest of one in the plane. In space none is higher than it is wide.
-BETWEEN, LOWEST, HIGHEST = 0.62, 0.9, 3.8
-WHOLE = WIDTH - LEFT - RIGHT
-HALF = (WHOLE - BETWEEN) / 2
-# What is above the views: their legend is in lines.
-ABOVE = 0.24
+# Inches, about: what numbers and names take between two views, and the widths of one
+# view, and of one of two; the least height of one, and the greatest of one in the
+# plane. In space none is higher than it is wide.
+BETWEEN, WHOLE, HALF, LOWEST, HIGHEST = 0.52, 6.2, 2.8, 1.0, 3.8
 # How much longer than the paths an axis is.
 FREE = 1.12
 # More names than this cannot be distinguished.
@@ -82,8 +70,9 @@ LIGHT, DARK = np.array((0.55, 0.76, 0.93)), np.array((0.0, 0.13, 0.35))
 
 # The directions that run across and up in the views of a plane, and of a space.
 PLANE, IN_SPACE = ((0, 1),), ((0, 2), (1, 2), (0, 1))
-# What runs right and up on paper, seen from 30 degrees to the right of ahead and 30
-# degrees above.
+# The view from aside, along which no direction lies: what runs right and up in it, seen
+# from 30 degrees to the right of ahead and 30 degrees above.
+ASIDE: View = ()
 OBLIQUE = np.array(((0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)))
 
 
@@ -107,7 +96,7 @@ class Views:
         self._bodies = _bodies(record, model) if model and scene.shapes else []
         self._take(scene)
         self._pens = self._pens_of_moving()
-        self._lines = in_lines(list(self._names()), WHOLE)
+        self._entries = list(self._names())
         spans = [high - low for low, high in self._extents]
         self._widths, tallest, ups = [WHOLE], HIGHEST, spans[1:]
         if len(spans) == 3:
@@ -115,9 +104,9 @@ class Views:
         across = max(spans[: len(self._widths)])
         self._scale = self._usable(max(across / self._widths[0], max(ups) / tallest))
         self._heights = [max(LOWEST, FREE * up / self._scale) for up in ups]
-        gaps = (BETWEEN - 0.1) * (len(ups) - 1)
-        self._above = ABOVE + NAMES * len(self._lines)
-        self.height = self._above + sum(self._heights) + gaps + BELOW_PANELS
+        lines = -(-len(self._entries) // in_columns(self._entries, WIDTH)[1])
+        gaps = BETWEEN * (len(ups) - 1)
+        self.height = LINE * lines + sum(self._heights) + gaps + BELOW_PANELS
 
     def _take(self, scene: Scene) -> None:
         """Take the positions (directions, rows) of all points."""
@@ -192,49 +181,58 @@ class Views:
         if self._pens and (stride := self._record.rows.stride) > 1:
             yield f"one of {stride} rows", {}
 
-    def draw(self, picture: Picture, top: float) -> None:
-        """Draw them below `top`, counted from the header."""
-        picture.names(LEFT, picture.top + top + 0.14, self._lines, WHOLE)
-        panels = picture.panels(
-            self._widths, self._heights, top=top + self._above, across=BETWEEN,
-            down=BETWEEN - 0.1,
-        ).ravel()  # fmt: skip
-        ups = np.repeat(self._heights, len(self._widths))
-        views = IN_SPACE if len(self._extents) == 3 else PLANE
-        for axes, (across, up), height in zip(panels, views, ups, strict=False):
-            ends = self._extents[across], self._extents[up]
-            sides = self._widths[0], float(height)
-            frame(
-                axes, *around(ends, sides, self._scale),
-                below=("xyz"[across], self._unit), up=("xyz"[up], self._unit),
-            )  # fmt: skip
-            flat = {name: p[[across, up]] for name, p in self._positions.items()}
-            self._draw_bodies(axes, np.eye(len(self._extents))[[across, up]])
-            self._draw(axes, flat)
-        if len(panels) > len(views):
-            self._draw_oblique(panels[-1])
+    def draw(self, part: SubFigure, picture: Picture) -> None:
+        """Draw them in a part of a picture, when the places of panels are known."""
+        header(part, self._entries, WIDTH)
+        rows, columns = len(self._heights), len(self._widths)
+        found = part.subplots(
+            rows, columns, squeeze=False, height_ratios=self._heights
+        ).flat
+        views = [*IN_SPACE, ASIDE] if len(self._extents) == 3 else PLANE
+        panels = list(zip(found, views, strict=True))
+        for axes, view in panels:
+            axes.tick_params(labelbottom=view != ASIDE, labelleft=view != ASIDE)
+            for axis, k in zip((axes.xaxis, axes.yaxis), view, strict=False):
+                name_axis(axis, "xyz"[k], self._unit)
+        picture.adjust.append(partial(self._put, panels))
+        picture.when_placed(self._fill, panels)
 
-    def _draw_oblique(self, axes: Axes) -> None:
-        """Draw the view from aside, with the directions in its corner."""
-        flat = {name: OBLIQUE @ p for name, p in self._positions.items()}
-        shown = [*flat.values()]
+    def _put(self, panels: Sequence[tuple[Axes, View]]) -> None:
+        """Give all views along axes one scale, and the one from aside its own."""
+        ends = [self._ends(view) for _, view in panels]
+        scales = [
+            per_inch(axes, own) for (axes, _), own in zip(panels, ends, strict=True)
+        ]
+        largest = max(s for s, (_, view) in zip(scales, panels, strict=True) if view)
+        for (axes, view), own, scale in zip(panels, ends, scales, strict=True):
+            put_around(axes, own, self._usable(largest if view else scale))
+
+    def _ends(self, view: View) -> list[tuple[float, float]]:
+        """Return the ends of what a view shows, across and up."""
+        if view:
+            return [self._extents[k] for k in view]
+        shown = [OBLIQUE @ p for p in self._positions.values()]
         if self._bodies:
             shown.append(OBLIQUE @ reached([], self._bodies).T)
-        ends = [extent(*c) for c in zip(*shown, strict=True)]
-        sides = self._widths[-1], self._heights[-1]
-        (left, right), (low, high) = ends
-        scale = self._usable(max((right - left) / sides[0], (high - low) / sides[1]))
-        x, y = around(ends, sides, scale)
-        x.put(axes, "x", 0)
-        y.put(axes, "y", 0)
-        self._draw_bodies(axes, OBLIQUE)
-        self._draw(axes, flat)
-        line = {"arrowstyle": "-", "color": DIM, "linewidth": 0.7}
-        for name, end in zip("xyz", 20.0 * OBLIQUE.T, strict=True):
-            axes.annotate(
-                name, (14.0, 18.0), tuple(end), "axes points", "offset points",
-                size=SMALL, color=DIM, ha="center", va="center", arrowprops=line,
-            )  # fmt: skip
+        return [extent(*c) for c in zip(*shown, strict=True)]
+
+    def _fill(self, panels: Sequence[tuple[Axes, View]]) -> None:
+        """Draw shapes, paths and links; of the view from aside also its directions."""
+        for axes, view in panels:
+            along = list(view)
+            turned = np.eye(len(self._extents))[along] if view else OBLIQUE
+            self._draw_bodies(axes, turned)
+            flat = {
+                name: p[along] if view else OBLIQUE @ p
+                for name, p in self._positions.items()
+            }
+            self._draw(axes, flat)
+            line = {"arrowstyle": "-", "color": DIM, "linewidth": 0.7}
+            for name, end in zip("" if view else "xyz", 20.0 * OBLIQUE.T, strict=False):
+                axes.annotate(
+                    name, (14.0, 18.0), tuple(end), "axes points", "offset points",
+                    size=SMALL, color=DIM, ha="center", va="center", arrowprops=line,
+                )  # fmt: skip
 
     def _draw(self, axes: Axes, shown: Mapping[str, Array]) -> None:
         """Draw points, given as what runs across and up of their paths (2, rows)."""
@@ -325,9 +323,7 @@ def _bodies(record: Record, model: Model) -> list[Body]:
 def _inch(axes: Axes) -> float:
     """Return how much of its scale an inch of a panel is."""
     low, high = axes.get_xlim()
-    figure = cast("Figure", axes.figure)  # matplotlib 3.9 has no `root`
-    width: float = axes.get_position().width * figure.get_size_inches()[0]
-    return (high - low) / width
+    return (high - low) / size_of(axes)[0]
 
 
 def _edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:

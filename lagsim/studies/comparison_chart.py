@@ -11,11 +11,8 @@ import numpy as np
 
 from lagsim.outputs.figure import (
     BLACK,
-    LEFT,
     NOTHING,
     PENS,
-    RIGHT,
-    WIDTH,
     Pen,
     Picture,
     content,
@@ -38,8 +35,8 @@ if TYPE_CHECKING:
 
 # So many columns are shown.
 MOST = 4
-# Inches: a panel, and what is above it.
-HEIGHT, APART = 1.4, 0.26
+# Inches: a panel.
+HEIGHT = 1.4
 # Differences so much smaller than the largest are not shown.
 LEAST = 1e-12
 
@@ -88,8 +85,7 @@ def picture(
     ]  # fmt: skip
     height = stack_height(len(columns), HEIGHT)
     found = Picture(height, title, subject, legend=legend, notes=notes)
-    widths, heights = [(WIDTH - 2 * LEFT - RIGHT) / 2] * 2, [HEIGHT] * len(columns)
-    panels = found.panels(widths, heights, top=APART, across=LEFT, down=APART)
+    panels = found.subplots(len(columns), 2, squeeze=False)
     for worst, (both, off) in zip(columns, panels, strict=True):
         # An invariant is called after its column.
         name, blank, more = worst.column.partition(" ")
@@ -99,7 +95,7 @@ def picture(
         up = f"{letters.name(name)}{blank}{more}", unit
         frame(both, time, value_scale(g, n), below=below, up=up)
         for values, pen in ((g, GOLDEN), (n, NEW)):
-            series(both, *_thinned(t, values), pen)
+            found.when_placed(series, both, *_thinned(t, values), pen)
         # The size of the difference, and the band that it has to stay in.
         with np.errstate(invalid="ignore"):
             apart = np.abs(n - g)
@@ -110,7 +106,8 @@ def picture(
         times, bound = _thinned(t, bound)
         off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
         times, apart = _thinned(t, apart)
-        series(off, times, np.where(apart > 0.0, apart, np.nan), DIFFERENCE)
+        apart = np.where(apart > 0.0, apart, np.nan)
+        found.when_placed(series, off, times, apart, DIFFERENCE)
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
     found.align_ylabels()

@@ -96,9 +96,10 @@ def scale_of(label, ticks):
 
 @dataclass
 class Drawing:
-    """A sheet, its panels, all texts on it, and the lines outside of panels."""
+    """A sheet, its title, panels and texts, and the lines outside of panels."""
 
     sheet: object = None
+    title: str = ""
     panels: list = field(default_factory=list)
     texts: list = field(default_factory=list)
     samples: list = field(default_factory=list)
@@ -115,6 +116,7 @@ def below(letters, subscript):
 def numbers(axis, part):
     """The numbers of an axis that are seen, with where they stand."""
     ticks = axis.get_major_ticks()[: len(axis.get_majorticklocs())]
+    ticks += axis.get_minor_ticks()[: len(axis.get_minorticklocs())]
     low, high = sorted(axis.get_view_interval())
     slack = 1e-9 * (high - low)
     return [
@@ -171,6 +173,9 @@ def noted():
         begun = known.setdefault(self, [len(x) for x in lists])
         for noted, count in zip(lists, begun, strict=True):
             del noted[count:]
+        if self.legends:  # what stands above all: the model, and what of it is shown
+            said = self.legends[0].get_title().get_text()
+            drawing.title = said.replace("\n", " ").replace(r"\$", "$")
         plain[Figure](self, renderer)
 
     def axes(self, renderer):

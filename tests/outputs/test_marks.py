@@ -118,7 +118,7 @@ def test_kinds_of_events_are_told_apart_and_named():
             assert len(looks) == len(times)
     # More names than fit beside the title have a line of their own.
     texts = {text.said: text.box for text in drawing.texts}
-    assert texts["stick"].y1 < texts["ball"].y0
+    assert texts["stick"].y1 < texts[drawing.title].y0
 
 
 def test_what_is_marked():
@@ -208,7 +208,7 @@ def test_what_is_zero_gives_way(impulses, more, labels, said):
     columns = {k: v for k, v in ball(**more).items() if impulses or k[:2] != "im"}
     drawing = forces(record(columns))
     assert [panel.name for panel in drawing.panels] == labels
-    assert said in drawing.written()
+    assert drawing.title == f"ball: {said}"
 
 
 def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():

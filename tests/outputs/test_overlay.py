@@ -59,7 +59,7 @@ def test_a_hundred_runs_are_told_by_colour():
     said = drawing.written()
     assert not any("…" in text or text.startswith("run number") for text in said)
     assert "colour: m₁" in said
-    bar, panel = drawing.panels
+    panel, bar = drawing.panels
     numbers = [float(text) for _, text in bar.x]
     assert (min(numbers), max(numbers)) == (1.0, 3.0)
     # Colours go from one end to the other with the value, as those of the bar do.

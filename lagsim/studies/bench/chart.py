@@ -18,31 +18,27 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.colors import to_rgba
-from matplotlib.lines import Line2D
 
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.figure import (
     DIM,
-    EDGE,
     INK,
     LOST,
     PENS,
-    SAMPLE,
     SMALL,
-    WIDTH,
     Column,
     Entry,
     Pen,
     Picture,
     content,
     curve,
-    fitted,
     in_house_style,
+    legend,
     mark,
     point,
 )
-from lagsim.outputs.scale import Scale, log_scale
+from lagsim.outputs.scale import Scale, log_scale, size_of
 from lagsim.studies.bench import DRIFT, PREFIX, SCIPY, stamp
 from lagsim.studies.bench.stability import (
     BREAKS,
@@ -140,7 +136,7 @@ GREY = "#777777"
 
 ERROR = "← more accurate      error / range"
 # Inches: a panel with its scales, what is below all of them, names beside.
-HEIGHT, REST, NAMES = 3.3, 0.3, 2.4
+HEIGHT, REST, NAMES = 3.3, 0.3, 3.2
 
 
 class Look(NamedTuple):
@@ -202,9 +198,8 @@ def cost_panel(
 ) -> None:
     """Draw curves of cost against error; errors below `floor` are not known."""
     known = [c.costs for c in costs if len(c.costs)]
-    across.put(axes, "x", 9)
-    log_scale(*known, margin=0.05, least=0.08).put(axes, "y", 7)
-    axes.grid(visible=True)
+    across.put(axes, "x")
+    log_scale(*known, margin=0.05, least=0.08).put(axes, "y")
     axes.set_ylabel(f"← cheaper      {of}")
     if floor > across.low:
         axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
@@ -233,14 +228,14 @@ def work_precision(document: Document, form: str = "png") -> bytes:
 def figure(document: Document) -> Picture:
     """Draw seconds and evaluations against the error that they bought."""
     found = shown(document["rows"], WORST)
-    legend = [
+    named = [
         ("Pareto front", FRONT | {"linewidth": 4.0}),
         ("choice of `auto`", CHOSEN),
         ("error of the reference", FLOOR),
     ]
     drawing = Picture(
         2 * HEIGHT + REST, document["model"]["name"], "work-precision diagram",
-        legend=legend, notes=_about_costs(document, found), layout="constrained",
+        legend=named, notes=_about_costs(document, found),
     )  # fmt: skip
     panels = drawing.subplots(2)
     floor = float(seen([document["reference"]["floor"]])[0])
@@ -252,11 +247,10 @@ def figure(document: Document) -> Picture:
         cost_panel(axes, across, _costs(found, of), of, floor=floor, front=front)
     panels[1].set_xlabel(ERROR)
     if beside := _costs(found, COSTS[0]):
-        panels[0].legend(
-            [Line2D([], [], **c.look.sample) for c in beside],
-            [fitted(c.name, NAMES - SAMPLE, SMALL) for c in beside],
+        legend(
+            panels[0], [(c.name, c.look.sample) for c in beside], NAMES,
             loc="upper left", bbox_to_anchor=(1.02, 1.0), title="cheapest first",
-            title_fontproperties={"size": SMALL}, alignment="left", labelspacing=0.8,
+            title_fontsize=SMALL, alignment="left", labelspacing=0.8,
         ).get_title().set_color(DIM)  # fmt: skip
     return drawing
 
@@ -324,8 +318,6 @@ def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
 # so many of them in a row.
 STRIP, MAP, REGION, LARGE, WORK, BELOW = 0.27, 1.9, 1.75, 2.4, 1.0, 0.6
 MAPS, REGIONS = 3, 5
-# So often places are looked for: numbers and names take room that depends on them.
-LAYOUTS = 2
 STEPS = Column("step h", "s", np.empty(0))
 CHEAPER = "cheaper →"
 
@@ -378,22 +370,21 @@ def stability(document: Document, form: str = "png") -> bytes:
         sum(heights), document["model"]["name"],
         "where methods hold and where they fail",
         legend=_legend(document, regions), notes=_about_maps(document, regions),
-        layout="constrained",
     )  # fmt: skip
     places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
     for k, (_, draw) in enumerate(parts):
         draw(drawing.add_subfigure(places[k]))
-    engine = drawing.get_layout_engine()
-    assert engine is not None
-    for _ in range(LAYOUTS):
-        engine.execute(drawing)
-        for axes in planes:  # as long across as up
-            low, high = axes.get_ylim()
-            width, height = axes.get_window_extent().size
-            across = (high - low) * width / height / (REAL[1] - REAL[0])
-            axes.set_xlim(REAL[0] * across, REAL[1] * across)
-    drawing.set_layout_engine("none")
+    drawing.adjust.append(partial(_round, planes))
     return content(drawing, form)
+
+
+def _round(planes: Sequence[Axes]) -> None:
+    """Show as much of each plane across that circles are round."""
+    for axes in planes:
+        low, high = axes.get_ylim()
+        width, height = size_of(axes)
+        across = (high - low) * width / height / (REAL[1] - REAL[0])
+        axes.set_xlim(REAL[0] * across, REAL[1] * across)
 
 
 def _varied(document: Document) -> Column:
@@ -436,8 +427,8 @@ def _strips(part: SubFigure, document: Document) -> None:
     methods = document["methods"]["fixed"]
     panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
     for axes, method in zip(panels, methods, strict=True):
-        across.put(axes, "x", 9)
-        Scale(-0.5, 0.5).put(axes, "y", 0)
+        across.put(axes, "x")
+        axes.set(ylim=(-0.5, 0.5), yticks=[])
         _cells(axes, document, method, steps, np.array((-0.5, 0.5)))
         for border in borders_of(document, method):
             if border["found"] is not None:
@@ -494,8 +485,8 @@ def _maps(part: SubFigure, document: Document) -> None:
     alike = {"sharex": True, "sharey": True}
     panels = _grid(part, len(methods), MAPS, STEPS.name + " (s)", **alike)
     for axes, method in zip(panels, methods, strict=True):
-        across.put(axes, "x", 4)
-        up.put(axes, "y", 6)
+        across.put(axes, "x")
+        up.put(axes, "y")
         _cells(axes, document, method, columns, steps)
         borders = borders_of(document, method)
         for key, pen in (("found", FOUND), ("predicted", PREDICTED_LINE)):
@@ -503,7 +494,7 @@ def _maps(part: SubFigure, document: Document) -> None:
             levels = np.where(levels > up.low, levels, np.nan)
             curve(axes, varied.values[: len(borders)], levels, pen)
         axes.set_title(method, weight="bold")
-        varied.stand_at(axes.xaxis, WIDTH / MAPS)
+        varied.stand_at(axes.xaxis)
 
 
 class Region(NamedTuple):
@@ -554,7 +545,7 @@ def region(document: Document, name: str) -> Region:
 def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> None:
     """Draw each method's region of stability with h times the eigenvalues."""
     text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
-    part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
+    part.suptitle(text, x=0.02, ha="left", size=SMALL, color=DIM)
     panels += _grid(part, len(regions), REGIONS, "Im z")
     for axes, region in zip(panels, regions, strict=True):
         method = method_named(region.name)
@@ -572,7 +563,6 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
         axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
         edge: Pen = {"colors": "#5b9ec0", "linewidths": 0.7, "zorder": 0.4}
         axes.contour(x, y, size, levels=[limit], **edge)
-        axes.grid(visible=True)
         axes.axvline(0.0, color="#999999", linewidth=0.6)
         if method.IMAGINARY_LIMIT > 0.0:
             axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up[1])], **ON_AXIS)
@@ -631,14 +621,13 @@ def _work(part: SubFigure, document: Document) -> None:
             name: np.array([of(cell) or math.nan for cell in cells])
             for name, cells in by_method.items()
         }
-        across.put(axes, "x", 9)
-        log_scale(*curves.values()).put(axes, "y", 5)
-        axes.grid(visible=True)
+        across.put(axes, "x")
+        log_scale(*curves.values()).put(axes, "y")
         axes.set_ylabel(label)
         for name, values in curves.items():
             x = varied.values[: len(values)]
             curve(axes, x, values, look_of(name).line | {"label": name})
-    varied.stand_at(axes.xaxis, WIDTH)
+    varied.stand_at(axes.xaxis)
     part.align_ylabels()
     panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
 

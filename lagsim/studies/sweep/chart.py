@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.outputs.figure import (
-    APART,
-    LEFT,
     NO_RESULT,
     PENS,
-    RIGHT,
     Column,
     Pen,
     Picture,
@@ -127,24 +124,18 @@ def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> P
     legend += [("not complete", FAILED)] if missing else []
     height = stack_height(len(names), CURVES)
     drawing = Picture(height, found.model.name, legend=legend, **more)
-    width = (drawing.width - LEFT - RIGHT - APART * (len(shown) - 1)) / len(shown)
-    panels = drawing.panels(
-        [width] * len(shown), [CURVES] * len(names), top=APART, across=APART, down=APART
+    panels = drawing.subplots(
+        len(names), len(shown), squeeze=False, sharex="col", sharey="row"
     )
     for row, name in zip(panels, names, strict=True):
         cells = values_of(found, name)
         for axes, lowest, axis in zip(row, panels[-1], shown, strict=True):
             order, x = _along(found, axis)
             end, low, high = cells[order].T
-            if axes is not lowest:
-                axes.sharex(lowest)
-            if axes is not row[0]:
-                axes.sharey(row[0])
             if banded:
                 band = {"color": BAND["color"], "linewidth": 0.0}
                 axes.fill_between(x.values, low, high, **band)
             axes.plot(x.values, end, **dots, clip_on=False, zorder=2.2)
-            axes.tick_params(labelleft=axes is row[0], labelbottom=axes is lowest)
             none = x.values[np.isnan(end)]
             if len(none):
                 bottom = axes.get_ylim()[0]
@@ -152,8 +143,8 @@ def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> P
                 axes.set_ylim(bottom)
             if axes is lowest:
                 axes.set_xscale("log" if is_log(x.values) else "linear")
-                x.stand_at(axes.xaxis, width)
-        _column(found, name, cells).stand_at(row[0].yaxis, CURVES)
+                x.stand_at(axes.xaxis)
+        _column(found, name, cells).stand_at(row[0].yaxis)
     drawing.align_ylabels()
     return drawing
 
