@@ -44,7 +44,7 @@ def chart(document):
     drawing = Picture(
         HEIGHT * rows + REST, "Time to integrate against the error made",
         legend=[(name, LOOKS[name].sample) for name in used],
-        notes=[WHAT, f"{stamp(document)}."], layout="constrained",
+        notes=[WHAT, f"{stamp(document)}."],
     )  # fmt: skip
     panels = drawing.subplots(rows, 2, squeeze=False).flat
     costs = [costs_of(scene) for scene in scenes]

@@ -24,7 +24,14 @@ from matplotlib.transforms import ScaledTranslation
 
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.letters import mathtext, shortened
-from lagsim.outputs.scale import extent, name_axis, read_off, size_of
+from lagsim.outputs.scale import (
+    OF_LABELS,
+    SPARE,
+    extent,
+    name_axis,
+    read_off,
+    size_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -44,8 +51,8 @@ DPI = 200
 # Inches: of a picture; of a line of its title or legend, and of one of its notes; what
 # the numbers below the last panel take, and what is above each panel.
 WIDTH, LINE, NOTE, BELOW_PANELS, APART = 7.0, 0.2, 0.14, 0.45, 0.26
-# Characters to the inch: of the title, of labels, and of small print.
-OF_TITLE, OF_LABELS, OF_SMALL_PRINT = 10, 11, 14
+# Letters to the inch: of the title, and of small print.
+OF_TITLE, OF_SMALL_PRINT = 10, 14
 # Of a legend, what a line before a name takes.
 BESIDE = 6
 
@@ -279,16 +286,10 @@ def frame(
         name_axis(axes.xaxis, *below)
     else:
         axes.tick_params(labelbottom=False)
-    width, height = size_of(axes)
-    beside = int(OF_LABELS * (height + BELOW_PANELS))
     if above is None:
-        above = len(up[0]) + len(up[1]) > beside
-    if above:
-        most = int(OF_SMALL_PRINT * width)
-        name_axis(axes.yaxis, *up, text=axes.set_title(""), most=most)
-    else:
-        name_axis(axes.yaxis, *up, most=beside)
-        axes.yaxis.label.set_color(colour)
+        above = len(up[0]) + len(up[1]) > OF_LABELS * (size_of(axes)[1] + SPARE)
+    name_axis(axes.yaxis, *up, axes.set_title("") if above else None)
+    axes.yaxis.label.set_color(colour)
     axes.tick_params("y", labelcolor=colour)
 
 

@@ -9,7 +9,15 @@ import math
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import (
+    FixedLocator,
+    FuncFormatter,
+    Locator,
+    LogFormatterSciNotation,
+    MaxNLocator,
+    ScalarFormatter,
+    SymmetricalLogLocator,
+)
 
 from lagsim.outputs.letters import SUPERSCRIPTS, mathtext, shortened
 from lagsim.run.observers.thinning import FAINT
@@ -30,6 +38,9 @@ if TYPE_CHECKING:
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
 STEPS = (1, 2, 2.5, 5, 10)
+# Letters to the inch of a label; inches by which it may be longer than its panel is
+# high; and what is left of a name in any case.
+OF_LABELS, SPARE, LEAST_NAME = 12, 0.4, 7
 # Powers of ten stand at the ticks of scales that go further than this.
 DECADES = 1000.0
 
@@ -64,20 +75,33 @@ class Scale(NamedTuple):
         across = direction == "x"
         axis: Axis = axes.xaxis if across else axes.yaxis
         choose = axes.set_xscale if across else axes.set_yscale
+        # Numbers side by side take twice the room that matplotlib gives them.
+        most = min(9, max(2, axis.get_tick_space() // (2 if across else 1)))
         if self.linear:
             choose("symlog", linthresh=self.linear, linscale=self.share)
-            axis.set_major_formatter(Powers())
+            axis.set_major_locator(self._beyond(most))
+            axis.set_major_formatter(FuncFormatter(lambda x, _: read_off(x)))
         elif self.log:
             choose("log")
             axis.set_major_formatter(Powers())
             axis.set_minor_formatter(Powers())
         else:
-            # Numbers side by side take twice the room that matplotlib gives them.
-            most = min(9, axis.get_tick_space() // (2 if across else 1))
             axis.set_major_locator(
-                MaxNLocator(max(2, most), steps=STEPS, min_n_ticks=LEAST_TICKS)
+                MaxNLocator(most, steps=STEPS, min_n_ticks=LEAST_TICKS)
             )
         (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
+
+    def _beyond(self, most: int) -> Locator:
+        """Return ticks at 0, at powers, and at the ends of a long linear part."""
+        ends = self.low, self.high
+        apart = math.log10(max(map(abs, ends)) / self.linear) / most
+        powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
+        powers.set_params(numticks=most)
+        # As far from the linear part as from each other.
+        least = self.linear * 10.0 ** max(0.6, apart)
+        found = [x for x in powers.tick_values(*ends) if abs(x) >= least]
+        found += [-self.linear, 0.0, self.linear] if self.share > apart else [0.0]
+        return FixedLocator(sorted(x for x in found if self.low <= x <= self.high))
 
 
 def size_of(axes: Axes) -> tuple[float, float]:
@@ -103,28 +127,37 @@ def put_around(axes: Axes, ends: Ends, each: float) -> None:
     up.put(axes, "y")
 
 
-def name_axis(
-    axis: Axis, name: str, unit: str = "", *, text: Text | None = None, most: int = 80
-) -> None:
+def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -> None:
     """Name an axis, with what its numbers count in, and from where.
 
-    Parameters
-    ----------
-    text : where the name is written; by default at the axis.
-    most : letters of the name.
+    The name is cut to the length of the axis. `text` is where it is written: above the
+    panel, or by default at the axis.
     """
-    text = text or axis.label
+    width, height = size_of(axis.axes)
+    across = text is not None or axis is axis.axes.xaxis
+    room = int(OF_LABELS * (width if across else height + SPARE))
+    label = Label(text or axis.label, name, unit, room)
     if axis.get_scale() == "linear":
-        axis.set_major_formatter(Counting(text, shortened(name, most), unit))
+        axis.set_major_formatter(Counting(label))
         axis.offsetText.set_visible(False)
-    else:
-        text.set_text(mathtext(labelled(shortened(name, most), unit)))
 
 
-def labelled(name: str, *unit: str) -> str:
-    """Return a name with its unit."""
-    inside = " ".join(part for part in unit if part)
-    return f"{name} ({inside})" if name and inside else name or inside
+class Label:
+    """What an axis shows, of at most so many letters; the name is cut to them."""
+
+    def __init__(self, text: Text, name: str, unit: str, most: int) -> None:
+        self._text, self._named, self._most = text, (name, unit), most
+        self.write()
+
+    def write(self, offset: str = "", scale: str = "") -> None:
+        """Write it, with an offset and a power of ten."""
+        name, unit = self._named
+        inside = f"{scale} {unit}".strip()
+        if name and inside:
+            inside = f" ({inside})"
+        rest = offset + inside
+        most = max(self._most - len(rest), LEAST_NAME)
+        self._text.set_text(mathtext(shortened(name, most) + rest))
 
 
 class Counting(ScalarFormatter):
@@ -133,23 +166,20 @@ class Counting(ScalarFormatter):
     matplotlib writes ten digits of the offset, which are too few.
     """
 
-    def __init__(self, text: Text, name: str, unit: str) -> None:
+    def __init__(self, label: Label) -> None:
         super().__init__()
-        self._text, self._named = text, (name, unit)
-        text.set_text(mathtext(labelled(name, unit)))
+        self._label = label
 
     def set_locs(self, locs: Any) -> None:
-        """Take places of ticks, and name the axis after what they count in."""
+        """Take places of ticks, and write what they count in."""
         super().set_locs(locs)
         # Its name of before 3.11 will go in 3.13.
         power = vars(self).get("_orderOfMagnitude", vars(self).get("orderOfMagnitude"))
-        name, unit = self._named
+        offset = ""
         if self.offset:
             # Fifteen digits hold it exactly: it is a multiple of the span's own size.
-            sign = "−" if self.offset > 0 else "+"
-            name = f"{name} {sign} {abs(self.offset):.15g}"
-        scale = power_of_ten(int(power)) if power else ""
-        self._text.set_text(mathtext(labelled(name, scale, unit)))
+            offset = f" {'−' if self.offset > 0 else '+'} {abs(self.offset):.15g}"
+        self._label.write(offset, power_of_ten(int(power)) if power else "")
 
 
 class Powers(LogFormatterSciNotation):

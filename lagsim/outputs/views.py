@@ -191,7 +191,9 @@ class Views:
         views = [*IN_SPACE, ASIDE] if len(self._extents) == 3 else PLANE
         panels = list(zip(found, views, strict=True))
         for axes, view in panels:
-            axes.tick_params(labelbottom=view != ASIDE, labelleft=view != ASIDE)
+            if view == ASIDE:
+                axes.grid(visible=False)
+                axes.tick_params(labelbottom=False, labelleft=False)
             for axis, k in zip((axes.xaxis, axes.yaxis), view, strict=False):
                 name_axis(axis, "xyz"[k], self._unit)
         picture.adjust.append(partial(self._put, panels))
