@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 221
-LINES = 75_360
-LINES_OF_TESTS = 57_490
+LINES = 75_200
+LINES_OF_TESTS = 57_500
 
 
 def lines(folder):
