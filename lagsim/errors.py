@@ -49,6 +49,20 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"did you mean `{near}`?" if near else ""
 
 
+def several(texts: Iterable[str], most: int) -> str:
+    """Give texts as a list of no more than so many: `a, b and 4 more`."""
+    texts = list(texts)
+    more = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return ", ".join(texts[:most]) + more
+
+
+def counted(number: int, noun: str) -> str:
+    """Give a number of things: `1 row`, `2 switches`, `3 degrees of freedom`."""
+    noun, of, rest = noun.partition(" of ")
+    ending = "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{ending if number != 1 else ''}{of}{rest}"
+
+
 class Place(NamedTuple):
     """A stretch of a file: line and column count from 1, length in characters."""
 

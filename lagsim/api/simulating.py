@@ -12,14 +12,13 @@ import numpy as np
 
 from lagsim.api import given, in_python, numbers, one_of, with_settings
 from lagsim.api.models import Model, model_of
-from lagsim.errors import LagsimError
+from lagsim.errors import LagsimError, counted
 from lagsim.outputs import Format, Made
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.letters import Letters, letters_of, raised
 from lagsim.outputs.manifest import encode, examination
 from lagsim.outputs.notebook import (
     block,
-    counted,
     heading,
     listed,
     page,

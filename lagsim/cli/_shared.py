@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import typer
 
-from lagsim.errors import LagsimError, Problem, Problems, visible
+from lagsim.errors import LagsimError, Problem, Problems, counted, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -142,12 +142,6 @@ def coloured(text: str, code: str) -> str:
     if plain or not sys.stdout.isatty():
         return text
     return colour(text, code)
-
-
-def counted(number: int, noun: str) -> str:
-    """Return `1 row`, `2 rows`, `2 switches`."""
-    ending = "es" if noun.endswith("ch") else "s"
-    return f"{number} {noun}{ending if number != 1 else ''}"
 
 
 def table(rows: Iterable[tuple[str, str]]) -> str:

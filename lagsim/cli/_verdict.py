@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE, Verdict
-from lagsim.cli._shared import ERROR, WARNING, annotate, coloured, counted, table
+from lagsim.cli._shared import ERROR, WARNING, annotate, coloured, table
 from lagsim.codes import number
-from lagsim.errors import pointed
+from lagsim.errors import counted, pointed
 from lagsim.language.names import in_file
 
 if TYPE_CHECKING:

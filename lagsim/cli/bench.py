@@ -29,7 +29,7 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.errors import LagsimError, Problem, Problems, unusable
+from lagsim.errors import LagsimError, Problem, Problems, several, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
@@ -217,9 +217,7 @@ def _time(document: Document) -> str:
     text = f"{budget['spent']:.3g} s of {budget['seconds']:g}"
     if not cut:
         return text
-    names = [f"{method} ({formulation})" for method, formulation in cut]
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    named = ", ".join(names[:MOST_NAMES]) + more
+    named = several((f"{method} ({form})" for method, form in cut), MOST_NAMES)
     return f"{text}: not enough to finish {named}; --budget allows more"
 
 

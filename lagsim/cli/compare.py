@@ -13,7 +13,6 @@ from lagsim.cli._shared import (
     JSON,
     aligned,
     coloured,
-    counted,
     option,
     put_picture,
     quiet,
@@ -21,7 +20,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.codes import failure, number
-from lagsim.errors import Problems
+from lagsim.errors import Problems, counted, several
 from lagsim.studies.comparison import Deviation, Verdict, compare
 from lagsim.studies.tables import Table, read_results
 
@@ -137,8 +136,7 @@ def notes(verdict: Verdict) -> list[str]:
     """Return notes on what only one of both has, and on what else they differ in."""
     lines = []
     for what, names in (("missing", verdict.missing), ("extra", verdict.extra)):
-        more = f" and {len(names) - 8} more" if len(names) > 8 else ""
-        lines += [f"{what}: {', '.join(names[:8])}{more}"] if names else []
+        lines += [f"{what}: {several(names, 8)}"] if names else []
     return [*lines, *verdict.faults]
 
 

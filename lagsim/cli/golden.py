@@ -17,7 +17,6 @@ from lagsim.cli._shared import (
     annotate,
     coloured,
     complain,
-    counted,
     flag,
     option,
     put_file,
@@ -29,7 +28,7 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli.compare import DIFFERS, differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
-from lagsim.errors import LagsimError, Problems
+from lagsim.errors import LagsimError, Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as junit_document

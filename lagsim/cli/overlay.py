@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import complain, counted, option, put_picture, quiet, say
-from lagsim.errors import InputError, Problem, unusable
+from lagsim.cli._shared import complain, option, put_picture, quiet, say
+from lagsim.errors import InputError, Problem, counted, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay
 from lagsim.studies.overlay import Shown, read

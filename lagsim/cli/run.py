@@ -30,7 +30,6 @@ from lagsim.cli._shared import (
     coloured,
     commit,
     complain,
-    counted,
     flag,
     listed,
     output_folder,
@@ -42,7 +41,7 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.codes import failure
-from lagsim.errors import Place, pointed, unusable
+from lagsim.errors import Place, counted, pointed, unusable
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names, options
 from lagsim.model.loading import text_of

@@ -13,14 +13,13 @@ from lagsim.cli._shared import (
     JSON,
     aligned,
     complain,
-    counted,
     option,
     put_file,
     put_picture,
     say,
     show_json,
 )
-from lagsim.errors import Problem, Problems, did_you_mean, unusable
+from lagsim.errors import Problem, Problems, counted, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of

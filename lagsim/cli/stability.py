@@ -18,7 +18,6 @@ from lagsim.cli._shared import (
     Picture,
     aligned,
     assignments,
-    counted,
     csv,
     experiment,
     headline,
@@ -30,7 +29,7 @@ from lagsim.cli._shared import (
     quiet,
     table,
 )
-from lagsim.errors import Problems, unusable
+from lagsim.errors import Problems, counted, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file

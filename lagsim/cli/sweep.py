@@ -19,7 +19,6 @@ from lagsim.cli._shared import (
     Measured,
     assignments,
     coloured,
-    counted,
     experiment,
     flag,
     option,
@@ -31,7 +30,7 @@ from lagsim.cli._shared import (
     writing,
 )
 from lagsim.cli.run import ERROR_BAR, with_settings
-from lagsim.errors import LagsimError, unusable
+from lagsim.errors import LagsimError, counted, unusable
 from lagsim.files import content
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import versions

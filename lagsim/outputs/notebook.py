@@ -14,14 +14,6 @@ LINE = 76
 _CELL = "text-align: left; vertical-align: top"
 
 
-def counted(number: int, word: str) -> str:
-    """Return `2 rows`, or `1 row`."""
-    ending = "s" if number != 1 else ""
-    if word.endswith("degree of freedom"):
-        return f"{number} degree{ending} of freedom"
-    return f"{number} {word}{ending}"
-
-
 def listed(items: Sequence[str], most: int = LINE - 13) -> str:
     """Return `a, b, c`, or as many as fit: `a, b and 12 more`; of nothing `none`."""
     whole = ", ".join(items) or "none"

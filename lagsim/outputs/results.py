@@ -29,7 +29,7 @@ except ImportError:
 import orjson
 
 from lagsim import files, limits
-from lagsim.errors import InputError, unusable
+from lagsim.errors import InputError, several, unusable
 from lagsim.notes import Caution
 from lagsim.outputs import Format
 
@@ -469,9 +469,8 @@ def replaced(
     if not isinstance(old, dict):
         return None
     if old.get("sha256") == new["sha256"]:
-        found = list(_differences(before, now))
-        more = f" and {len(found) - MOST_LISTED} more" * (len(found) > MOST_LISTED)
-        what = f"with {', '.join(found[:MOST_LISTED])}{more}" if found else ""
+        found = several(_differences(before, now), MOST_LISTED)
+        what = f"with {found}" if found else ""
     else:
         file = str(old.get("file"))
         what = f"of {file}" if Path(file) != Path(new["file"]) else ""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.errors import several
 from lagsim.language.tables import ended
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.surfaces import expression_text
@@ -521,6 +522,5 @@ def _gain(arc: Arc, stiff: Arc) -> float:
 
 
 def _named(where: tuple[str, ...]) -> str:
-    shown = ", ".join(f"`{name}`" for name in where[:4])
-    more = f" and {len(where) - 4} more" if len(where) > 4 else ""
-    return f"fast motion of {shown}{more}" if where else "fast motion"
+    shown = several((f"`{name}`" for name in where), 4)
+    return f"fast motion of {shown}" if where else "fast motion"

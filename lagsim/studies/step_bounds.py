@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.errors import several
 from lagsim.mechanics.linearisation import Linear, Linearisation, eigenmodes
 from lagsim.methods import method
 from lagsim.notes import Caution
@@ -344,6 +345,4 @@ class _Check(NamedTuple):
         """Name the coordinates, or states, that have the most part in a mode."""
         every = *self.equations.q, *(x.name for x in self.equations.states)
         shapes = zip(every, there.shapes[:, k], strict=True)
-        names = [f"`{q}`" for q, x in shapes if x > 0.5]
-        more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-        return ", ".join(names[:4]) + more
+        return several((f"`{q}`" for q, x in shapes if x > 0.5), 4)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from lagsim.errors import InputError, Place, Problem, nearest
+from lagsim.errors import InputError, Place, Problem, nearest, several
 from lagsim.language.functions import JOINING
 from lagsim.language.names import in_file
 from lagsim.methods import options
@@ -146,9 +146,7 @@ def shortened(text: str) -> str:
 
 def listed(names: Iterable[str]) -> str:
     """Give names as a text: `a`, `b`, `c`."""
-    names = list(names)
-    text = ", ".join(f"`{n}`" for n in names[:LISTED])
-    return text + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+    return several((f"`{n}`" for n in names), LISTED)
 
 
 def _is_given(node: Node | None) -> TypeGuard[Scalar | Mapping | Sequence]:
