@@ -236,6 +236,8 @@ def _attempts(unit: Problem) -> Iterator[_Point]:
         yield _proximal(unit, FIRM_ON_DISCS, PROXIMAL_ON_DISCS)
         for corners in CORNERS:
             yield _descend(unit, _by_pivots(unit, corners))
+        # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
+        yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
         return
     yield _Point(unit, _by_pivots(unit))
     yield _proximal(unit, FIRM, PROXIMAL)

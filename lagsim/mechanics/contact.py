@@ -487,6 +487,8 @@ class _Rows:
         limits = self.problem.limits(p)
         rounding = self.rounding(p, limits)
         small = rounding / np.where(own > 0.0, own, 1.0)
+        for disc in self.problem.discs:  # both of its rows are on its edge, or neither
+            small[[*disc]] = small[[*disc]].max()
         modes, directions = [Mode.OFF] * len(p), self.directions.copy()
         held = [k for k, kind in enumerate(self.closed.kinds) if kind is Kind.TIMED]
         tied: list[int] = []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lagsim.mechanics.complementarity import Problem, solve
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Mode, modes
 from tests.mechanics.contact._bodies import CONTACT, G, broken, closed, none, touching
@@ -238,3 +239,19 @@ def test_a_column_of_boxes_rests_under_its_weight(count):
     # Each body is held by two normals and one slip; the other slip is the same row.
     assert found.mode.count(HELD) == 3 * count
     assert found.mode.count(REDUNDANT) == count
+
+
+@pytest.mark.parametrize("over", [0.0, 1e-11, 5e-11])
+@pytest.mark.parametrize("slope", [0.979, -1.3])
+def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
+    """Along a rail: what bears the push is a line that touches the disc."""
+    most, u = 1.661328, np.array([1.0, slope]) / np.hypot(1.0, slope)
+    D = np.outer(u, u) / 0.747
+    bounds = np.array([[most, most], [0.0, 0.0]])
+    push = -most * (1.0 + over) * D @ u
+    one = np.array([-1, -1]), np.array([1, 0])
+    found = solve(Problem(D, push, -bounds, bounds, *one))
+    assert found.found
+    assert D @ found.p + push == pytest.approx(0.0, abs=1e-10)
+    # Along the line the distance from the disc grows as a square.
+    assert found.p == pytest.approx(most * u, abs=1e-5)

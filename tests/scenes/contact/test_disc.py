@@ -1,6 +1,7 @@
 """Friction on the disc at any step, where its way turns; where it stops: in pairs."""
 
 import functools
+import math
 
 import numpy as np
 import pytest
@@ -228,6 +229,32 @@ def test_a_slip_ends_along_the_way_that_is_left(rail):
     assert found.times("stick") == pytest.approx([0.5], abs=1e-9)
     assert found["w"][1:] == pytest.approx(0.6 * 0.25, abs=1e-9)
     assert found.result.record["steps"] < 100
+
+
+def test_a_disc_on_a_ring_slips_as_a_whole():
+    """Where its friction is at its bound both of its rows are, whatever their rounding.
+
+    The ring bears what is across; the friction has its bound for the way along.
+    """
+    r, a, v, limit, K, w = 1.499, -1.138, -1.263, 1.648387, 2.425, 3.606
+    c, s = math.cos(a), math.sin(a)
+    found = play(scene(
+        "x y", "1.937*(x_dot^2 + y_dot^2)/2", f"{K}*(x - 0.3)^2/2 + {K}*y^2/3",
+        {"disc": {"relation": ["x_dot = 0", "y_dot = 0"], "limit": limit},
+         "ring": f"x^2 + y^2 = {r * r!r}"},
+        {"x": r * c, "y": r * s, "x_dot": -v * r * s, "y_dot": v * r * c},
+        forces={"x": f"2.678871*sin({w}*t)"}, duration=2, output_step=0.05,
+    ))  # fmt: skip
+    [stick, *_], [slip, *_] = found.times("stick"), found.times("slip")
+    x, y = (found[q][np.searchsorted(found.t, stick)] for q in "xy")
+
+    def left(t):
+        push = -y * (2.678871 * np.sin(w * t) - K * (x - 0.3)) - x * 2.0 * K * y / 3.0
+        return limit - abs(push) / r
+
+    assert slip == pytest.approx(brentq(left, stick + 0.1, 1.3), abs=1e-8)
+    friction = np.hypot(found["lambda_disc.1"], found["lambda_disc.2"])
+    assert np.max(friction) <= limit * (1.0 + 1e-9)
 
 
 def test_friction_at_its_bound_that_turns_and_falls_holds():
