@@ -105,15 +105,24 @@ def matrix(e, values):
     return np.reshape(evaluate(e.graph, nodes, values), (len(e.q), len(e.q)))
 
 
-def agrees(found, expected):
+def agrees(found, expected, part=1e-12):
     """Hold each array to 1e-12 of its largest entry.
 
     Single entries may be differences of large terms, of which 1e-16 is what doubles
     leave; 1e-12 allows for some hundreds of operations and cancellation.
     """
-    found, expected = np.asarray(found), np.asarray(expected)
+    found, expected = np.asarray(found, float), np.asarray(expected, float)
     scale = np.max(np.abs(expected), initial=0.0)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * scale)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * scale)
+
+
+def solves(x, q_ddot, lam):
+    """Hold a motion to the equations x: backward errors of 1e-10 of what is added."""
+    size = np.abs(x.M) @ np.abs(q_ddot) + np.abs(x.f) + np.abs(x.A.T) @ np.abs(lam)
+    balance = x.M @ q_ddot - x.f - x.A.T @ lam
+    assert np.all(np.abs(balance) <= 1e-10 * np.max(size))
+    size = np.abs(x.A) @ np.abs(q_ddot) + np.abs(x.b)
+    assert np.all(np.abs(x.A @ q_ddot - x.b) <= 1e-10 * size)
 
 
 # What sympy derives of ten links takes seconds.
@@ -201,12 +210,7 @@ def test_native_motion_satisfies_the_equations(name, loops):
         n = len(q_ddot)
         assert list(rates[:n]) == [values[v] for v in native.equations.velocities]
         assert list(rates[n : 2 * n]) == list(q_ddot)
-        # Backward error: 1e-10 of the sizes of what is added up.
-        size = np.abs(x.M) @ np.abs(q_ddot) + np.abs(x.f) + np.abs(x.A.T) @ np.abs(lam)
-        balance = x.M @ q_ddot - x.f - x.A.T @ lam
-        assert np.all(np.abs(balance) <= 1e-10 * np.max(size))
-        size = np.abs(x.A) @ np.abs(q_ddot) + np.abs(x.b)
-        assert np.all(np.abs(x.A @ q_ddot - x.b) <= 1e-10 * size)
+        solves(x, q_ddot, lam)
 
 
 @pytest.mark.parametrize("name", ENERGIES)

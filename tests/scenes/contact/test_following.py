@@ -269,10 +269,19 @@ def test_other_values_of_parameters_and_a_shifted_start():
         ("{restitution: 0, restitution_law: possion}", "unknown-restitution-law",
          "possion"),
         ("{restitution: lambda_floor}", "output-only", "lambda_floor"),
+        # A limit of two relations.
+        ("{relation: [x_dot = 0, y_dot = 0]}", "missing-key", "["),
+        ("{relation: [x_dot = 0], limit: 1}", "wrong-count", "["),
+        ("{relation: [x_dot = 0, y = 0], limit: 1}", "not-a-velocity", "limit"),
+        ("{relation: [x_dot = 0, y_dot >= 0], limit: 1}", "not-an-equality", "y_dot"),
+        ("{relation: [x_dot = 0, y_dot +], limit: 1}", "expression-syntax", "]"),
+        ("{relation: [x_dot = 0, y_dot = 0], limit: -1}", "out-of-range", "-1"),
+        ("{relation: [x_dot = 0, y_dot = 0], limit: v}", "unknown-name", "v"),
     ],
 )  # fmt: skip
 def test_faults(law, code, at):
-    text = plane(law="LAW").replace("LAW", law.replace("{", "{relation: y >= 0, ", 1))
+    law = law.replace("{rest", "{relation: y >= 0, rest", 1)
+    text = plane(law="LAW").replace("LAW", law)
     with pytest.raises(InputError) as fault:
         lagsim.load(text)
     (found,) = fault.value.problems
@@ -447,28 +456,6 @@ simulation: {duration: 1, output_step: 0.1}
     assert result["lambda_pad.1"] == pytest.approx(-result.t)
     assert result["z"] == pytest.approx(0.0, abs=1e-15)
     assert result.record["steps"] < 100
-
-
-@pytest.mark.parametrize(
-    ("law", "code", "at"),
-    [
-        ("{relation: [x_dot = 0, y_dot = 0]}", "missing-key", "["),
-        ("{relation: [x_dot = 0], limit: 1}", "wrong-count", "["),
-        ("{relation: [x_dot = 0, y = 0], limit: 1}", "not-a-velocity", "limit"),
-        ("{relation: [x_dot = 0, y_dot >= 0], limit: 1}", "not-an-equality", "y_dot"),
-        ("{relation: [x_dot = 0, y_dot +], limit: 1}", "expression-syntax", "]"),
-        ("{relation: [x_dot = 0, y_dot = 0], limit: -1}", "out-of-range", "-1"),
-        ("{relation: [x_dot = 0, y_dot = 0], limit: v}", "unknown-name", "v"),
-    ],
-)
-def test_faults_of_a_planar_brake(law, code, at):
-    text = plane(law="LAW").replace("LAW", law)
-    with pytest.raises(InputError) as fault:
-        lagsim.load(text)
-    (found,) = fault.value.problems
-    assert found.code == code
-    line = text.splitlines()[found.place.line - 1]
-    assert line[found.place.column - 1 :].startswith(at)
 
 
 def test_a_disc_that_stops_beside_a_table_stops_once():
