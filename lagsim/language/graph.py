@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from collections import defaultdict
 from functools import cache, wraps
 from itertools import repeat
@@ -86,6 +87,14 @@ def _degrees_of(
 
 class TooMuchError(InputError):
     """Work on a graph would exceed `limits.WORK`."""
+
+
+class Leaves(NamedTuple):
+    """Nodes of variables, and the first of them, when there were so many variables."""
+
+    nodes: set[int]
+    first: int
+    variables: int
 
 
 class Graph:
@@ -311,19 +320,29 @@ class Graph:
         self, nodes: Iterable[int], *several: Collection[str]
     ) -> list[set[int]]:
         """Nodes in the cone of `nodes` that depend on any of the names, for several."""
-        known, args = self._known[VARIABLE], self.args
-        leaves = [set(map(known.get, names, repeat(-1))) - {-1} for names in several]
-        first = min((min(some) for some in leaves if some), default=len(args))
+        args, leaves = self.args, [self._leaves(names) for names in several]
+        first = min(some.first for some in leaves)
         # What is older depends on none.
         cone = self.cone(nodes, range(first) if first > LONG else ())
         made = []
         for some in leaves:
-            found = some.intersection(cone)
+            found = some.nodes.intersection(cone)
             for n in cone if found else ():
                 if not found.isdisjoint(args[n]):
                     found.add(n)
             made.append(found)
         return made
+
+    def _leaves(self, names: Collection[str]) -> Leaves:
+        """Return the nodes of variables; of a frozenset they are kept."""
+        known, kept = self._known[VARIABLE], isinstance(names, frozenset)
+        found: Leaves | None = self.memoized.get((Leaves, names)) if kept else None
+        if found is None or found.variables != len(known):
+            nodes = set(map(known.get, names, repeat(-1))) - {-1}
+            found = Leaves(nodes, min(nodes, default=sys.maxsize), len(known))
+            if kept:
+                self.memoized[Leaves, names] = found
+        return found
 
     def cost(self, nodes: Iterable[int], names: Collection[str]) -> int:
         """Cost of `nodes`, in additions; what none of `names` moves is free."""
