@@ -558,7 +558,10 @@ class _Rows:
             for disc in [self.disc(k)]
             if rate[disc].any() or (self.left[disc].any() and none[disc[-1]])
         ]
-        for k in (*held, *sorted(tied, key=lambda k: -abs(turn[k] @ x))):
+        ranked = sorted(tied, key=lambda k: -abs(turn[k] @ x))
+        rests = [k for k in (*held, *ranked) if k not in apart]
+        apart = self._movable(rests, apart, turn)
+        for k in (*held, *ranked):
             n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
                 continue
@@ -580,6 +583,20 @@ class _Rows:
                 c, s = p[[i, k]] / np.linalg.norm(p[[i, k]])
                 turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
         return turn
+
+    def _movable(self, rests: list[int], apart: list[int], turn: Floats) -> list[int]:
+        """Rows of those apart that can move: a disc only along its force.
+
+        Not where rows that rest hold it that way, and those on its edge across it.
+        """
+        discs = [disc for disc in self.problem.discs if disc[1] in apart]
+        if not discs:
+            return apart
+        span = _Independent(self.closed.factor @ turn)
+        for k in (*rests, *(i for i, _ in discs)):
+            span.takes(k)
+        locked = [disc for disc in discs if not span.adds(disc[1])]
+        return [k for k in apart if self.disc(k) not in locked]
 
     def _rates(
         self,
@@ -624,6 +641,10 @@ class _Independent(Span):
     def takes(self, row: int) -> bool:
         """Take a row unless it is spanned already."""
         return self.extend(self.units[row], DEPENDENT_ROWS)
+
+    def adds(self, row: int) -> bool:
+        """Whether a row is not spanned."""
+        return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 
 def _supported(rows: _Rows, solution: Solution) -> Solution:

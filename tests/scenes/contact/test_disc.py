@@ -332,3 +332,36 @@ def test_a_slip_begins_as_soon_seen_from_elsewhere(speed, late):
     assert there.result.record["steps"] == pytest.approx(moves, abs=0.5 * moves)
     assert there["x"][-1] - 1.25 * speed == pytest.approx(here["x"][-1], abs=1e-9)
     assert there["y"][-1] == pytest.approx(here["y"][-1], abs=1e-9)
+
+
+def test_a_disc_and_a_brake_that_share_a_way_slip_at_once():
+    # The wheel and the body move together: 3 and 0.1 hold them, at an angle.
+    friction, brake = 3.0, 0.1
+    found = play(scene(
+        "x w p", "(x_dot^2 + w_dot^2 + 0.02*p_dot^2)/2", "0",
+        {"disc": {"relation": ["x_dot = 0", "w_dot = 0"], "limit": friction},
+         "gear": {"relation": "p_dot - w_dot = 0", "limit": 1},
+         "brake": {"relation": "p_dot = 0", "limit": brake}},
+        dict.fromkeys("xwp", 0), forces={"x": "0.5*t", "w": "t"}, duration=3.5,
+    ))  # fmt: skip
+    # |(0.5 t, t - 0.1)| = 3
+    slips = brentq(lambda t: np.hypot(0.5 * t, t - brake) - friction, 2.0, 3.5)
+    assert found.times("slip") == pytest.approx([slips, slips], abs=1e-8)
+
+    def rates(t, s):
+        v = np.sqrt(s[2] ** 2 + s[3] ** 2 + 1e-18)
+        pushes = 0.5 * t, t - brake
+        return [
+            *s[2:],
+            *(
+                (pushes[i] - friction * s[2 + i] / v) / m
+                for i, m in ((0, 1), (1, 1.02))
+            ),
+        ]
+
+    expected = solve_ivp(
+        rates, (slips, 3.5), np.zeros(4), "LSODA", rtol=1e-10, atol=1e-14
+    )
+    end = [found[q][-1] for q in ("x", "w", "x_dot", "w_dot")]
+    assert end == pytest.approx(expected.y[:, -1], abs=1e-6)
+    assert found.result.record["steps"] < 300
