@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts.parameters import TURNS
+from lagsim.run.events.times import SAMPLES, pulses
 from lagsim.tolerances import CLEAR_OF_ROUNDING, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 # The first stretch, in parts of the time in which forces change by as much as friction;
 # how often it is halved; and Newton's steps.
 STRETCH = 0.5
+# The first of the times at which a pulse ahead is looked for, in stretches.
+SOONEST = 1e-9
 HALVINGS = 8
 SWEEPS = 12
 # A slip without a speed: what is added to it alone gives its direction.
@@ -87,7 +90,13 @@ def _longest(here: Kinematics, steady: float) -> float:
     left = min(x for x in times if x > t)
     if steady < here.arc.settings.end - t:  # else nothing changes as far as is seen
         left = min(left, t + STRETCH * steady)
-    return float(left - t)
+    left = float(left - t)
+    if here.arc.system.timed:
+        # A pulse may come soon: up to half of the way to it.
+        ahead = np.append(0.0, np.geomspace(SOONEST, 2.0, SAMPLES))
+        while found := pulses(here.arc, t + left * ahead):
+            left = 0.5 * (found[0] - t)
+    return left
 
 
 def _collocated(

@@ -262,28 +262,35 @@ class Pulses(Source):
         if arc.t < self._seen:
             return GO_ON
         self._seen = arc.end
-        graph, timed, sizes = arc.equations.graph, arc.system.timed, arc.sizes
         times, p = np.linspace(arc.t, arc.end, SAMPLES), arc.system.p
         beyond = 2.0 * times[-1] - times[-2]
         times = np.union1d(times, p.knot_times[int(p.passed) : int(p.known)])
         times = np.append(times[times <= arc.end], beyond)
-        values: dict[str, Any] = {**arc.parameters, "t": times}
-        for mode in arc.system.switches.modes:
-            (values[mode.variable],) = evaluate_rows(
-                graph, [mode.discrete], values, len(times)
-            )
-        nodes = [x.node for x in timed]
-        found = evaluate_rows(graph, nodes, values, len(times)).tolist()
-        for (_, kind, power), arguments in zip(timed, found, strict=True):
-            away = np.array([distance(kind, power, u) for u in arguments])
-            away[np.isnan(away)] = inf
-            before = np.maximum.accumulate(away)[:-2]
-            after = np.maximum.accumulate(away[::-1])[::-1][2:]
-            closest = away[1:-1] <= np.minimum(away[:-2], away[2:])
-            closest &= np.minimum(before, after) - away[1:-1] >= SHALLOW
-            for time in times[1:-1][closest]:
-                sizes = np.maximum(sizes, _pushed(arc, time))
+        sizes = arc.sizes
+        for time in pulses(arc, times):
+            sizes = np.maximum(sizes, _pushed(arc, time))
         return Decision(sizes=sizes)
+
+
+def pulses(arc: Arc, times: Floats) -> list[float]:
+    """Those of some times at which a term of t alone is closest to where it acts."""
+    graph, timed = arc.equations.graph, arc.system.timed
+    values: dict[str, Any] = {**arc.parameters, "t": times}
+    for mode in arc.system.switches.modes:
+        (values[mode.variable],) = evaluate_rows(
+            graph, [mode.discrete], values, len(times)
+        )
+    nodes = [x.node for x in timed]
+    rows = evaluate_rows(graph, nodes, values, len(times)).tolist()
+    found = np.zeros(len(times) - 2, bool)
+    for (_, kind, power), arguments in zip(timed, rows, strict=True):
+        away = np.array([distance(kind, power, u) for u in arguments])
+        away[np.isnan(away)] = inf
+        before = np.maximum.accumulate(away)[:-2]
+        after = np.maximum.accumulate(away[::-1])[::-1][2:]
+        closest = away[1:-1] <= np.minimum(away[:-2], away[2:])
+        found |= closest & (np.minimum(before, after) - away[1:-1] >= SHALLOW)
+    return list(map(float, times[1:-1][found]))
 
 
 def _pushed(arc: Arc, time: float) -> Floats:

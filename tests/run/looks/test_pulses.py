@@ -1,9 +1,11 @@
 """What happens at its own time, after a long rest or between others of its kind."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import ive
 
 from tests.run.looks.scenes import METHODS, line
@@ -155,3 +157,42 @@ def test_a_pulse_in_the_first_and_the_last_instant():
     text = line(force="exp(-(t/1e-4)^2/2) + exp(-((t - 20)/1e-4)^2/2)", method="taylor")
     end = run(text)["x_dot"][-1]
     assert end == pytest.approx(1e-4 * ROOT, rel=1e-7)
+
+
+# A block on the floor, pulled past its friction, is struck from the side at once: after
+# how long, how wide, how hard.
+STRUCK = [(3.0e-4, 2.6e-5, 1.0e-3), (6.2e-4, 1.0e-4, 5.9e-4), (4.2e-3, 3.0e-5, 5.6e-4)]
+
+
+@pytest.mark.parametrize(("after", "width", "size"), STRUCK)
+def test_a_pulse_soon_after_a_slip_has_begun(after, width, size):
+    begins = 0.5 * 9.81 / 6
+    at = begins + after
+    found = run(f"""
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}}
+forces: {{x: 6*t, y: "{size!r}*exp(-((t - {at!r})/{width!r})^2)/{width!r}"}}
+constraints:
+  floor: {{relation: z >= 0, restitution: 0, friction: 0.5, slip: [x_dot, y_dot]}}
+initial: {{x: 0, y: 0, z: 0}}
+simulation: {{duration: 1, output_step: 0.1}}
+""")
+
+    def rates(t, y):
+        speed = math.hypot(y[2], y[3])
+        pulse = size * math.exp(-min(((t - at) / width) ** 2, 700)) / width
+        return [
+            y[2], y[3], 6 * t - 4.905 * y[2] / speed, pulse - 4.905 * y[3] / speed,
+        ]  # fmt: skip
+
+    # At first x'' = 6 (t - begins).
+    early = 1e-3 * after
+    y = [early**3, 0, 3 * early**2, 0]
+    edges = [begins + early, max(at - 7 * width, begins + 2 * early), at + 7 * width, 1]
+    for a, b in itertools.pairwise(edges):
+        solved = solve_ivp(
+            rates, (a, b), y, "Radau", rtol=1e-10, atol=1e-16, max_step=(b - a) / 100
+        )
+        y = solved.y[:, -1]
+    for name, value in zip(("x", "y"), y, strict=False):
+        assert found[name][-1] == pytest.approx(value, rel=1e-5)
