@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 221
-LINES = 75_230
-LINES_OF_TESTS = 57_470
+LINES = 75_240
+LINES_OF_TESTS = 57_510
 
 
 def lines(folder):
