@@ -25,8 +25,14 @@ from lagsim.mechanics.switches import model_switches
 from lagsim.methods import Structure, method, options_of
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice
-from lagsim.plan.formulation import formulate, step_parts
-from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
+from lagsim.plan.formulation import (
+    LARGEST_APART,
+    formulate,
+    saving,
+    step_parts,
+    subsystems,
+    why_not_apart,
+)
 from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -40,7 +46,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.model.model import Settings
-    from lagsim.plan.subsystems import Subsystem
+    from lagsim.plan.formulation import Subsystem
 
 
 def newton_of(name: str, equations: Equations) -> Newton | None:
@@ -620,9 +626,9 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
     """Subsystems to be integrated apart, if there are any and it pays."""
     asked = settings.formulation
-    if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST):
+    if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST_APART):
         return ()
-    why = refusal(equations)
+    why = why_not_apart(equations)
     if equations.laws:
         why = "a contact or a limit can stop the step of any of them"
     if not why:

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
-    from lagsim.plan.subsystems import Subsystem
+    from lagsim.plan.formulation import Subsystem
     from lagsim.run.arc import Arc
     from lagsim.run.events.constraints import Before
     from lagsim.run.interrupt import Interrupt

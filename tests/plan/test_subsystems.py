@@ -7,7 +7,7 @@ from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive, groups
 from lagsim.model.reader import read
-from lagsim.plan.subsystems import subsystems
+from lagsim.plan.formulation import subsystems
 from lagsim.program.system import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
