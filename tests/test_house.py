@@ -6,7 +6,7 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 221
+FILES = 220
 LINES = 75_240
 LINES_OF_TESTS = 57_510
 
