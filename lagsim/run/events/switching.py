@@ -242,7 +242,8 @@ class Switching(Source):
         pushes = arc.state.parts[:n]
         if arc.system.laws:
             pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
-        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        # At a time at which there have been events the last step was one to it.
+        step = (arc.t - arc.state.step_t or arc.state.step_h) if arc.steps else 0.0
         ranges, velocities = arc.ranges_to(y), arc.velocities
         ranges[velocities] += step * pushes
         ranges[arc.state.positions] += step * ranges[velocities]

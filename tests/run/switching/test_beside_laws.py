@@ -142,6 +142,31 @@ def test_friction_by_a_switch_beside_a_clutch_to_a_brake(brake, x, a):
     assert not found.trajectory.warnings
 
 
+@pytest.mark.parametrize("u", [1.0, 1e-6])
+def test_a_force_that_switches_and_limits_bear_together_in_any_unit(u):
+    # Of 5.52 sin 1.49 t on a its brake bears 2, and its friction on b 0.77, which b
+    # passes on: until then nothing has moved at all, but for rounding.
+    forces = {
+        "a": "5.52*sin(1.49*t) + 0.77*sign(b_dot - a_dot)",
+        "b": "-0.31*sign(b_dot) - 0.77*sign(b_dot - a_dot)",
+        "c": "0.77*sign(d_dot - c_dot)",
+        "d": "-sign(d_dot) - 0.77*sign(d_dot - c_dot) + 0.77*sign(e_dot - d_dot)",
+        "e": "-sign(e_dot) - 0.77*sign(e_dot - d_dot)",
+    }
+    limits = {"a": ("a_dot", 2), "c": ("c_dot", 1), "bc": ("c_dot - b_dot", 0.77)}
+    text = mechanical(
+        "a b c d e", f"{u}*({' + '.join(f'{x}_dot^2/2' for x in 'abcde')})",
+        f"{u}*a^2/2", {k: {"relation": f"{v} = 0", "limit": u * most}
+        for k, (v, most) in limits.items()}, dict.fromkeys("abcde", 0.0),
+        forces={x: f"{u}*({force})" for x, force in forces.items()}, duration=1,
+        output_step=0.125,
+    )  # fmt: skip
+    found = run(read(text, "units.yaml"))
+    assert found.trajectory.outcome is Outcome.DONE
+    slips = [e.time for e in found.trajectory.events if e.constraint == "a"]
+    assert slips == pytest.approx([np.arcsin(2.77 / 5.52) / 1.49], abs=1e-9)
+
+
 # Scenes that ended in switches without end, or jumped, where ties were broken one by
 # one: all rub on the ground and each on the next.
 @pytest.mark.parametrize("seed", one_quick(0, *range(1, 24)))
