@@ -28,7 +28,7 @@ from lagsim.outputs.scale import (
     value_scale,
 )
 
-WIDTH, HEIGHT = 6.4, 2.2
+WIDTH, HEIGHT = 6.4, 2.5
 
 # What fails is vermilion, what holds blue, the exact thin and black: told apart by
 # everyone, and by their dashes in print.
@@ -123,10 +123,11 @@ def _panel(picture, axes, view):
             for a, b in zip(x, y, strict=True):
                 if np.isfinite(b):
                     point(axes, a, b, mark("o", 3.0, pen["color"]))
-    axes.set_title(view.title, weight="bold", size=SMALL, pad=18.0)
+    look = {"weight": "bold", "size": SMALL}
     entries = [(name, pen) for name, _, _, pen in view.curves if name]
-    if entries:
-        legend_above(axes, entries)
+    legend_above(
+        axes, entries, title=view.title, title_fontproperties=look, alignment="left"
+    )
 
 
 def named(text):

@@ -174,10 +174,10 @@ def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
     return names, max(1, min(most // (longest + BESIDE), len(names)))
 
 
-def legend_above(axes: Axes, entries: Sequence[Entry]) -> None:
+def legend_above(axes: Axes, entries: Sequence[Entry], **more: Any) -> None:
     """Name the lines of a panel above it."""
-    anchor: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
-    legend(axes, entries, size_of(axes)[0], **anchor)
+    more |= {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    legend(axes, entries, size_of(axes)[0], **more)
 
 
 class Picture(Figure):

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
 STEPS = (1, 2, 2.5, 5, 10)
-# Letters to the inch of a label; inches by which it may be longer than its panel is
-# high; and what is left of a name in any case.
-OF_LABELS, SPARE, LEAST_NAME = 12, 0.4, 7
+# Letters to the inch of a label at the side, and of one below or above; inches by which
+# it may be longer than its panel is high, or wide; what is left of a name in any case.
+OF_LABELS, ABOVE, SPARE, SPARE_ABOVE, LEAST_NAME = 12, 15, 0.4, 0.25, 7
 # Powers of ten stand at the ticks of scales that go further than this.
 DECADES = 1000.0
 
@@ -135,8 +135,8 @@ def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -
     """
     width, height = size_of(axis.axes)
     across = text is not None or axis is axis.axes.xaxis
-    room = int(OF_LABELS * (width if across else height + SPARE))
-    label = Label(text or axis.label, name, unit, room)
+    room = ABOVE * (width + SPARE_ABOVE) if across else OF_LABELS * (height + SPARE)
+    label = Label(text or axis.label, name, unit, int(room))
     if axis.get_scale() == "linear":
         axis.set_major_formatter(Counting(label))
         axis.offsetText.set_visible(False)

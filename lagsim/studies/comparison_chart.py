@@ -101,7 +101,7 @@ def picture(
             apart = np.abs(n - g)
         scale = log_scale(apart, bound, margin=0.0, least=0.5)
         scale = scale._replace(low=max(scale.low, LEAST * scale.high))
-        frame(off, time, scale, below=below, up=("|new − golden|", unit))
+        frame(off, time, scale, below=below, up=("difference", unit))
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
         times, bound = _thinned(t, bound)
         off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
