@@ -365,3 +365,37 @@ def test_a_disc_and_a_brake_that_share_a_way_slip_at_once():
     end = [found[q][-1] for q in ("x", "w", "x_dot", "w_dot")]
     assert end == pytest.approx(expected.y[:, -1], abs=1e-6)
     assert found.result.record["steps"] < 300
+
+
+def test_a_slip_begins_beside_a_switch_where_no_way_is_smooth():
+    # No stretch is so short that the switch is not in it, and the slip has a speed.
+    found = play(scene(
+        "x z", "(x_dot^2 + z_dot^2)/2", "0",
+        {"disc": {"relation": ["x_dot = 0", "z_dot = 0"], "limit": 2}},
+        {"x": 0, "z": 0},
+        forces={"x": "3*sin(t) + 0.01*sign(x - 1e-9)", "z": "2*sin(2*t)"}, duration=2,
+    ))  # fmt: skip
+
+    def push(t, kick):
+        return 3.0 * np.sin(t) + kick, 2.0 * np.sin(2.0 * t)
+
+    def rates(t, s, kick):
+        v = np.sqrt(s[2] ** 2 + s[3] ** 2 + 1e-20)
+        return [
+            *s[2:],
+            *(f - 2.0 * w / v for f, w in zip(push(t, kick), s[2:], strict=True)),
+        ]
+
+    def switch(_, s, *_kick):
+        return s[0] - 1e-9
+
+    switch.terminal = True
+    t, s = brentq(lambda t: np.hypot(*push(t, -0.01)) - 2.0, 0.0, 0.9), np.zeros(4)
+    for kick, events in (-0.01, switch), (0.01, None):
+        part = solve_ivp(
+            rates, (t, 2.0), s, "LSODA", rtol=1e-10, atol=1e-15, args=(kick,),
+            events=events,
+        )  # fmt: skip
+        t, s = part.t[-1], part.y[:, -1]
+    assert t == 2.0
+    assert [found[q][-1] for q in "xz"] == pytest.approx(s[:2], abs=1e-6)
