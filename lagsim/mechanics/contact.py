@@ -20,7 +20,8 @@ within its bound does it, and otherwise begins to slide against it. A box on fou
 can lose any leg on whose side its weight is not. Where discs leave no corner to pivot
 to, legs are taken away until those that are left are independent, as long as friction
 allows it. Of friction that rows share, discs have the least parts of their bounds: a
-disc slips where no sharing holds it, along a way that the other rows leave.
+disc slips where no sharing holds it, along a way that the other rows leave. A switch's
+surface is a row as well (`Closed.with_shares`).
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """

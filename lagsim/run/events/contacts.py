@@ -140,14 +140,14 @@ class Contacts(Source):
             # The beginning on a disc has ended, and of those that began with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
             p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
-        also = arc.system.surfaces > 0  # then modes are chosen with those of these
-        found = self._through(arc, k, select=not also)
+        joint = arc.system.surfaces > 0  # modes are chosen with those of surfaces
+        found = self._through(arc, k, select=not joint)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
         if (restless or self.sequence.is_stuck()) and found.ending is None:
             about = self._names(restless or self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
-        turn = Turn.MODES if also else Turn.ARC
+        turn = Turn.MODES if joint else Turn.ARC
         return self._decision(arc, found, turn)
 
     def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
@@ -226,7 +226,6 @@ class Contacts(Source):
     ) -> None:
         """Choose the modes of laws by the accelerations; also : closed in any case."""
         arc, p = here.arc, here.arc.system.p
-        self._note_former(arc)
         joint, self.joint = self.joint, None
         if joint is None or joint[0] != arc.t or found.rows is not None or here.grazing:
             chosen = _chosen(here, that_could_act(here, also), self.left)
