@@ -72,3 +72,23 @@ initial: {x: 0.516, z: 1.341, x_dot: -1.112, z_dot: -0.063}
 simulation: {duration: 2, output_step: 0.1}
 """)
     assert found.trajectory.event_counts["impact"] < 100
+
+
+def test_impacts_that_accumulate_beside_dry_friction_come_to_rest():
+    """A pushes B (a freewheel), B a ball that bounces on a table.
+
+    The push of at most 3.832 and the spring's 0.3 do not lift the ball of 6.337.
+    """
+    found = play(scene(
+        "a b x", "(0.802*a_dot^2 + 0.482*b_dot^2 + 0.646*x_dot^2)/2",
+        "1.952*b^2/2 + 6.33726*x",
+        {
+            "drive": {"relation": "b_dot - a_dot >= 0"},
+            "table": contact("x >= 0", 0.618),
+            "push": contact("x - b - 0.155 >= 0", 0),
+        },
+        {"a": 0, "b": 0, "x": 0.437, "a_dot": -1.053, "b_dot": -0.936, "x_dot": 1.145},
+        forces={"a": "3.832*sin(3.886*t) - 2.27768*sign(a_dot)"}, duration=2,
+    ))  # fmt: skip
+    assert [found[f"{q}_dot"][-1] for q in "abx"] == pytest.approx([0, 0, 0], abs=1e-9)
+    assert [found[q][-1] for q in "bx"] == pytest.approx([-0.155, 0.0], abs=1e-9)
