@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 220
 LINES = 75_240
-LINES_OF_TESTS = 57_570
+LINES_OF_TESTS = 57_590
 
 
 def lines(folder):
