@@ -16,8 +16,10 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
-from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
+from lagsim.mechanics.surfaces import WHOLE, surfaces
+from lagsim.methods.parts.missed import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
@@ -60,9 +62,30 @@ def indicators(
     def found() -> list[Indicator]:
         some = _Search(equations, nodes).among(names)
         some += _Search(equations, ends).among(names)
+        some += _steps(g, ends, frozenset(equations.state))
         return list(dict.fromkeys(some))
 
     return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
+
+
+def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indicator]:
+    """Arguments of switches of the state that are left in `nodes`, of either sign."""
+    found: list[Indicator] = []
+    for n in g.cone(nodes):
+        op, row = g.ops[n], OPERATIONS.get(g.ops[n])
+        if row is None or op in JOINING:
+            continue
+        plain = row.condition or op in STEPS
+        if not plain and not row.decided_by:
+            continue
+        for surface in surfaces(g, n if plain else g.call(row.decided_by, *g.args[n])):
+            u = surface.node
+            if g.ops[u] == "table.knot" or g.depends([u]).isdisjoint(state):
+                continue
+            if surface.op in WHOLE:
+                u = g.call("sin", g.call("mul", g.constant(math.pi), u))
+            found += [Indicator(x, FALLING) for x in (u, g.call("neg", u))]
+    return list(dict.fromkeys(found))
 
 
 def _moves(e: Equations) -> tuple[str, ...]:

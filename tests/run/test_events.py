@@ -686,6 +686,26 @@ def test_files_of_a_run(tmp_path, lagsim):  # noqa: F811
     lagsim("golden", "latch.yaml", code=0)
 
 
+@pytest.mark.parametrize("name", ["taylor", "radau", "dop853"])
+@pytest.mark.parametrize(
+    ("condition", "height"),
+    [("floor(10*x) >= 21", 2.1), ("max(0, x - 2.14) >= 0.005", 2.145),
+     ("if(x > 2.12 and t < 9, 1, 0) >= 0.5", 2.12), ("sign(x - 2.14) >= 1", 2.14),
+     ("abs(x - 3) <= 0.86", 2.14)],
+)  # fmt: skip
+def test_a_condition_of_switches_is_met_within_a_long_step(condition, height, name):
+    """Thrown up: a series of two terms is exact, and a step is the whole run."""
+    text = scene(
+        f"modes: {{n: 0}}\nevents: {{e: {{at: '{condition}', set: {{n: n + 1}}}}}}",
+        "x: 0, x_dot: 6.4938",
+        duration=50,
+        sections=FREE.replace("potential: 0", "potential: 9.81*x"),
+    )
+    found = simulate(load(text), method=name)
+    t = (6.4938 - math.sqrt(6.4938**2 - 2 * 9.81 * height)) / 9.81
+    assert acts(found, "e") == [pytest.approx(t, abs=1e-9)]
+
+
 def test_an_event_of_a_family_is_derived_with_its_index():
     text = scene(
         "modes: {'u(1..2)': 0}\n"

@@ -31,11 +31,13 @@ from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, TERM_ROUNDOFF, TINY, VALUE_ROUNDOFF
 
 # What a signal does: the function goes with e^u, steps where u vanishes, goes with
-# 1/|u|^power or with |u|^power.
+# 1/|u|^power or with |u|^power. Where one falls below 0 a condition steps or bends: no
+# feature is looked for there, but points of the search for events are on either side.
 LARGEST = 0.0
 NEAR_ZERO = 1.0
 SMALL = 2.0
 LARGE = 3.0
+FALLING = 4.0
 
 # A function that becomes e^1.4, four times, larger inside a step than at either end is
 # searched for; less than that the stages of a step see.
@@ -237,6 +239,8 @@ def signal_is_known(s: Table, k: int, width: float) -> bool:
 
 def distance(kind: float, power: float, u: float) -> float:
     """Distance of a signal u: powers of e by which its term is below one."""
+    if kind == FALLING:
+        return 0.0
     if kind == LARGEST:
         return -power * u
     if kind == NEAR_ZERO:

@@ -217,10 +217,8 @@ def unknown_up_to(
     """
     width, near = x - low, x
     divisible = width >= (FINEST if kind == EVENT else FINEST_SIGNALS)
-    if kind == EVENT and divisible:
-        for k in range(events(s)):
-            if not event_is_known(s, p, k, width):
-                return 0.5 * width
+    if kind == EVENT and divisible and not events_are_known(s, p, width):
+        return 0.5 * width
     if LOCALIZED:
         for k in range(events(s), events(s) + s.signals):
             if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
@@ -231,7 +229,54 @@ def unknown_up_to(
                 least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
                 if AT_END * width < least - low < (1.0 - AT_END) * width:
                     near = min(near, least)
+    if LOCALIZED and kind == EVENT:
+        near = min(near, one_sided_up_to(s, p, low, x))
     return near - low if near < x else 0.0
+
+
+def events_are_known(s: Events, p: Parameters, width: float) -> bool:
+    """Whether all event functions on a stretch follow from its ends."""
+    known = True
+    for k in range(events(s)):
+        known = known and event_is_known(s, p, k, width)
+    return known
+
+
+def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
+    """End in (low, x] of the stretch on which no condition steps or bends, just past.
+
+    What steps is the same at all points, wherever it is another between them.
+    """
+    width, near = x - low, x
+    for k in range(events(s), events(s) + s.signals):
+        if s.kinds[k - events(s)] != missed.FALLING:
+            continue
+        error = max(missed.off(s, k, width), missed.turned(s, k, width))
+        if width >= FINEST and error > missed.KNOWN * missed.variation(s, k):
+            return low + 0.5 * width
+        past = falls_at(s, p, k, low, x) + AT_END * width
+        if AT_END * width < past - low < (1.0 - AT_END) * width:
+            near = min(near, past)
+    return near
+
+
+def falls_at(s: Events, p: Parameters, k: int, low: float, x: float) -> float:
+    """Where in (low, x] row k, if it is not negative at low, is so first; or x."""
+    if s.starts[k] < 0.0:
+        return x
+    half = low + BETWEEN * (x - low)
+    high = 0.0
+    if s.middles[k] < 0.0:
+        high = half
+    elif missed.lowest(1.0, s, k, s.starts, s.middles, half - low) < 0.0:
+        high = least_of(EVENT, NARROW, s, p, k, low, half)
+    if high == 0.0 or not value_at(EVENT, s, p, k, high) < 0.0:
+        high = x
+        if missed.lowest(1.0, s, k, s.middles, s.ends, x - half) < min(0.0, s.ends[k]):
+            high = least_of(EVENT, NARROW, s, p, k, half, x)
+    if not value_at(EVENT, s, p, k, high) < 0.0:
+        return x
+    return end_of(s, p, k, 0.0, low, high)
 
 
 def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
