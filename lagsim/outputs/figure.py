@@ -282,6 +282,8 @@ def frame(
     """
     x.put(axes, "x")
     y.put(axes, "y")
+    for spine in axes.spines.values():  # a fifth of the time of a layout, for nothing
+        spine.set_in_layout(False)
     if below[0]:
         name_axis(axes.xaxis, *below)
     else:
