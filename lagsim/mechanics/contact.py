@@ -445,6 +445,11 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
+# At the edge of what holds, the force of a disc is known to the root of rounding: it is
+# along a way within this angle.
+ALONG = 1e-3
+
+
 @dataclass(frozen=True)
 class _Rows:
     """Rows of a problem, whose solution says which are held and which on an edge.
@@ -593,9 +598,14 @@ class _Rows:
         discs = [disc for disc in self.problem.discs if disc[1] in apart]
         if not discs:
             return apart
-        span = _Independent(self.closed.factor @ turn)
-        for k in (*rests, *(i for i, _ in discs)):
+        Y = self.closed.factor @ turn
+        span = _Independent(Y)
+        for k in rests:
             span.takes(k)
+        for i, k in discs:
+            across, along = (np.linalg.norm(span.outside(Y[:, j])) for j in (i, k))
+            if across > ALONG * along:
+                span.takes(i)
         locked = [disc for disc in discs if not span.adds(disc[1])]
         return [k for k in apart if self.disc(k) not in locked]
 
