@@ -53,7 +53,7 @@ class Motion:
         """Give the times and lengths of the first steps, and rejections until each."""
         run = Run(self.session.first_arc(), [])
         run.begin()
-        run.arc.tell({"ask_at": 0.0})  # go on at the bound
+        run.arc.state.ask_at = 0.0  # go on at the bound
         found, s = [], run.arc.state
         while len(found) < most and run.t < self.case.settings.end:
             run.arc.advance(len(run.arc.runner.block), 1)
