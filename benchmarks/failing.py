@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from lagsim.methods import dop853
 from lagsim.model.reader import read_file
+from lagsim.native.link import cache
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
@@ -73,10 +74,12 @@ def constants(module, **values):
     try:
         for name, value in values.items():
             setattr(module, name, value)
+        cache._fingerprints.clear()  # noqa: SLF001  # of kernels with other constants
         yield
     finally:
         for name, value in before.items():
             setattr(module, name, value)
+        cache._fingerprints.clear()  # noqa: SLF001
 
 
 def oscillator():

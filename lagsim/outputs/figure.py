@@ -158,12 +158,13 @@ def content(figure: Figure, form: str = "png") -> bytes:
 def legend(
     of: Figure | SubFigure | Axes, entries: Sequence[Entry], width: float, **more: Any
 ) -> Legend:
-    """Name lines in as many columns as fit into a width in inches."""
+    """Name lines, by default in as many columns as fit into a width in inches."""
     names, columns = in_columns(entries, width)
     # Where there is no pen there is no line; a broad one keeps to its place.
     pens = (pen or {"linestyle": "none"} for _, pen in entries)
     lines = [Line2D([], [], **{"solid_capstyle": "butt", **pen}) for pen in pens]
-    return of.legend(lines, list(map(mathtext, names)), ncols=columns, **more)
+    more.setdefault("ncols", columns)
+    return of.legend(lines, list(map(mathtext, names)), **more)
 
 
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:

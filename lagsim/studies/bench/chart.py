@@ -249,8 +249,9 @@ def figure(document: Document) -> Picture:
     if beside := _costs(found, COSTS[0]):
         legend(
             panels[0], [(c.name, c.look.sample) for c in beside], NAMES,
-            loc="upper left", bbox_to_anchor=(1.02, 1.0), title="cheapest first",
-            title_fontsize=SMALL, alignment="left", labelspacing=0.8,
+            ncols=1, loc="upper left", bbox_to_anchor=(1.02, 1.0),
+            title="cheapest first", title_fontsize=SMALL, alignment="left",
+            labelspacing=0.8,
         ).get_title().set_color(DIM)  # fmt: skip
     return drawing
 
