@@ -66,10 +66,10 @@ def test_the_picture_says_what_differs_in_units(lagsim, stored, write):
     write(PENDULUM.replace("9.8", "9.9"), "pendulum.yaml")
     with noted() as drawing:
         assert lagsim("golden", stored, "--plots", "plots").code == 1
-    said = drawing.written()
-    assert "pendulum differs from its golden" in said
-    first = re.compile(r"\d of \d columns differ, first .+ at t = 0 s")
-    assert any(map(first.fullmatch, said))
+    said = [text.replace("\n", " ") for text in drawing.written()]
+    first = r"\d of \d columns differ, first .+ at t = 0 s"
+    title = re.compile(f"pendulum differs from its golden: {first}")
+    assert any(map(title.fullmatch, said))
     assert "parameter `g` is 9.9, in the golden 9.8" in said
     assert not any("…" in text for text in said)
     sides = [panel.labels[1] for panel in drawing.panels]
