@@ -17,7 +17,7 @@ UNIT_ROUNDOFF = 2.0**-53
 OVERFLOW = 1e300
 """The size from which on a number counts as not finite: what follows may overflow."""
 
-UNDERFLOW = 2.0**-960
+UNDERFLOW = 2.0**-1068
 """The size below which a number has no digits: some of the least steps between two."""
 
 TINY = 1e-300
