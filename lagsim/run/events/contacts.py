@@ -526,6 +526,10 @@ class Chosen(NamedTuple):
 
 def _chosen(here: Kinematics, some: list[int], left: Collection[int]) -> Chosen:
     """Select modes by the accelerations of some laws."""
+    if not some:
+        none = np.empty(0)
+        mode, direction = np.zeros((2, here.count))
+        return Chosen(mode, direction, some, none, none, paradox=False)
     laws, asked = here.acting(some, left), here.accelerations[some]
     asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
     found = modes(

@@ -361,7 +361,7 @@ class Kinematics:
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
         return Acting(
             closed, self.rates[some], self.roundoff[some], slow[some],
-            np.isin(some, list(left)), response,
+            np.array([k in left for k in some], dtype=bool), response,
         )  # fmt: skip
 
 
