@@ -226,7 +226,7 @@ class System:
         loops = self.moreau is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
-    @property
+    @cached_property
     def timed(self) -> list[Indicator]:
         """Those of localized terms that depend on t alone, in each mode."""
         known = {"t", *self._fixed(), *self.model.modes}
