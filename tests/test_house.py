@@ -7,7 +7,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 220
-LINES = 75_330
+LINES = 75_340
 LINES_OF_TESTS = 57_610
 
 

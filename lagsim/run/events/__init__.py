@@ -1,1 +1,1 @@
-"""Events of a run: switches in time and state, features, impacts, lost rank."""
+"""Events of a run: switches in time and state, pulses, impacts, lost rank."""

@@ -282,7 +282,8 @@ class Switching(Source):
             zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
             found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.bound[several]))
-            if self.contacts is not None and not (goes_on or self.jumped):  # impacts do
+            if self.contacts is not None and not (goes_on or self.jumped):
+                # It is impacts that accumulate: they find their own end.
                 found, goes_on = self.begin(arc, k), True
         if self.jumped:
             return found._replace(ending=Ending(Outcome.STATE_JUMPS))
