@@ -112,6 +112,7 @@ class Contacts(Source):
         self.joint: tuple[float, list[int], Modes] | None = None
         self.before = np.zeros(len(self.laws))  # the modes up to the time reached
         self.asked_at = arc.t
+        self.modes_at_start = arc.modes
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = p.law_opens[:] = 0.0
@@ -198,8 +199,9 @@ class Contacts(Source):
             self.also.difference_update(here.grazing)
             closed = here.is_closed(also)
         ends = self._ends(here, closed)
+        judged = self._is_examined(arc)
         for k, law in enumerate(self.laws):
-            if closed[k] and self._jumps(here, k):
+            if closed[k] and not judged and self._jumps(here, k):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
@@ -293,6 +295,15 @@ class Contacts(Source):
         if settled.unmet:
             found.ending = Ending(settled.ending, quoted(settled.unmet))
         return here.at(found.y)
+
+    def _is_examined(self, arc: Arc) -> bool:
+        """Whether the examination of the start has judged all laws in force.
+
+        It knows what solving the guesses leaves in a residual; at a state that has not
+        moved yet no range tells. Events may have set other modes at the start since.
+        """
+        at_start = arc.steps == 0 and arc.t == arc.settings.start
+        return at_start and arc.modes == self.modes_at_start
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
         """Whether a law that is in force now is off by more than it was located.

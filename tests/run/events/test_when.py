@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagsim import simulate
+from lagsim import check, load, simulate
 
 # A ball dropped from 5 cm onto a floor that is there for a while (g = 10).
 TRAP = """
@@ -50,3 +50,40 @@ simulation: {{duration: 20, output_step: 0.1, {method}}}
     assert result["x"] == pytest.approx((s + d) / 2.0, abs=bound)
     assert result["n"][-1] == 1.0
     assert result.record["steps"] < 2100
+
+
+# Two links hang on a hook until it lets go.
+HOOKED = """
+coordinates: {{p(1..2): {{components: xy}}}}
+energy: {{kinetic: "(dot(p_dot(1), p_dot(1)) + dot(p_dot(2), p_dot(2)))/2",
+         potential: "9.81*(p(1).y + p(2).y)"}}
+constraints:
+  upper: norm(p(1)) = 0.5
+  lower: norm(p(2) - p(1)) = 0.5
+  hook: {{relation: "{relation} = vec(0, 0)", when: t < 0.5}}
+initial: {{p(i = 1..2): {{guess: "vec({guess})"}}}}
+simulation: {{duration: 0.6, output_step: 0.01}}
+"""
+
+
+# Newton's method solves p.2.y = 0 to 1e-63 from some of these guesses, and to 0 from
+# others: no size of a coordinate is there to compare the residual with.
+@pytest.mark.parametrize("guess", [
+    "0.353*i, -0.398*sin(pi*i/2)",
+    "0.330*i, -0.185*sin(pi*i/2)",
+    "0.209*i, -0.219*sin(pi*i/2)",
+])  # fmt: skip
+@pytest.mark.parametrize(
+    "relation", ["p(2) - vec(0.6, 0)", "vec(p(2).x - 0.6, tan(p(2).y))"]
+)
+def test_a_relation_that_guesses_satisfy_by_rounding_holds_from_the_start(
+    relation, guess
+):
+    model = load(HOOKED.format(relation=relation, guess=guess))
+    assert check(model).admissible
+    found = simulate(model, error_bar="never")
+    held = found["t"] <= 0.5
+    # The rounding of a projection onto links of 0.5.
+    assert found["p.2.x"][held] == pytest.approx(0.6, abs=1e-15)
+    assert found["p.2.y"][held] == pytest.approx(0.0, abs=1e-15)
+    assert found["p.2.y"][-1] < -0.01
