@@ -276,8 +276,9 @@ ROWS = (
         "parameters: {m: 1, g: 9.81, l: 1, theta: 2}\n"),
     Row("E214", "column-clash",
         "A name is that of a column of the table.",
-        "A name is none of the columns that constraints add, such as `lambda_rod`, "
-        "`residual_rod` and `Qc_theta`.",
+        "A name is none of the columns that are made of other names, such as "
+        "`lambda_rod`, `residual_rod`, `Qc_theta`, and, for a vector, `impulse.rod`, "
+        "`friction.rod`, `reaction.x`, `gauss.G`, `action.S`, `sd.x`.",
         "choose another name",
         "definitions: {x: l*sin(theta), y: -l*cos(theta), Qc_theta: 1}\n"),
     Row("E215", "cycle",

@@ -352,10 +352,10 @@ class Plot(NamedTuple):
 
     def curves(self, number: int) -> dict[str, Curve]:
         """Give the column of each expression, of the plot counted from 0."""
-        found = {f"plot.{number}.x": self.x}
+        found = {f"plot:{number}.x": self.x}
         for axis, curves in (("y", self.y), ("y2", self.y2)):
             for k, curve in enumerate(curves, 1):
-                found[f"plot.{number}.{axis}.{k}"] = curve
+                found[f"plot:{number}.{axis}.{k}"] = curve
         return found
 
 

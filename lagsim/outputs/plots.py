@@ -361,7 +361,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
 
 def side_of(name: str) -> str:
     """Return the axis of a curve: y, or y2 at the right."""
-    return name.split(".")[2]
+    return name.split(".")[1]
 
 
 def _values(

@@ -140,8 +140,8 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
             missed = g.call("min", row.residual, g.zero)
             if law.when is not None:
                 missed = g.call("mul", law.when, missed)
-            nodes[f"missed.{name}"] = missed
-        nodes[f"scale.{name}"] = row.residual_scale
+            nodes[f"missed:{name}"] = missed
+        nodes[f"scale:{name}"] = row.residual_scale
     return nodes
 
 

@@ -206,7 +206,7 @@ class Unmet(Source):
         columns = dict(zip(arc.system.columns.names, shown, strict=True))
         unmet = []
         for row in arc.equations.rows:
-            off, scale = (columns[x + row.name] for x in ("residual_", "scale."))
+            off, scale = (columns[x + row.name] for x in ("residual_", "scale:"))
             unmet += [row.name] if abs(off) > BROKEN_CONSTRAINT * scale else []
         self._looks = self._looks + 1 if unmet else 0
         if self._looks < CHECKS:

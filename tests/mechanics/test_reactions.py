@@ -40,7 +40,7 @@ def test_the_rod_of_a_pendulum():
     # Along the rod, towards the pivot; of x'' and y'' it is all but the weight.
     assert r["reaction.x"] == pytest.approx(-T * np.sin(r["a"]), rel=1e-11, abs=1e-12)
     assert r["reaction.y"] == pytest.approx(T * np.cos(r["a"]), rel=1e-11)
-    assert r["plot.0.y.1"] == pytest.approx(T, rel=1e-12)
+    assert r["plot:0.y.1"] == pytest.approx(T, rel=1e-12)
     assert not r["reaction.unused"].any()
 
 

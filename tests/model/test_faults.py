@@ -111,6 +111,14 @@ column-clash | the multiplier of the constraint `c` | parameters: {⟪lambda_c�
     RELATION x = 1}¶initial: {x: 1, y: 0}
 column-clash | the residual of the constraint `c` | definitions: {⟪residual_c⟫: x}¶
     RELATION x = y}
+column-clash | the impulse of the constraint `x` | definitions: {⟪impulse⟫: [x, y]}¶
+    constraints: {x: x = y}
+column-clash | the friction of the constraint `x` | definitions: {⟪friction⟫: [x, y]}¶
+    constraints: {x: x = y}
+column-clash | the reaction of `x` | definitions: {⟪reaction⟫: [x, y]}
+column-clash | the standard deviation of `x` | definitions: {⟪sd⟫: [x, y]}
+column-clash | the multiplier of the constraint `c.1` | definitions: {⟪lambda_c(1..2)⟫: x}¶
+    constraints: {c: {relation: [x_dot = 0, y_dot = 0], limit: 5}}
 # coordinates
 missing-key | no coordinates | ⟪coordinates⟫: {}
 # definitions

@@ -39,7 +39,7 @@ TIMES = {
 NAMES = (
     "a", "kinetic", "potential", "energy", DRIFT, "Qc_a", "lambda_r", "impulse.r",
     "point.p.1", "point.p.2", "point.q.1", "point.q.2",
-    "plot.0.x", "plot.0.y.1", "plot.0.y2.1",
+    "plot:0.x", "plot:0.y.1", "plot:0.y2.1",
 )  # fmt: skip
 PLANE = Scene({"p": (0, 0), "q": (0, 0)}, (("p", "q"),))
 

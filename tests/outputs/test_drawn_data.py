@@ -188,21 +188,21 @@ def test_paths_of_the_scene():
 # --- Plots that a model asks for
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 401)
-METRES = {"plot.0.x": "m", "plot.0.y.1": "m"}
+METRES = {"plot:0.x": "m", "plot:0.y.1": "m"}
 
 
 @pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
 def test_a_plot_of_the_model(shift):
     x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
-    columns = {"t": T, "plot.0.x": x, "plot.0.y.1": y}
+    columns = {"t": T, "plot:0.x": x, "plot:0.y.1": y}
     wanted = against("2*a", "b^2")
-    [panel] = panels(plotted(columns, wanted, units={"plot.0.x": "m"}))
+    [panel] = panels(plotted(columns, wanted, units={"plot:0.x": "m"}))
     assert panel.named == ("2*a", "m", "b^2", "")
     assert_drawn(panel, (x, y))
 
 
 def test_a_plot_against_time():
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T**2}
+    columns = {"t": T, "plot:0.x": T, "plot:0.y.1": T**2}
     found = plotted(columns, against(" t ", "u"), events={"switch": (2.0,)})
     [panel] = panels(found)
     assert panel.named == (" t ", "s", "u", "")
@@ -212,7 +212,7 @@ def test_a_plot_against_time():
 
 def ellipse(a, b, units, wanted=None, scene=NOWHERE):
     """Draw an ellipse; give drawing, panel, and the sides of its path in pixels."""
-    columns = {"t": TURN, "plot.0.x": a * np.cos(TURN), "plot.0.y.1": b * np.sin(TURN)}
+    columns = {"t": TURN, "plot:0.x": a * np.cos(TURN), "plot:0.y.1": b * np.sin(TURN)}
     drawing = plotted(columns, wanted or against("u", "v"), scene, units=units)
     [panel] = drawing.panels
     return drawing, panel, (np.ptp(panel.lines[0].x), np.ptp(panel.lines[0].y))
@@ -230,7 +230,7 @@ def test_circles_are_circles_and_fill_the_sheet(a, ratio):
 @pytest.mark.parametrize(("a", "b", "unit"), [(100.0, 1.0, "m"), (1.0, 4.0, "m/s")])
 def test_scales_of_their_own(a, b, unit):
     """Where one would make a line of a path, and where units differ."""
-    _, panel, (width, height) = ellipse(a, b, METRES | {"plot.0.y.1": unit})
+    _, panel, (width, height) = ellipse(a, b, METRES | {"plot:0.y.1": unit})
     assert width > 0.9 * panel.box.width
     assert height > 0.8 * panel.box.height
 
@@ -244,8 +244,8 @@ def test_points_of_a_scene_have_one_scale_without_units():
 
 
 def test_several_curves_are_told_apart_and_named():
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": np.sin(T), "plot.0.y.2": np.cos(T)}
-    units = {"t": "s", "plot.0.y.1": "rad", "plot.0.y.2": "rad/s"}
+    columns = {"t": T, "plot:0.x": T, "plot:0.y.1": np.sin(T), "plot:0.y.2": np.cos(T)}
+    units = {"t": "s", "plot:0.y.1": "rad", "plot:0.y.2": "rad/s"}
     wanted = against("t", "theta", "theta_dot", title="Both")
     drawing = plotted(columns, wanted, units=units)
     [panel] = drawing.panels
@@ -260,8 +260,8 @@ def test_several_curves_are_told_apart_and_named():
 
 
 def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own():
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": 1e2 * T}
-    units = {"t": "s", "plot.0.y.1": "m", "plot.0.y2.1": "N"}
+    columns = {"t": T, "plot:0.x": T, "plot:0.y.1": T, "plot:0.y2.1": 1e2 * T}
+    units = {"t": "s", "plot:0.y.1": "m", "plot:0.y2.1": "N"}
     wanted = against("t", "x")._replace(y2=(Curve(0, "F"),))
     drawing = plotted(columns, wanted, units=units)
     left, right = drawing.panels
@@ -296,7 +296,7 @@ def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own(
     ids=["exponential", "power"],
 )  # fmt: skip
 def test_on_axes_of_powers_an_exponential_and_a_power_are_lines(x, y, log):
-    columns = {"t": T, "plot.0.x": x, "plot.0.y.1": y}
+    columns = {"t": T, "plot:0.x": x, "plot:0.y.1": y}
     wanted = against("t" if log == "y" else "u", "v", log=frozenset(log))
     [panel] = plotted(columns, wanted).panels
     across, up = finite(panel.lines[0].x, panel.lines[0].y)

@@ -49,8 +49,8 @@ def swing(count=600):
         "potential": 2 - np.cos(4 * t), "energy": 3 + 1e-11 * np.sin(t),
         "Qc_theta": np.cos(t), "Qc_u": 1e-7 * t, "lambda_path": t**2,
         "point.pivot.1": 0.0 * t, "point.pivot.2": 0.0 * t,
-        "point.bob.1": (1 + u) * np.sin(theta), "plot.0.x": theta,
-        "point.bob.2": -(1 + u) * np.cos(theta), "plot.0.y.1": u,
+        "point.bob.1": (1 + u) * np.sin(theta), "plot:0.x": theta,
+        "point.bob.2": -(1 + u) * np.cos(theta), "plot:0.y.1": u,
     }  # fmt: skip
     return {name: column[:count] for name, column in columns.items()}
 
@@ -206,7 +206,7 @@ def test_the_style_of_the_user_does_not_show(count):
 def test_names_units_and_titles_are_written_as_they_are():
     t = np.linspace(0, 1, 20)
     columns = {"t": t, "ab": t, "$x$": t**2, "角": t**3}
-    columns |= {"plot.0.x": t, "plot.0.y.1": t}
+    columns |= {"plot:0.x": t, "plot:0.y.1": t}
     fields = {"title": STRANGE, "units": {"ab": "$m$", "$x$": "m^2"}}
     sheet = coordinates(columns, ["ab", "$x$", "角"], **fields)
     assert {"ab ($m$)", "$x$ (m²)", "角", "t"} <= set(sheet.written())
@@ -311,7 +311,7 @@ def test_numbers_of_panels_side_by_side_have_room(count):
 
 def test_long_names_share_a_legend():
     t = np.linspace(0, 1, 9)
-    columns = {"t": t, "plot.0.x": t, "plot.0.y.1": t, "plot.0.y.2": 2 * t}
+    columns = {"t": t, "plot:0.x": t, "plot:0.y.1": t, "plot:0.y.2": 2 * t}
     found = plotted(columns, against("t", *("+".join([x] * 90) for x in "uv")))
     one, other = [x for x in found.texts if x.said[0] in "uv" and x.said[-1] in "uv"
                   and len({*x.said} & {*"uv"}) == 1]  # fmt: skip

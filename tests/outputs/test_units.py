@@ -50,16 +50,16 @@ def test_what_follows():
         "friction.floor": "N",
         "lambda_rod": "N/m",
         "reaction.slope": "N",
-        "plot.3.x": "N",
-        "plot.3.y.1": "N",
+        "plot:3.x": "N",
+        "plot:3.y.1": "N",
         "point.a.1": "m",
         "point.a.2": "m",
-        "plot.0.x": "s",
-        "plot.0.y.1": "m/s",
-        "plot.1.x": "m",
-        "plot.1.y.1": "rad",
-        "plot.2.x": "1/s",
-        "plot.2.y.1": "N",
+        "plot:0.x": "s",
+        "plot:0.y.1": "m/s",
+        "plot:1.x": "m",
+        "plot:1.y.1": "rad",
+        "plot:2.x": "1/s",
+        "plot:2.y.1": "N",
     }
     assert {name: known.get(name) for name in expected} == expected
 
@@ -68,7 +68,7 @@ def test_what_does_not_follow():
     known = found()
     # A ratio; a number that may stand for a quantity; a sum of what cannot be added; a
     # point at numbers.
-    for name in ("plot.1.y.2", "plot.1.y.3", "plot.2.y2.1", "point.o.1"):
+    for name in ("plot:1.y.2", "plot:1.y.3", "plot:2.y2.1", "point.o.1"):
         assert name not in known
 
 
@@ -150,7 +150,7 @@ output: {{plots: [{{x: t, y: "{curve}"}}]}}
 )  # fmt: skip
 def test_the_unit_on_an_axis(curve, unit):
     model = read(AXES.format(curve=curve), "axes.yaml")
-    assert units(derive(model), ["t", "x", "y"]).get("plot.0.y.1") == unit
+    assert units(derive(model), ["t", "x", "y"]).get("plot:0.y.1") == unit
 
 
 # A block on a spring with friction, drag and a motor; of mu, c and two names no unit is

@@ -241,7 +241,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
         if check_name(entry[0], "a constraint", x.faults):
             parts = _apart(*entry, x)
             found += parts
-            x.names.constraints += [key.text for key, _ in parts]
+            x.names.constraints |= {key.text: key.place for key, _ in parts}
         else:
             x.names.faulty.add(entry[0].text)
     return found

@@ -116,7 +116,7 @@ class Names:
     faulty
         Names given where a fault was reported; using them is no second fault.
     constraints
-        Names of the constraints; a namespace of their own.
+        Name and place of each constraint; a namespace of their own.
     reactions
         The definitions whose reactions are asked for, as far as that can be read.
     readable
@@ -135,7 +135,7 @@ class Names:
     readable: bool = True
     variables: dict[str, Kind] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)
-    constraints: list[str] = field(default_factory=list)
+    constraints: dict[str, Place] = field(default_factory=dict)
     reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
@@ -356,18 +356,68 @@ def _spelling(name: str) -> tuple[str, str] | None:
     return fault, ""
 
 
+# Prefixes of the columns made of other names, and their meanings. Some are made only
+# where a file has contacts, impulses, sensitivities or uncertainties; a file that adds
+# these later keeps its names.
+_OF_CONSTRAINTS = {
+    "lambda_": "the multiplier of the constraint `{}`",
+    "residual_": "the residual of the constraint `{}`",
+    "impulse.": "the impulse of the constraint `{}`",
+    "friction.": "the friction of the constraint `{}`",
+}
+_OF_VARIABLES = {
+    "Qc_": "the constraint force on `{}`",
+    "gauss.a_": "the acceleration of `{}` without constraints",
+    "reaction.": "the reaction of `{}`",
+    "sd.": "the standard deviation of `{}`",
+}
+_ALONE = {"gauss.G": "Gauss's constraint", "action.S": "the action"}
+_PREFIX = re.compile("|".join(map(re.escape, (*_OF_CONSTRAINTS, *_OF_VARIABLES))))
+# The kinds of names with a column; a parameter has none, but its name is an expression.
+_SHOWN = (Kind.COORDINATE, Kind.STATE, Kind.MODE, Kind.DEFINITION)
+
+
+def _column(name: str, names: Names) -> tuple[str, Place | None]:
+    """Return the meaning of the column that has this name, and its owner's place."""
+    if name in _ALONE:
+        return _ALONE[name], None
+    if name.startswith("d."):
+        return _sensitivity(name, names), None
+    found = _PREFIX.match(name)
+    if not found:
+        return "", None
+    prefix, of = found[0], name[found.end() :]
+    if prefix in _OF_CONSTRAINTS:
+        whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips
+        place = names.constraints.get(of, names.constraints.get(whole))
+        return (_OF_CONSTRAINTS[prefix].format(of) if place else ""), place
+    kind = names.variables.get(of, names.variables.get(of.replace("_dot", "")))
+    forces = prefix in ("Qc_", "gauss.a_")
+    if kind is Kind.COORDINATE or (kind in _SHOWN and not forces):
+        return _OF_VARIABLES[prefix].format(of), names.places.get(of)
+    return "", None
+
+
+def _sensitivity(name: str, names: Names) -> str:
+    """Return the meaning of `d.<column>.<name>`; empty if it joins no two names."""
+    parts = name.split(".")
+    for k in range(2, len(parts)):
+        column, of = ".".join(parts[1:k]), ".".join(parts[k:])
+        if column in names.places and of in names.places:
+            return f"the sensitivity of `{column}` to `{of}`"
+    return ""
+
+
 def check_columns(names: Names, faults: Faults) -> None:
-    """Report names that equal a column which the file makes of its constraints."""
-    columns = {}
-    for c in names.constraints:
-        columns[f"lambda_{c}"] = f"the multiplier of the constraint `{c}`"
-        columns[f"residual_{c}"] = f"the residual of the constraint `{c}`"
-    for q in names.of(Kind.COORDINATE):
-        columns[f"Qc_{q}"] = f"the constraint force on `{q}`"
+    """Report names that equal a column which the file makes of its other names."""
     for name, place in names.places.items():
-        if name in columns:
-            text = f"`{name}` is the column of {columns[name]} in this file"
-            faults.add("column-clash", text, place)
+        if "." in name and names.variables.get(name) not in _SHOWN:
+            continue
+        meaning, other = _column(name, names)
+        if meaning:
+            text = f"`{name}` is the column of {meaning} in this file"
+            hint = f"the first is in line {other.line}" if other else ""
+            faults.add("column-clash", text, place, hint)
 
 
 # --- Expressions

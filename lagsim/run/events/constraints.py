@@ -96,7 +96,7 @@ def impact(arc: Arc, before: Before) -> Decision:
     for constraint in arc.equations.rows:
         at = names.index(f"residual_{constraint.name}")
         g = now[at] - before.row[0, at]
-        scale = now[names.index(f"scale.{constraint.name}")]
+        scale = now[names.index(f"scale:{constraint.name}")]
         if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):
             return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, constraint.name))
     step = _newton_step(arc, "velocity") - before.off

@@ -351,11 +351,11 @@ def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
     What holds at times has none.
     """
     places = {name: k for k, name in enumerate(columns)}
-    names = [x.removeprefix("scale.") for x in columns if x.startswith("scale.")]
+    names = [x.removeprefix("scale:") for x in columns if x.startswith("scale:")]
     return {
         name: (
-            places.get(f"missed.{name}", places.get(f"residual_{name}", -1)),
-            places[f"scale.{name}"],
+            places.get(f"missed:{name}", places.get(f"residual_{name}", -1)),
+            places[f"scale:{name}"],
         )
         for name in names
     }

@@ -331,9 +331,9 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     series |= {state.name for state in model.states}
     series |= {f"Qc_{name}" for name in coordinates}
     series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
-    shown = ("plot.", "friction.", "impulse.")
+    shown = ("plot:", "friction.", "impulse.")
     series |= {name for name in columns if name.startswith(shown)}
-    paths = {name for name in columns if name.startswith(("point.", "plot."))}
+    paths = {name for name in columns if name.startswith(("point.", "plot:"))}
     shapes = [node for shape in model.scene.shapes for node in shape.nodes]
     paths |= model.graph.depends(shapes) & set(columns)
     paths |= {"t"} if paths or shapes else set()

@@ -8,7 +8,7 @@ import pytest
 from lagsim.run.observers.monitors import ResidualMonitor
 
 PLAIN = ["t", "energy"]
-FULL = ["t", "energy", "work", "residual_a", "residual_b", "scale.a", "scale.b"]
+FULL = ["t", "energy", "work", "residual_a", "residual_b", "scale:a", "scale:b"]
 
 
 def monitor_of(columns, *blocks):

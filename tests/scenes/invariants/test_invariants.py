@@ -36,7 +36,7 @@ def test_energy_constraints_and_tolerances_of_every_model(name):
     assert found.drift < 1e-10 * scale
     # Those that hold at times: tests/scenes/contact.
     for row in () if has_laws(name) else found.equations.rows:
-        scale = found[f"scale.{row.name}"]
+        scale = found[f"scale:{row.name}"]
         # Projected to rounding: a few hundred units in the last place of the terms.
         assert np.all(np.abs(found[f"residual_{row.name}"]) <= 1e-13 * scale + 1e-15)
     if name not in CHAOTIC:

@@ -417,7 +417,7 @@ def test_on_a_floor_that_rises():
 def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing):
     fast = falling(kinetic=" + x_dot^2", more=", x: 0, x_dot: 1e6", floor=floor)
     found = run(fast, method="moreau", step=0.02)
-    depth = -np.min(found["missed.floor"])
+    depth = -np.min(found["missed:floor"])
     assert depth > 1e-4
     extents = {"x_dot": (0.0, 1e6), "y_dot": (-speeds, 0.1)}
     trajectory = found.trajectory._replace(extents=extents)

@@ -166,7 +166,7 @@ def test_a_constraint_whose_terms_all_vanish_is_held():
         simulation="duration: 10, method: dop853, formulation: projection",
     )
     found = run(text)
-    for name in ("y", "residual_flat", "scale.flat"):
+    for name in ("y", "residual_flat", "scale:flat"):
         found = spoilt(found, name, lambda t: 1e-17 * (t > 3))
     assert doubt(found) is None
     assert codes(found) == []
