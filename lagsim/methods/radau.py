@@ -394,14 +394,17 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
             s.left_over = left_over
             s.iterations = iteration + 1
             return 1
-    return 0
+    s.iterations = MOST
+    return 1 if is_rounding(s, p, previous) else 0
 
 
 def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
-    """Whether a change of T^-1 Z is no larger than the roundoff of the rates.
+    """Whether a change of T^-1 Z is no larger than roundoff: of rates, or of the state.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
-    comes no closer. What the estimate would not let pass is too large for that.
+    comes no closer. What the estimate would not let pass is too large for that. In a
+    step of a few units in the last place of the time, as to an end just ahead, the
+    tolerance of a velocity is the rounding of its value, to which it is solved.
     """
     errors = s.errors
     if change * s.rtol**0.2 >= 1.0:
@@ -415,6 +418,8 @@ def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
         if s.rounding_known == 0.0:
             s.roundoff[i] = 0.0
     solve(1, s, p, errors)
+    for i in range(s.size):
+        errors[i] = abs(errors[i]) + 3.0 * ROUNDING * abs(s.y[i])  # of three parts
     return change <= norm(1, s.size, errors, s.tolerances)
 
 

@@ -365,7 +365,7 @@ class Clock(NamedTuple):
     def of(cls, g: Graph, discrete: int) -> Clock | None:
         """Return that of which a discrete function of t is the cell, if it is one."""
         cell = cell_of(g, discrete)
-        if cell is None:
+        if cell is None or _jumps(g, cell[1]):
             return None
         (rate,) = tangent(g, [cell[1]], {g.variable("t"): g.one})
         return None if "t" in g.depends([rate]) else cls(*cell, rate)
@@ -382,6 +382,12 @@ class Clock(NamedTuple):
         up = a > 0.0
         for k, knot in knots_between(self.axis, first, last) if first != last else ():
             yield start + (knot - first) / a, k - up, k - (not up)
+
+
+def _jumps(g: Graph, argument: int) -> bool:
+    """Whether an argument has a step in t, which its derivative does not show."""
+    timed = g.dependent([argument], ("t",))
+    return any(g.ops[n] in STEPS for n in timed)
 
 
 def _knots_located(

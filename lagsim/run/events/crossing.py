@@ -227,11 +227,26 @@ FEW_CORNERS = 3
 
 @dataclass(slots=True)
 class Crossing:
-    """A state on some surfaces; `decide` leaves the modes in the one that is found."""
+    """Sides of all surfaces at a state; `decide` leaves the modes that are selected.
+
+    The expression of a surface may jump at another one. So sides are selected in the
+    order of dependence: each from the value that its expression has once the sides are
+    selected that it depends on.
+
+    Attributes
+    ----------
+    known
+        Surfaces that are known to be at their level -> how far off they may be.
+    levels
+        Of each surface that the state is on, its level.
+    sizes : ndarray, shape (K,)
+        Magnitudes of the terms of all surfaces.
+    values, rows
+        Of all surfaces, with the sides selected so far.
+    """
 
     modes: Modes
-    levels: Mapping[int, float]  # of each surface that the state is on
-    sizes: Floats  # of the terms of all surfaces (K,)
+    known: Mapping[int, float]
     at_rest: Collection[int]  # surfaces whose rate is zero
     left: float  # the time in which the motion comes to rest on those
     hit: int | None  # the surface that has ended the arc before
@@ -241,40 +256,90 @@ class Crossing:
     open: list[int] = field(default_factory=list)  # what forces decide
     loose: list[int] = field(default_factory=list)  # what follows from the open ones
     undecided: list[int] = field(default_factory=list)  # by nothing at all
+    levels: dict[int, float] = field(default_factory=dict)
+    stale: set[int] = field(default_factory=set)  # sides other than in `rows`
     roundoff: Floats = field(init=False)  # of the rates of the open ones (K,)
+    values: Floats = field(init=False)
+    sizes: Floats = field(init=False)
+    rows: Rows = field(init=False)
+
+    def find(self) -> None:
+        """Find the levels that the state is on; set the sides of other surfaces."""
+        modes = self.modes
+        self._evaluate()
+        for k in modes.order:
+            if not modes.depends[k].isdisjoint(self.stale):
+                self._evaluate()
+            if k not in self.levels:
+                self._put_clear(k)
 
     def decide(self) -> None:
         """Choose the mode."""
-        self.roundoff = np.zeros(self.modes.count)
-        value, whole = self.modes.value, self.modes.whole
-        edges = {k: level if whole[k] else 0.5 for k, level in self.levels.items()}
-        now = {k: ABOVE if value[k] >= edge else BELOW for k, edge in edges.items()}
+        modes = self.modes
+        self.roundoff = np.zeros(modes.count)
+        value, whole = modes.value.copy(), modes.whole
         if self.contacts is not None:
-            self.laws = self.contacts.that_may_act(self.modes.arc)
-        for k in self.modes.order:
+            self.laws = self.contacts.that_may_act(modes.arc)
+        for k in modes.order:
+            if not modes.depends[k].isdisjoint(self.stale):
+                self._evaluate()
             self._sort(k)
         if self.open:
-            self._by_forces([now[k] for k in self.open])
+            edges = [self.levels[k] if whole[k] else 0.5 for k in self.open]
+            pairs = zip(self.open, edges, strict=True)
+            self._by_forces([ABOVE if value[k] >= x else BELOW for k, x in pairs])
+        if modes.nested:
+            self._evaluate()
+
+    def _evaluate(self) -> None:
+        """Evaluate all surfaces with the sides selected so far."""
+        modes, arc = self.modes, self.modes.arc
+        modes.write()
+        self.values = modes.values(arc.t, arc.y)
+        self.rows = modes.rows()
+        self.sizes = modes.sizes(self.rows)
+        self.stale.clear()
+        found = (self._level(k, x) for k, x in enumerate(self.values.tolist()))
+        self.levels = {k: level for k, level in enumerate(found) if level is not None}
+
+    def _level(self, k: int, value: float) -> float | None:
+        """Level of surface k that a value of its expression is on; None off all."""
+        level = self.modes.level(k, value)
+        most = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.known.get(k, 0.0))
+        return level if abs(value - level) <= most else None
+
+    def _put_clear(self, k: int) -> None:
+        """Put surface k on the side on which its expression is."""
+        before = self.modes.value[k]
+        self.modes.put_clear(k, self.values[k])
+        if self.modes.value[k] != before:
+            self.stale.add(k)
+
+    def _put(self, k: int, mode: int) -> None:
+        """Put surface k below or above its level, or at rest on it."""
+        before = self.modes.value[k]
+        self.modes.put(k, self.levels[k], mode)
+        if self.modes.value[k] != before:
+            self.stale.add(k)
 
     def _sort(self, k: int) -> None:
         """Decide what a surface's own rate decides; note what is left."""
         modes = self.modes
-        hangs = not modes.depends[k].isdisjoint([*self.open, *self.loose])
-        if k not in self.levels:
-            if hangs:
+        rows = self.rows
+        if not modes.depends[k].isdisjoint([*self.open, *self.loose]):
+            if self._follows(k):
                 self.loose.append(k)
+                return
+            rows = modes.rows()
+        elif k not in self.levels:
+            self._put_clear(k)
             return
-        if hangs and self._follows(k):
-            self.loose.append(k)
-            return
-        modes.write()
-        rows = modes.rows()
-        if modes.keeps(k) or (k in self.resting and self.contacts is None):
-            modes.put(k, self.levels[k], LEVEL)
+        elif modes.keeps(k) or (k in self.resting and self.contacts is None):
+            self._put(k, LEVEL)
             return
         rate = self._rate(rows, k)
         if rate != 0.0:
-            modes.put(k, self.levels[k], ABOVE if rate > 0.0 else BELOW)
+            self._put(k, ABOVE if rate > 0.0 else BELOW)
         elif self._parallel(rows, k):
             self.loose.append(k)
         else:
@@ -292,14 +357,25 @@ class Crossing:
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
     def _follows(self, k: int) -> bool:
-        """Whether a surface's side is known on each side of the open ones."""
-        modes = self.modes
+        """Whether a surface's side is known on each side of the open ones.
+
+        There its expression may have values of its own, on a level or off it.
+        """
+        modes, arc = self.modes, self.modes.arc
+        self.levels.pop(k, None)
+        signs = []
         for side in (BELOW, ABOVE):
             self._settle((side,) * len(self.open))
             modes.write()
-            if not (modes.keeps(k) or self._parallel(modes.rows(), k)):
+            level = self._level(k, float(modes.values(arc.t, arc.y)[k]))
+            if level is None:
+                continue
+            self.levels[k] = level
+            rows = modes.rows()
+            signs.append(np.sign(self._rate(rows, k)))
+            if not (signs[-1] or modes.keeps(k) or self._parallel(rows, k)):
                 return False
-        return True
+        return signs not in ([-1.0, -1.0], [1.0, 1.0])
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
         """Open surface that k steps together with, and their common sign."""
@@ -320,16 +396,15 @@ class Crossing:
         for k in self.loose:
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
-            level = modes.level(k, value)
-            if (
-                k not in self.levels
-                and abs(value - level) > RESIDUAL_ROUNDOFF * self.sizes[k]
-            ):
+            level = self._level(k, value)
+            if level is None:
                 modes.put_clear(k, value)
                 continue
             rows = modes.rows()
-            if modes.keeps(k):
-                modes.put(k, level, LEVEL)
+            rate = self._rate(rows, k)
+            if rate != 0.0 or modes.keeps(k):
+                side = ABOVE if rate > 0.0 else BELOW
+                modes.put(k, level, side if rate != 0.0 else LEVEL)
                 continue
             found = self._parallel(rows, k)
             if found is not None:

@@ -38,12 +38,13 @@ if TYPE_CHECKING:
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.contacts import Contacts
-    from lagsim.run.events.filippov import Rows
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4
 # What is left of accumulating switches, against the speeds there were.
 LEFT = 1e-4
+# How far off a surface is that has been met is known but for as much.
+TWICE = 2.0
 # Towards a surface past which there are no finite values, steps end after this part of
 # the way to it; where even that fails, after this part of it; and so often at most.
 AHEAD = 0.9
@@ -65,8 +66,8 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
-        # The surface met last, and when: the state is on it, whoever asks once more.
-        self.met: tuple[float, int | None] = (math.nan, None)
+        # When a surface was met last, its number, and how far off it the state may be.
+        self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
         self.resting: dict[int, float] = {}  # see `Modes.held`
         self.approaches = 0
         self.reach = AHEAD
@@ -133,25 +134,17 @@ class Switching(Source):
         before, held = self.slides, modes.holds
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
-        self.met = self.met if hit is None else (arc.t, hit)
-        met = self.met[1] if self.met[0] == arc.t else None
-        on = set(at_rest) | ({met} if met is not None else set())
-        # What constraints have held until now is still on its level.
-        values = modes.values(arc.t, arc.y)
-        for k, most in self.resting.items():
-            if abs(values[k] - modes.level(k, values[k])) <= most:
-                on.add(k)
-        self.resting = modes.held()
-        on.update(self.resting)
-        levels, rows, sizes = self._find_sides(on)
+        known = self._known(hit) | dict.fromkeys(at_rest, math.inf)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
         left = max(0.0, time - arc.t) if at_rest else 0.0
-        rests = come_to_rest(modes, levels, sizes, left)
+        met = self.met[1] if self.met[0] == arc.t else None
+        crossing = Crossing(
+            modes, known, at_rest, left, met, self.resting, self.contacts
+        )
+        crossing.find()
+        rests = come_to_rest(modes, crossing.levels, crossing.sizes, left)
         if not rests:
-            crossing = Crossing(
-                modes, levels, sizes, at_rest, left, met, self.resting, self.contacts
-            )
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
             for k in crossing.undecided:
@@ -159,7 +152,7 @@ class Switching(Source):
                     modes.kind[k] = kept.CHOSEN
         modes.write()
         modes.store(roundoff=2.0 * roundoff)
-        self._set_slack(levels, rows, sizes)
+        self._set_slack(crossing)
         return Decision(
             y=self._projected(resting=rests or bool(at_rest)),
             events=tuple(self._changes(held, hit, time, rests=rests)),
@@ -182,26 +175,24 @@ class Switching(Source):
                 return None
         return y
 
-    def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
-        """Set the sides of surfaces off the state; levels of others, rows, sizes."""
+    def _known(self, hit: int | None) -> dict[int, float]:
+        """Surfaces that are known to be at their levels, and how far off they may be.
+
+        That is the surface met last, as far off as it was there, and those at whose
+        levels constraints hold the motion, but for what rounding makes of these. One
+        whose expression has jumped since is farther off, and no more at its level.
+        """
         modes, arc = self.modes, self.modes.arc
-        levels: dict[int, float] = {}
-        for _ in range(modes.count + 2 if modes.nested else 1):
-            modes.write()
-            values = modes.values(arc.t, arc.y)
-            rows = modes.rows()
-            sizes = modes.sizes(rows)
-            old = modes.value.copy()
-            levels = {}
-            for k, value in enumerate(values):
-                level = modes.level(k, value)
-                if k in on or abs(value - level) <= RESIDUAL_ROUNDOFF * sizes[k]:
-                    levels[k] = level
-                else:
-                    modes.put_clear(k, value)
-            if np.array_equal(old, modes.value):
-                break
-        return levels, rows, sizes
+        values = modes.values(arc.t, arc.y)
+        off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
+        if hit is not None:
+            self.met = arc.t, hit, TWICE * off[hit]
+        held = {k: most for k, most in self.resting.items() if off[k] <= most}
+        self.resting = modes.held()
+        held |= self.resting
+        if self.met[0] == arc.t:
+            held[self.met[1]] = max(self.met[2], held.get(self.met[1], 0.0))
+        return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Warn of a choice that nothing decides, once."""
@@ -215,8 +206,9 @@ class Switching(Source):
     def _names(self, several: Collection[int]) -> str:
         return quoted(self.sides[k].text for k in sorted(several))
 
-    def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
+    def _set_slack(self, crossing: Crossing) -> None:
         """Set slack and band, so that no mode ends by rounding or tolerated errors."""
+        levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)
         modes.store(slack=slack)
