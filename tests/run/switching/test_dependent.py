@@ -1,0 +1,144 @@
+"""Switches whose arguments jump at other switches, against sums over their pieces.
+
+The argument q grows at the rate 1 from 0, and the force F(q) acts on another body. All
+pieces of F are linear and end at multiples of a twentieth, so that sums of the values
+in the middle of twentieths are exact.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import lagsim
+from tests.run.switching.scenes import one_quick
+
+END, PIECE = 12.0, 0.05
+# Rounding of the rows, and of a hundred crossings that are located to the double.
+BOUND = 1e-11
+SCENE = """
+coordinates: {{q: {{}}, w: {{}}}}
+{tables}
+energy: {{kinetic: q_dot^2/2 + w_dot^2/2, potential: 0}}
+forces: {{w: "{force}"}}
+initial: {{q: 0, q_dot: 1, w: 0}}
+simulation: {{duration: {end}, output_step: 0.25, {more}}}
+"""
+POINTS = [[0.0, 3.0], [1.0, 3.0], [1.5, 0.0], [4.0, 1.0]]
+AGAIN = [*POINTS[:-1], [4.0, 3.0]]
+TABLES = {
+    "T": f"tables: {{T: {{points: {POINTS}, outside: hold}}}}",
+    "R": f"tables: {{R: {{points: {AGAIN}, outside: repeat}}}}",
+    "G": "tables: {G: {points: [[0, 0, 0], [0, 1, 1], [3, 0, 2], [3, 1, 5]], "
+    "outside: hold}}",
+}
+
+
+def mod(x, period):
+    return x - period * math.floor(x / period)
+
+
+def step(x):
+    return float(x >= 0.0)
+
+
+def table(x):
+    return float(np.interp(x, *zip(*POINTS, strict=True)))
+
+
+def again(x):
+    return float(np.interp(mod(x, 4), *zip(*AGAIN, strict=True)))
+
+
+def plane(x, y):
+    x = min(max(x / 3, 0.0), 1.0)
+    return (1 - y) * 2 * x + y * (1 + 4 * x)
+
+
+# The force, as text and as a function of q.
+FORCES = {
+    "if of mod": ("if(mod(q, 4) < 1, 3, 0)", lambda x: 3.0 * (mod(x, 4) < 1)),
+    "wrap": (
+        "if(mod(q + 1.5, 3) - 1.5 > 0, 1, 0)",
+        lambda x: mod(x + 1.5, 3) > 1.5,
+    ),
+    "step in step": (
+        "if(q < 3 + 5*heaviside(q - 5), 1, 0)",
+        lambda x: x < 3 + 5 * step(x - 5),
+    ),
+    "table": ("T(mod(q, 5))", lambda x: table(mod(x, 5))),
+    "repeat of step": (
+        "R(1.3*floor(q) + 0.4*q)",
+        lambda x: again(1.3 * math.floor(x) + 0.4 * x),
+    ),
+    "two arguments": (
+        "G(mod(q, 2.5), heaviside(mod(q, 0.8) - 0.3))",
+        lambda x: plane(mod(x, 2.5), step(mod(x, 0.8) - 0.3)),
+    ),
+    "floor": ("floor(mod(q, 4)/1.5)", lambda x: math.floor(mod(x, 4) / 1.5)),
+    "ceil": ("ceil(mod(q, 4) - 1.5)", lambda x: math.ceil(mod(x, 4) - 1.5)),
+    "sign": ("sign(mod(q, 4) - 1.5)", lambda x: math.copysign(1, mod(x, 4) - 1.5)),
+    "abs": ("abs(mod(q, 4) - 1.5)", lambda x: abs(mod(x, 4) - 1.5)),
+    "max": ("max(mod(q, 4), 1.5)", lambda x: max(mod(x, 4), 1.5)),
+    "min": ("min(mod(q, 4), mod(q, 3))", lambda x: min(mod(x, 4), mod(x, 3))),
+    "mod of mod": ("mod(mod(q, 4), 1.5)", lambda x: mod(mod(x, 4), 1.5)),
+    "parity": ("mod(floor(q), 2)", lambda x: mod(math.floor(x), 2)),
+    "three deep": (
+        "if(abs(mod(mod(q, 4), 1.5) - 0.7) < 0.3 + 0.2*floor(mod(q, 2)), 2, -1)",
+        lambda x: (
+            2.0
+            if abs(mod(mod(x, 4), 1.5) - 0.7) < 0.3 + 0.2 * math.floor(mod(x, 2))
+            else -1.0
+        ),
+    ),
+    "joined": (
+        "if(mod(q, 4) < 1 or mod(q, 3) > 2 and not sign(mod(q, 5) - 2) > 0, 2, -1)",
+        lambda x: 2.0 if mod(x, 4) < 1 or (mod(x, 3) > 2 and mod(x, 5) <= 2) else -1.0,
+    ),
+}
+# What the argument is: q, the time, or both.
+ARGUMENTS = {"state": "q", "time": "t", "mixed": "(0.5*q + 0.5*t)"}
+METHODS = {
+    name: f"method: {name}" + ("" if adaptive else ", step: 0.0625")
+    for name, adaptive in {
+        "dop853": True, "taylor": True, "radau": True, "rk4": False, "euler": False,
+        "gauss4": False, "verlet": False, "midpoint": False, "kahan-li6": False,
+        "kahan-li8": False, "generalized-alpha": False, "rattle": False,
+    }.items()
+}  # fmt: skip
+
+
+def sums(force):
+    """Give w_dot at the ends of all pieces."""
+    middles = PIECE * (np.arange(round(END / PIECE)) + 0.5)
+    return np.append(0.0, np.cumsum([PIECE * force(x) for x in middles]))
+
+
+def pushed(name, argument="q", more="method: dop853"):
+    """Hold the velocity in all rows against the sums."""
+    text, force = FORCES[name]
+    tables = next((x for key, x in TABLES.items() if f"{key}(" in text), "")
+    model = SCENE.format(
+        force=text.replace("q", argument), tables=tables, end=END, more=more
+    )
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    rows = np.round(result.t / PIECE).astype(int)
+    return np.abs(result["w_dot"] - sums(force)[rows])
+
+
+@pytest.mark.parametrize("name", one_quick(*FORCES))
+@pytest.mark.parametrize("argument", ARGUMENTS)
+def test_sides_follow_those_that_they_depend_on(name, argument):
+    assert np.max(pushed(name, ARGUMENTS[argument])) < BOUND
+
+
+# What changes linearly is integrated exactly by order 2.
+@pytest.mark.parametrize("method", [m for m in METHODS if m != "euler"])
+@pytest.mark.parametrize("name", ["table", "three deep"])
+def test_every_method_has_them(name, method):
+    assert np.max(pushed(name, more=METHODS[method])) < 1e-10
+
+
+def test_euler_has_them():
+    assert np.max(pushed("three deep", more=METHODS["euler"])) < BOUND
