@@ -217,7 +217,7 @@ REMAINDERS = (
 def _extreme(name: str, value: Callable[..., float], sign: str) -> Function:
     better, first = ("lt", "le") if sign == "<" else ("gt", "ge")
     return Function(
-        name=name, arity=2, value=value, simpler=simpler.extreme,
+        name=name, arity=2, value=value, simpler=getattr(simpler, f"{name}imum"),
         branches=lambda g, a: g.call(first, *a),
         native=f"{{a}} = fcmp o{better} double {{1}}, {{0}}\n"
         "select i1 {a}, double {1}, double {0}",
@@ -233,7 +233,7 @@ CORNERS = (
         partials=lambda g, a, _: (g.call("sign", a[0]),), **_by_llvm("fabs"),
         python="np.abs({0})",
         text=("|", "|"), latex=(r"\left|", r"\right|"), interval=lambda r: r.magnitude,
-        exact=True, switch=True, decided_by="sign",
+        exact=True, switch=True, decided_by="sign", simpler=simpler.absolute,
     ),
     _extreme("min", lambda x, y: y if y < x else x, "<"),
     _extreme("max", lambda x, y: y if y > x else x, ">"),
@@ -520,17 +520,19 @@ POWERS = (
     ),
     _smooth(
         "sqrt", math.sqrt, lambda g, x, f: g.call("div", g.constant(0.5), f),
-        llvm=True, within=(0.0, math.inf), cost=4,
+        llvm=True, within=(0.0, math.inf), cost=4, simpler=simpler.square_root,
     ),
     _smooth(
         "cbrt", math.cbrt,
         lambda g, x, f: _over(g, g.call("mul", g.constant(3.0), _square(g, f))),
         sympy=None, latex=(r"\sqrt[3]{", "}"), steep=True, decided_by="sign",
+        simpler=simpler.cube_root,
     ),
     _smooth(
         "hypot", math.hypot, lambda g, x, y, f: g.call("div", x, f),
         lambda g, x, y, f: g.call("div", y, f), commutes=True, steep=True,
         sympy=lambda s, x, y: s.sqrt(x**2 + y**2), interval=None,
+        simpler=simpler.hypotenuse,
     ),
 )  # fmt: skip
 

@@ -4,6 +4,9 @@ A quotient by its own absolute value is a sign: u/abs(u), abs(u)/u, u/sqrt(u^2),
 u/abs(u)^q. That is how many write the direction of a velocity. At rest it would be 0/0,
 and no switch would be seen in it. Where 0 < q < 1, sign(u) |u|^(1 - q) is meant.
 
+A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5,
+hypot(u, 0), max(u, -u). Written so its corner is seen, and is a switch as that of abs.
+
 A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
 slope at 0, where its power has one: the energy of a body at rest that is written with
 its speed. Only what is equal for all arguments is written otherwise: sqrt(e) has no
@@ -346,6 +349,10 @@ def power(g: Builder, x: int, y: int) -> int | None:
         return x
     if exponent == 0.5:
         return g.call("sqrt", x)
+    if exponent is not None and exponent % 1.0 == 0.5:
+        found = _of_square(g, x, exponent)
+        if found is not None:
+            return found
     if exponent is not None and exponent % 2 == 0 and g.ops[x] == "neg":
         return g.call("pow", g.args[x][0], y)
     return None if exponent is None else raised(g, x, exponent)
@@ -358,9 +365,114 @@ def choice(g: Builder, condition: int, x: int, y: int) -> int | None:
     return x if x == y else None
 
 
-def extreme(_: Builder, x: int, y: int) -> int | None:
+def extreme(g: Builder, x: int, y: int, *, largest: bool) -> int | None:
     """Simplify min(x, y) or max(x, y)."""
-    return x if x == y else None
+    if x == y:
+        return x
+    if y != g.call("neg", x) or g.value(x) is not None:
+        return None
+    size = g.call("abs", x)
+    return size if largest else g.call("neg", size)
+
+
+def minimum(g: Builder, x: int, y: int) -> int | None:
+    """Simplify min(x, y)."""
+    return extreme(g, x, y, largest=False)
+
+
+def maximum(g: Builder, x: int, y: int) -> int | None:
+    """Simplify max(x, y)."""
+    return extreme(g, x, y, largest=True)
+
+
+def absolute(g: Builder, x: int) -> int | None:
+    """Simplify |x|: of numbers that are factors, and of what has one sign."""
+    op, args = g.ops[x], g.args[x]
+    if op == "neg":
+        return g.call("abs", args[0])
+    if op == "mul" and (c := g.value(args[0])) is not None:
+        return g.call("mul", g.constant(abs(c)), g.call("abs", args[1]))
+    if op == "div" and (c := g.value(args[1])) is not None:
+        return g.call("div", g.call("abs", args[0]), g.constant(abs(c)))
+    return x if g.value(x) is None and never_negative(g, x) else None
+
+
+def square_root(g: Builder, x: int) -> int | None:
+    """Simplify sqrt(x) where x has the square of an expression for a factor."""
+    return _of_square(g, x, 0.5)
+
+
+def hypotenuse(g: Builder, x: int, y: int) -> int | None:
+    """Simplify hypot(x, y) where both are multiples of one expression."""
+    (c, u), (d, v) = (_multiple(g, a) for a in (x, y))
+    if g.zero in (x, y):
+        return g.call("abs", y if x == g.zero else x)
+    if u != v or u == g.one:
+        return None
+    return g.call("mul", g.constant(math.hypot(c, d)), g.call("abs", u))
+
+
+def cube_root(g: Builder, x: int) -> int | None:
+    """Simplify cbrt(x) where x is a cube."""
+    exponent = g.value(g.args[x][1]) if g.ops[x] == "pow" else None
+    if exponent is None or exponent % 3.0:
+        return None
+    return g.call("pow", g.args[x][0], g.constant(exponent / 3.0))
+
+
+def _multiple(g: Builder, x: int) -> tuple[float, int]:
+    """Return c and u of x = c u; u is 1 where x is a number."""
+    op, args, number = g.ops[x], g.args[x], g.value(x)
+    if number is not None:
+        return number, g.one
+    if op == "neg":
+        c, u = _multiple(g, args[0])
+        return -c, u
+    if op == "mul" and (factor := g.value(args[0])) is not None:
+        return factor, args[1]
+    if op == "div" and (divisor := g.value(args[1])):
+        return 1.0 / divisor, args[0]
+    return 1.0, x
+
+
+def _of_square(g: Builder, x: int, exponent: float) -> int | None:
+    """Return x^exponent, a whole number and a half, where u^2 is a factor of x."""
+    root, rest = _squared(g, x)
+    if root is None:
+        return None
+    found = g.call("pow", g.call("abs", root), g.constant(2.0 * exponent))
+    if rest == g.one:
+        return found
+    return g.call("mul", g.call("pow", rest, g.constant(exponent)), found)
+
+
+def _squared(g: Builder, x: int, depth: int = DEEP) -> tuple[int | None, int]:
+    """Return u and r of x = u^2 r, where u is no number; None and x if there is none.
+
+    A sum of multiples of one square is one.
+    """
+    op, args = g.ops[x], g.args[x]
+    if not depth:
+        return None, x
+    if op == "pow":
+        exponent = g.value(args[1])
+        if exponent is not None and exponent % 2.0 == 0.0 and g.value(args[0]) is None:
+            return g.call("pow", args[0], g.constant(exponent / 2.0)), g.one
+    elif op == "mul" and args[0] == args[1]:
+        return args[0], g.one
+    elif op in ("mul", "div"):
+        (u, r), (v, s) = (_squared(g, a, depth - 1) for a in args)
+        if u is not None or v is not None:
+            one = g.one
+            root = g.call(op, one if u is None else u, one if v is None else v)
+            return root, g.call(op, r, s)
+    elif op == "add":
+        (c, u), (d, v) = (_multiple(g, a) for a in args)
+        if u == v:
+            common, rest = _squared(g, u, depth - 1)
+            if common is not None:
+                return common, g.call("mul", g.constant(c + d), rest)
+    return None, x
 
 
 def remainder(g: Builder, x: int, y: int) -> int:
