@@ -72,7 +72,12 @@ CLEAR_OF_ROUNDING = 16.0
 been left, a flight that is one, a rate that jumps."""
 
 SAME_TIME = 8.0
-"""Units in the last place of the time within which two times are one."""
+"""Units in the last place of the time by which a located time may be off: within them
+what changes with the time has not changed."""
+
+SAME_INSTANT = 2.0**-50
+"""The difference of two times, as a part of the larger of them and the start, up to
+which they are one instant: 4 units in the last place."""
 
 # --- rows of a run --------------------------------------------------------------------
 

@@ -5,17 +5,16 @@ The memory of a method's state goes from arc to arc, and from method to method.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
+from lagsim.run.instants import width
 from lagsim.tolerances import (
     NEARLY_DEPENDENT_ROWS,
     SAME_STEP,
-    SAME_TIME,
     SURFACE_ROUNDOFF,
 )
 
@@ -257,14 +256,6 @@ class Arc(NamedTuple):
         state = self.state
         return float(state.row_start + (state.row + k) * state.row_step)
 
-    def meet_row(self) -> None:
-        """Take an event within rounding of an output time to be at it."""
-        rows = self.row_time(-1), self.row_time(0), self.settings.end
-        t = self.t
-        near = min(rows, key=lambda s: abs(s - t))
-        if abs(near - t) <= SAME_TIME * math.ulp(t):
-            self.state.t = near
-
     def advance(self, rows: int, budget: int) -> int:
         """Integrate on, by one call of the kernel; return its code."""
         if self.settings.moments and self.state.extras:
@@ -312,9 +303,9 @@ class Arc(NamedTuple):
         if self.system.laws:
             state.linked[:] = self.system.held_together()
         state.end = ahead = min(end, ahead)
-        # A row within rounding of the end is the end's.
+        # A row at the instant of the end is the next arc's, or the last.
         last = settings.end - SAME_STEP * settings.output_step
-        state.row_limit = state.arc_rows = min(ahead, last)
+        state.row_limit = state.arc_rows = min(ahead - width(settings, ahead), last)
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = state.event = state.most_step = 0.0

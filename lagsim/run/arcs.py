@@ -48,6 +48,7 @@ from lagsim.run.failures import (
     reason_of,
     unsettled,
 )
+from lagsim.run.instants import instant, is_same, width
 from lagsim.run.interrupt import Horizon
 from lagsim.run.trajectory import (
     GO_ON,
@@ -210,6 +211,7 @@ class Run:
         self.interrupt, self.progress = interrupt, progress
         self.corners = corners
         self.shown = first.row()[0]  # the time and the state of the last row
+        self.instant = self.arc.t  # the time of the last instant
         # The row after an impact waits until time passes: what is due there acts first.
         self.after: Floats | None = None
         self.pace = self.arc.runner.pace
@@ -318,9 +320,21 @@ class Run:
         over |= arc.state.cut > 0.0  # the state is that of the step as it was
         return not over
 
+    def _meet(self) -> None:
+        """Take a located time to be that of the instant that it belongs to."""
+        arc, settings = self.arc, self.arc.settings
+        if is_same(settings, arc.t, self.instant):
+            arc.state.t = self.instant
+            return
+        known = (time for source in self.sources for time in source.times(arc))
+        soon = arc.t + width(settings, arc.t)
+        arc.state.t = instant(settings, [*(t for t in known if t <= soon), arc.t])
+
     def _decide(self, code: int) -> Ending | None:
         """Apply the decision of the first source that has an answer to the kernel."""
         arc = self.arc
+        if code in (at.EVENT_FOUND, at.SWITCH_FOUND):
+            self._meet()
         before = self._before(code)
         corner = self._corner(code)
         for source in self.sources:
@@ -465,9 +479,10 @@ class Run:
 
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
-        arc, end = self.arc, self.arc.settings.end
-        for source in self.sources:
-            end = min(end, source.limit(arc))
+        arc = self.arc
+        known = (time for source in self.sources for time in source.times(arc))
+        end = min(arc.settings.end, instant(arc.settings, known))
+        self.instant = arc.t
         self.arc = arc.next(end, ahead)
         self.arcs += 1
         for source in self.sources:

@@ -191,9 +191,9 @@ class Source:
         """Set the mode at the state reached, where all of them are set."""
         return GO_ON
 
-    def limit(self, arc: Arc) -> float:  # noqa: ARG002
-        """Time at which an arc that begins ends at the latest."""
-        return inf
+    def times(self, arc: Arc) -> Iterable[float]:  # noqa: ARG002
+        """Return times known in advance at which an arc ends; inf where none is."""
+        return ()
 
     def set_out(self, arc: Arc) -> Decision:  # noqa: ARG002
         """Prepare an arc that begins."""

@@ -47,7 +47,7 @@ from lagsim.methods.parts.state import (
     signals,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import SUM_ROUNDOFF, TINY
+from lagsim.tolerances import SAME_INSTANT, SUM_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
     from lagsim.native.kernels.words import Static
@@ -557,7 +557,9 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0
     shorten(s, high)
-    s.row_limit = min(s.row_limit, s.t)
+    # Rows at the same instant are the next arc's.
+    same = SAME_INSTANT * max(abs(s.t), abs(s.row_start))
+    s.row_limit = min(s.row_limit, s.t - same)
 
 
 def end_of(

@@ -102,7 +102,6 @@ def impact(arc: Arc, before: Before) -> Decision:
     step = _newton_step(arc, "velocity") - before.off
     if not _strikes(arc, step, before.off):
         return GO_ON
-    arc.meet_row()
     before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[arc.velocities] += step

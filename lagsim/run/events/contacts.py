@@ -131,7 +131,6 @@ class Contacts(Source):
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
-        arc.meet_row()
         self.sequence.add(arc.t, k)
         p, pair = arc.system.p, self.laws[k].pair
         self._note_former(arc)

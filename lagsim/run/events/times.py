@@ -24,6 +24,7 @@ from lagsim.methods.parts.missed import distance
 from lagsim.notes import Event
 from lagsim.run.events.breaks import NEIGHBOURS, Clock, Values, break_times
 from lagsim.run.events.sequence import Sequence
+from lagsim.run.instants import width
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
@@ -218,13 +219,13 @@ class TimeBreaks(_Ahead):
         arc.runner.prepare()
         return GO_ON
 
-    def limit(self, arc: Arc) -> float:  # noqa: ARG002
+    def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
         """Next break."""
-        return self._next
+        return (self._next,)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through a break that has been reached."""
-        if code != at.DONE or arc.t < self._next:
+        if code != at.DONE or arc.t < self._next - width(arc.settings, arc.t):
             return None
         self._met.add(arc.t, 0)
         self._first = arc.t if self._taken == 1 else self._first

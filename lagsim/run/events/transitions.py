@@ -23,10 +23,13 @@ import numpy as np
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.sequence import NO_TIME, Sequence
+from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SAME_TIME
+from lagsim.tolerances import RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
@@ -78,29 +81,21 @@ class Transitions(Source):
         names = (x.name for x in first if x.at is None)
         return Decision(tuple(Event(arc.t, "event", name=name) for name in names))
 
-    def limit(self, arc: Arc) -> float:
-        """Time of the next periodic event."""
-        return min(self._time(arc, k) for k in range(len(self.next)))
-
-    def exact(self, arc: Arc, k: int) -> float:
-        """Time of the next act of a periodic event."""
-        return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
+    def times(self, arc: Arc) -> Iterator[float]:
+        """Return the times of the next acts of periodic events."""
+        return (self._time(arc, k) for k in range(len(self.next)))
 
     def _time(self, arc: Arc, k: int) -> float:
-        """Return the same, or that of a row, or of the end, within rounding of it."""
+        """Time of the next act of an event; inf of one that is not periodic."""
         if self.next[k] < 0:
             return math.inf
-        time, settings = self.exact(arc, k), arc.settings
-        row = math.floor((time - settings.start) / settings.output_step + 0.5)
-        rows = settings.start + row * settings.output_step, settings.end
-        near = min(rows, key=lambda x: abs(x - time))
-        return near if abs(near - time) <= _same(arc, time) else time
+        return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Let the events act that are due."""
         if code not in (at.EVENT_FOUND, at.DONE):
             return None
-        soon = arc.t + _same(arc, arc.t)
+        soon = arc.t + width(arc.settings, arc.t)
         due = {k for k in range(len(self.next)) if self._time(arc, k) <= soon}
         moment, found = _Moment(self, arc), int(arc.state.event) - 1
         if not due and found in (-1, moment.until):
@@ -147,11 +142,6 @@ def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     met = arc.located(arc.t, closed) * state.orientation <= 0.0
     met &= state.orientation != 0.0
     state.leeway[met] = -np.maximum(misses[met], LEAST)
-
-
-def _same(arc: Arc, time: float) -> float:
-    """Difference of times that are one."""
-    return SAME_TIME * math.ulp(max(abs(time), abs(arc.settings.start)))
 
 
 class _Moment:
@@ -258,10 +248,7 @@ class _Moment:
                 about = f": `{mode}` in the event `{event.name}`"
                 self.ending = Ending(Outcome.NOT_FINITE, about)
         arc.runner.prepare()
-        # Within rounding of a located event they are at its time.
-        exact = event.at is None and self.state.event == 0.0
-        time = run.exact(arc, k) if exact else arc.t
-        self.found.append(Event(time, "event", name=event.name))
+        self.found.append(Event(arc.t, "event", name=event.name))
         if event.at is None:
             run.next[k] += 1
         else:

@@ -306,7 +306,7 @@ def last_of(monkeypatch, breaks):
     arc.settings.start, arc.settings.duration = 0.0, breaks[-1]
     found = times.TimeBreaks(arc)
     for t in breaks:
-        decision = found.decide(SimpleNamespace(t=t), at.DONE)
+        decision = found.decide(SimpleNamespace(t=t, settings=arc.settings), at.DONE)
         if decision.ending is not None:
             return t, decision.ending.outcome
     return t, None
