@@ -350,14 +350,16 @@ def _offset(e: Equations, row: Row) -> int:
 def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     """Whether each surface depends on velocities, or on states whose rates step.
 
-    Its own rate steps then; that of others is continuous.
+    Its own rate steps then; that of others is continuous. What only decides sides that
+    its expression depends on does not count.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
     rates = zip(e.states, switches.freeze([x.rate for x in e.states]), strict=True)
     stepping = {x.name for x, rate in rates if depends([rate]) & modes}
     names = frozenset(e.velocities) | stepping
-    return [bool(depends([side.node]) & names) for side in switches.sides]
+    nodes = switches.freeze([side.node for side in switches.sides])
+    return [bool(depends([node]) & names) for node in nodes]
 
 
 def surface_functions(

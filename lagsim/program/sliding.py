@@ -7,7 +7,8 @@ f0 on the lower sides and f_k on the upper side of surface k. A surface gives a 
 a constraint does, J (q'', s') = b, on the level of velocities and states or, for one
 whose rate does not step, of accelerations; the shares w are its multipliers. What steps
 together with a surface is carried along: it is on its own lower and upper side where
-that one is.
+that one is. So is a surface whose expression depends on the side: it has two values,
+each of which may leave its side.
 
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.
@@ -91,16 +92,33 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """
     if p.sliding > 0.0:
         combine(t, y, p)
+    if p.ends_above > 0.0:
+        look_above(t, y, p)
     surfaces(t, y, p, out)
     for k in range(p.surfaces):
         low = out[k] - p.least[k]
         high = p.most[k] - out[k]
+        if p.ends_above > 0.0 and p.slides[k] == CARRIED:
+            low = min(low, p.margin_above[k])
         if p.slides[k] == FOLLOWED:
             low = p.share[k]
             high = 1.0 - p.share[k]
         out[k] = min(low, high)
     if LAWS:
         law_event_functions(t, y, p, out[p.surfaces :])
+
+
+def look_above(t: float, y: Floats, p: Parameters) -> None:
+    """Find how far what is carried along is from its ends on the upper side."""
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED:
+            take_side(k, p.high, p)
+            surfaces(t, y, p, p.rows)
+            take_side(k, p.low, p)
+            for i in range(p.surfaces):
+                if int(p.leader[i]) == k + 1:
+                    low = p.rows[i] - p.least_above[i]
+                    p.margin_above[i] = min(low, p.most_above[i] - p.rows[i])
 
 
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:

@@ -407,7 +407,7 @@ class System:
         for name in self.model.modes:
             self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
         self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
-        self.p.law_shares = other.p.law_shares
+        self.p.law_shares, self.p.ends_above = other.p.law_shares, other.p.ends_above
         self.p.known, self.p.passed = other.p.known, other.p.passed
         self.p.apart = other.p.apart
         for name in KEPT:

@@ -23,9 +23,10 @@ REDUNDANT_SIDE = -3.0
 # What is kept of each surface, law and knot from arc to arc.
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
-    "leader", "roundoff", "floor", "least_root", "law_mode", "law_direction",
-    "law_still", "law_floor", "law_begun", "law_lasts", "law_turn", "law_rounding",
-    "knot_times", "knot_modes", "cells_before", "cells_after",
+    "leader", "least_above", "most_above", "roundoff", "floor", "least_root",
+    "law_mode", "law_direction", "law_still", "law_floor", "law_begun", "law_lasts",
+    "law_turn", "law_rounding", "knot_times", "knot_modes", "cells_before",
+    "cells_after",
 )  # fmt: skip
 
 # Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
@@ -148,6 +149,12 @@ class Surfaces(Knots):
     side_before: Floats = array("surfaces")  # the sides, while a row has its own
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array("surfaces")
+    # Of what is carried along: how many have ends on the upper side of what carries
+    # them, where the expression stays between these, and how far it is from them.
+    ends_above: float
+    least_above: Floats = array("surfaces")
+    most_above: Floats = array("surfaces")
+    margin_above: Floats = array("surfaces")
     roundoff: Floats = array("surfaces")  # a rate so small is rounding, while it slides
     # Roots of it are taken of no less, in the motion; see `switches.roots`.
     floor: Floats = array("surfaces")

@@ -34,6 +34,7 @@ from lagsim.run.events.filippov import (
     LEVEL,
     REDUNDANT,
     SLIDING,
+    Carried,
     FilippovCone,
 )
 from lagsim.run.events.kinematics import Kinematics
@@ -65,6 +66,8 @@ FEW = 64.0
 # Beside rest in velocities the curve is looked at for speeds of this part of those
 # seen: their squares are clear of the rounding of positions.
 SLOW = 2.0**-20
+# There the curve is as far off its level as the root of a rounding, a few times.
+APART = FEW * RESIDUAL_ROUNDOFF**0.5
 
 
 def come_to_rest(
@@ -81,7 +84,7 @@ def come_to_rest(
         others = [j for j in levels if j != k]
         if not others or not all(k in modes.depends[j] for j in others):
             continue
-        if _rests(modes, rows, k, others, levels, sizes[k], left):
+        if _rests(modes, rows, k, others, levels, sizes, left):
             return True
         modes.restore(value, kind)
         modes.write()
@@ -94,16 +97,20 @@ def _rests(
     k: int,
     others: list[int],
     levels: Mapping[int, float],
-    size: float,
+    sizes: Floats,
     left: float,
 ) -> bool:
-    """Try rest on surface k; the modes are left at it."""
+    """Try rest on surface k; the modes are left at it.
+
+    The others meet there: one whose expression jumps at k is met on one side alone.
+    """
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     by_q = J[: arc.system.n]
     square = float(J @ J)
     if not square > 0.0 or modes.whole[k]:
         return False
     speed, moving = float(rows.rates[k]), modes.on_rates[k]
+    size = sizes[k]
     aside = RESIDUAL_ROUNDOFF * size
     if moving:
         size = float(np.abs(by_q) @ arc.seen[positions])
@@ -117,7 +124,10 @@ def _rests(
         modes.put(k, levels[k], side)
         for j in others:
             modes.write()
-            modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
+            value = float(modes.values(arc.t, beside)[j])
+            if abs(value - levels[j]) > APART * sizes[j]:
+                return False
+            modes.put_clear(j, value)
         modes.write()
         back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
         way = 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
@@ -128,7 +138,7 @@ def _rests(
     modes.value[:] = found[BELOW]
     for j in others:
         if found[BELOW][j] != found[ABOVE][j]:
-            modes.carry(j, k, float(found[ABOVE][j]))
+            modes.carry(j, Carried(k, float(found[ABOVE][j])))
     modes.put(k, levels[k], SLIDING)
     return True
 
@@ -388,11 +398,16 @@ class Crossing:
                 return j, factor
         return None
 
-    def _settle(self, corner: Sequence[int]) -> None:
-        """Put the open surfaces on these sides, and what hangs on them where it is."""
+    def _settle(self, corner: Sequence[int]) -> set[int]:
+        """Put the open surfaces on these sides, and what hangs on them where it is.
+
+        Return those whose side their expression does not tell: they keep their level,
+        or step together with an open one.
+        """
         modes, arc = self.modes, self.modes.arc
         for k, side in zip(self.open, corner, strict=True):
             modes.put(k, self.levels[k], side)
+        free = set()
         for k in self.loose:
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
@@ -402,17 +417,20 @@ class Crossing:
                 continue
             rows = modes.rows()
             rate = self._rate(rows, k)
-            if rate != 0.0 or modes.keeps(k):
-                side = ABOVE if rate > 0.0 else BELOW
-                modes.put(k, level, side if rate != 0.0 else LEVEL)
+            if rate != 0.0:
+                modes.put(k, level, ABOVE if rate > 0.0 else BELOW)
                 continue
-            found = self._parallel(rows, k)
+            free.add(k)
+            found = None if modes.keeps(k) else self._parallel(rows, k)
             if found is not None:
                 leader, factor = found
                 side = corner[self.open.index(leader)]
                 turned = factor < 0.0 and side != LEVEL
                 modes.put(k, level, 1 - side if turned else side)
+            elif modes.keeps(k):
+                modes.put(k, level, LEVEL)
         modes.write()
+        return free
 
     def _by_forces(self, now: list[int]) -> None:
         """Decide the rest by what the forces do on each side."""
@@ -459,19 +477,21 @@ class Crossing:
         """Take sides, with what steps together with the surfaces that it follows."""
         modes = self.modes
         base = [BELOW if side in (SLIDING, REDUNDANT) else side for side in sides]
-        self._settle(base)
+        below = self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
         along = [i for i, side in enumerate(sides) if side == SLIDING]
         carried = {}
         for i in along:
-            self._settle([*base[:i], ABOVE, *base[i + 1 :]])
+            above = self._settle([*base[:i], ABOVE, *base[i + 1 :]])
             for k in self.loose:
                 steps = modes.value[k] != low[k]
-                if steps or (k in self.levels and k not in carried):
-                    carried[k] = self.open[i], float(modes.value[k])
+                beside = k in self.levels or self._depends(k, self.open[i])
+                if steps or (beside and k not in carried):
+                    ends = k not in below, k not in above
+                    carried[k] = Carried(self.open[i], float(modes.value[k]), *ends)
         modes.restore(low, kind)
-        for k, (leader, high) in carried.items():
-            modes.carry(k, leader, high)
+        for k, each in carried.items():
+            modes.carry(k, each)
         for i in along:
             modes.put(self.open[i], self.levels[self.open[i]], SLIDING)
         for k, side, share in zip(self.open, sides, shares, strict=True):
@@ -479,6 +499,13 @@ class Crossing:
                 modes.put(k, self.levels[k], REDUNDANT, share)
             elif side == LEVEL == share:
                 modes.watched.append(k)
+
+    def _depends(self, k: int, leader: int) -> bool:
+        """Whether the expression of surface k depends on the side of an open one."""
+        own = self.modes.depends[k]
+        return leader in own or any(
+            self._depends(j, leader) for j in own.intersection(self.loose)
+        )
 
     def _cone(self) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""

@@ -338,6 +338,26 @@ class Rows(NamedTuple):
     J: Floats
 
 
+class Carried(NamedTuple):
+    """A surface with a side of its own on either side of one that the motion follows.
+
+    Attributes
+    ----------
+    leader
+        The number of that one.
+    high
+        The side on its upper side.
+    ends_below, ends_above
+        Whether the expression has a value there that can leave the side: it has none
+        where it is at its level because that one is.
+    """
+
+    leader: int
+    high: float
+    ends_below: bool = False
+    ends_above: bool = False
+
+
 class Modes:
     """The modes of the switching surfaces of a run.
 
@@ -371,7 +391,7 @@ class Modes:
         self.value = np.ones(self.count)
         self.kind = np.zeros(self.count)
         self.levels = np.zeros(self.count)
-        self.carried: dict[int, tuple[int, float]] = {}  # leader, and the upper value
+        self.carried: dict[int, Carried] = {}
         self.watched: list[int] = []  # a mode ends where the motion leaves their level
 
     def _ordered(self) -> list[int]:
@@ -437,10 +457,10 @@ class Modes:
         sign = 1.0 if value > 0.0 else -1.0
         self.value[k] = math.floor(value) if self.whole[k] else sign
 
-    def carry(self, k: int, leader: int, high: float) -> None:
-        """Let surface k step together with one that the motion follows."""
+    def carry(self, k: int, carried: Carried) -> None:
+        """Let surface k have two sides, on those of one that the motion follows."""
         self.kind[k] = kept.CARRIED
-        self.carried[k] = leader, high
+        self.carried[k] = carried
 
     def level(self, k: int, value: float) -> float:
         """Level of surface k that is closest to a value."""
@@ -452,23 +472,34 @@ class Modes:
         p.sliding = float(np.count_nonzero(slides))
         p.side[:] = value
         p.slides[:] = self.kind
-        up = value > 0.0
         p.low[:] = np.where(whole | self.bound, value, -1.0)
         p.high[:] = np.where(whole, value + 1.0, 1.0)
-        p.leader[:] = 0.0
-        for k, (leader, high) in self.carried.items():
-            p.leader[k] = leader + 1
-            p.high[k] = high
-        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
-        least = np.where(whole, value, least)
-        most = np.where(whole, value + 1.0, most)
-        least[self.bound], most[self.bound] = -math.inf, math.inf
+        p.leader[:] = p.ends_above = 0.0
+        least, most = self._ends(value)
+        free = self.bound
+        for k, carried in self.carried.items():
+            p.leader[k] = carried.leader + 1
+            p.high[k] = carried.high
+            free[k] = not carried.ends_below
+            p.ends_above += carried.ends_above
+        if p.ends_above:
+            p.least_above[:], p.most_above[:] = self._ends(p.high)
+            fixed = [k for k, x in self.carried.items() if not x.ends_above]
+            p.least_above[fixed], p.most_above[fixed] = -math.inf, math.inf
+        least[free], most[free] = -math.inf, math.inf
         least[self.watched] = most[self.watched] = self.levels[self.watched]
         moving = np.array(self.on_rates, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]
         p.least[:] = least
         p.most[:] = most
+
+    def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
+        """Values between which expressions keep these sides, least and most (K,)."""
+        up, whole = sides > 0.0, self.whole
+        least = np.where(whole, sides, np.where(up, 0.0, -math.inf))
+        most = np.where(whole, sides + 1.0, np.where(up, math.inf, 0.0))
+        return least, most
 
     def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
         """Return what the surfaces do at the state reached, or at y and t."""

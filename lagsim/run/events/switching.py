@@ -132,9 +132,10 @@ class Switching(Source):
         modes.arc = arc
         time = arc.t if time is None else time
         before, held = self.slides, modes.holds
+        carried = hit in modes.carried
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
-        known = self._known(hit) | dict.fromkeys(at_rest, math.inf)
+        known = self._known(hit, carried=carried) | dict.fromkeys(at_rest, math.inf)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
         left = max(0.0, time - arc.t) if at_rest else 0.0
@@ -175,7 +176,7 @@ class Switching(Source):
                 return None
         return y
 
-    def _known(self, hit: int | None) -> dict[int, float]:
+    def _known(self, hit: int | None, *, carried: bool) -> dict[int, float]:
         """Surfaces that are known to be at their levels, and how far off they may be.
 
         That is the surface met last, as far off as it was there, and those at whose
@@ -185,8 +186,8 @@ class Switching(Source):
         modes, arc = self.modes, self.modes.arc
         values = modes.values(arc.t, arc.y)
         off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
-        if hit is not None:
-            self.met = arc.t, hit, TWICE * off[hit]
+        if hit is not None:  # what is carried along has another value above
+            self.met = arc.t, hit, 0.0 if carried else TWICE * off[hit]
         held = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.held()
         held |= self.resting
@@ -213,6 +214,8 @@ class Switching(Source):
         slack = np.zeros(modes.count)
         modes.store(slack=slack)
         event_functions = arc.runner.event_functions(arc.t, arc.y)
+        for k in modes.carried:
+            slack[k] = RESIDUAL_ROUNDOFF * sizes[k]
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])

@@ -142,3 +142,50 @@ def test_every_method_has_them(name, method):
 
 def test_euler_has_them():
     assert np.max(pushed("three deep", more=METHODS["euler"])) < BOUND
+
+
+# --- while the motion slides along the switch that the argument jumps at --------------
+
+# Along y' = 0, where 0.5 pushes up and 2 back, the share of the side above is 5/8.
+ABOVE = 0.625
+SLIDING = """
+coordinates: {{x: {{}}, y: {{}}, w: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2 + w_dot^2)/2, potential: 0}}
+forces: {{y: "0.5 - 2*sign(y_dot)", w: "{force}"}}
+initial: {{x: -4, x_dot: 1, y: 0, w: 0}}
+simulation: {{duration: 10, output_step: 0.25, {more}}}
+"""
+# The force, and it as a function of x and of the sign of y'.
+CARRIED = {
+    "if": (
+        "if(x + 5*heaviside(y_dot) < 3, 1, 0)",
+        lambda x, side: float(x + 5 * (side > 0) < 3),
+    ),
+    "branch": (
+        "if(x + 5*heaviside(y_dot) < 3, 1, 0.2*sign(y_dot))",
+        lambda x, side: 1.0 if x + 5 * (side > 0) < 3 else 0.2 * side,
+    ),
+    "mod": ("mod(x + 0.7*sign(y_dot), 2)", lambda x, side: mod(x + 0.7 * side, 2)),
+    "floor": (
+        "floor(x + 0.7*sign(y_dot))",
+        lambda x, side: math.floor(x + 0.7 * side),
+    ),
+    "abs of mod": (
+        "abs(mod(x + 0.7*sign(y_dot), 2) - 1)",
+        lambda x, side: abs(mod(x + 0.7 * side, 2) - 1),
+    ),
+}
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4", "radau"])
+@pytest.mark.parametrize("name", one_quick(*CARRIED))
+def test_both_sides_of_what_it_slides_along_are_watched(name, method):
+    text, force = CARRIED[name]
+    model = SLIDING.format(force=text, more=METHODS[method])
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    middles = PIECE * (np.arange(200) + 0.5) - 4.0
+    each = [ABOVE * force(x, 1) + (1 - ABOVE) * force(x, -1) for x in middles]
+    rows = np.round(result.t / PIECE).astype(int)
+    pushed = np.append(0.0, np.cumsum(PIECE * np.array(each)))[rows]
+    assert result["w_dot"] == pytest.approx(pushed, abs=BOUND)
