@@ -400,7 +400,8 @@ def _of_inertia(
             place,
         )
     moving = [q for q, c in zip(names, direction, strict=True) if abs(c) > 0.0]
-    hint = "give it a mass in `kinetic`, a constraint, or make it a definition"
+    hint = "give it a mass in `kinetic`, a constraint, or make it a definition; where "
+    hint += "dampers balance other forces on it, it is one of `states`, with its rate"
     timed = [law for law in point.e.laws if law.when is not None and law.pair >= 0]
     if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in timed for q in moving):
         hint = "a slider of two relations that has no mass cannot have `when`"

@@ -252,7 +252,28 @@ expression-subscript | a subscript is missing | definitions: {s(1..3): x, a: 2*�
 expression-subscript | is no family | definitions: {s(1..3): x, a: ⟪x⟫(1)}
 expression-subscript | a subscript is missing |
     definitions: {s(1..3): x}¶forces: {⟪s⟫: 1}
-expression-unknown-function | did you mean `sum` |
+expression-unknown-function | there are no delays |
+    definitions: {s(1..3): x, a: ⟪x⟫(t - 1)}
+expression-subscript | there are no delays | definitions: {s(1..3): x, a: s(⟪t⟫ - 1)}
+expression-syntax | there are no delays | definitions: {s(1..3): x, a: s(1)⟪(⟫t - 1)}
+expression-syntax | there are no random numbers |
+    definitions: {s(1..3): x, a: rand(⟪)⟫}
+expression-unknown-function | no random numbers | definitions: {s(1..3): ⟪rand⟫(1)}
+expression-unknown-function | write x^2 for the square |
+    definitions: {s(1..3): x, a: ⟪sqr⟫(x)}
+expression-syntax | write 60*pi/180 | definitions: {s(1..3): x, a: 60 ⟪deg⟫}
+wrong-count | write vec(0, 1) for the same vector at each |
+    coordinates: {x: {}, y: {}, p(1..2): {components: xy}}¶
+    initial: {x: 0, y: 0, p(1..2): {guess: ⟪[0, 1]⟫}}
+wrong-count | write vec(0, 1, 2) for the same vector at each |
+    coordinates: {x: {}, y: {}, p(1..2): {components: xyz}}¶
+    initial: {x: 0, y: 0, p(1..2): ⟪[0, 1, 2]⟫}
+expression-member | `x(0): 0` beside `x(i = 1..n): p(i)` |
+    coordinates: {x: {}, y: {}, p(1..2): {}}¶definitions: {a: ⟪p⟫(0)}¶
+    initial: {x: 0, y: 0, p(1..2): 0}
+name-clash | nodes of another name | coordinates: {x: {}, y: {}, p(1..2): {}}¶
+    definitions: {⟪p(0)⟫: 0}¶initial: {x: 0, y: 0, p(1..2): 0}
+expression-unknown-function | write sum |
     definitions: {s(1..3): x, a: ⟪summ⟫(s(1))}
 duplicate-member | `s.3` | definitions: {s(1..3): x, ⟪s(3)⟫: y}
 duplicate-member | `s.2` |

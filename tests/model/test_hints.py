@@ -370,7 +370,21 @@ def test_a_hint_for_a_file_that_is_followed(old, new):
 # of it; nothing where that is what stood there before.
 C, ROD, LINK = "c: l*cos(theta)", "rod: x_dot = 0", "[[pivot, bob]]"
 ADVISED = [
-    (C, "c: erf(x)", "your own is a definition", "c: cos(x)"),
+    (C, "c: erf(x)", "name an expression in `definitions`", "c: cos(x)"),
+    # what no file can have
+    (C, "c: x(t - 0.1)", "there are no delays", "c: x"),
+    (C, "c: 2*theta_dot(t - l)", "there are no delays", "c: 2*theta_dot"),
+    (C, "c: rand()", "there are no random numbers", "c: 0.5"),
+    (C, "c: randn(1)*x", "there are no random numbers", "c: x"),
+    (C, "c: sqr(x)", "write x^2 for the square, sqrt(x) for the root", "c: x^2"),
+    (C, "c(v): v^2", "write `c`: a definition has no arguments", "c: x^2"),
+    # what no file can have
+    (C, "c: x(t - 0.1)", "there are no delays", "c: x"),
+    (C, "c: 2*theta_dot(t - l)", "there are no delays", "c: 2*theta_dot"),
+    (C, "c: rand()", "there are no random numbers", "c: 0.5"),
+    (C, "c: randn(1)*x", "there are no random numbers", "c: x"),
+    (C, "c: sqr(x)", "write x^2 for the square, sqrt(x) for the root", "c: x^2"),
+    (C, "c(v): v^2", "write `c`: a definition has no arguments", "c: x^2"),
     (C, "c: 2*(sin(x) > 0)", "write if(condition, a, b)", "c: if(sin(x) > 0, 2, 0)"),
     (C, "c: d/dt(l*x)", "write r_dot, with `r: l*x` in `definitions`",
      "r: l*x\n  c: r_dot"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeGuard
 
 from lagsim import limits
 from lagsim.language.names import HIDDEN, in_file
@@ -383,6 +383,9 @@ class Expansion:
         elif (family.section, family.indexed) != (section, True):
             text = f"`{name}` is given already in `{family.section}` and cannot be a "
             hint = f"the first is in line {family.place.line}"
+            if family.indexed and section == "definitions":
+                hint += "; nodes of another name hold both: `x(0): ...` beside "
+                hint += f"`x(i = 1..n): {name}(i)`"
             self.report("name-clash", f"{text}family too", key, hint)
         else:
             return True
@@ -537,7 +540,14 @@ class Expansion:
         inner, values = _inner(node, keys), [node] * len(one.members)
         if parsed.ranged and isinstance(inner, Sequence):
             values = [_with_inner(node, keys, item) for item in inner.items]
-        if len(values) != len(one.members):
+        if self._is_one_vector(inner, letters, one):
+            text = f"`{key.text}` has {len(one.members)} members, each a vector of "
+            text += f"{len(letters)}; a list beside a range has one value a member"
+            parts = ", ".join(x.text for x in inner.items if isinstance(x, Scalar))
+            hint = f"write vec({parts}) for the same vector at each of them"
+            self.report("wrong-count", text, inner, hint)
+            values = [Broken(inner.place)] * len(one.members)
+        elif len(values) != len(one.members):
             text = f"`{key.text}` has {len(one.members)} members, and the list "
             hint = "a list beside a range has one value a member"
             self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
@@ -555,6 +565,25 @@ class Expansion:
                     text=dotted(parsed.name, member, letter), reading=reading
                 )
                 yield full, self._placed(value, keys, reading, key)
+
+    def _is_one_vector(
+        self, inner: Node, letters: tuple[str, ...], one: _Given
+    ) -> TypeGuard[Sequence]:
+        """Whether a list beside a range of vectors is one of numbers, as a vector."""
+        if not (letters and one.parsed.ranged and isinstance(inner, Sequence)):
+            return False
+        if one.parsed.letter or not one.members or len(inner.items) != len(letters):
+            return False
+        for item in inner.items:
+            if not isinstance(item, Scalar):
+                return False
+            try:
+                reading = Reading(self.scope, one.members[0][0], 0, len(letters))
+                reading.parsed(item.text, parse)
+            except ExpressionError as fault:
+                if fault.code == "size":
+                    return True
+        return False
 
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar

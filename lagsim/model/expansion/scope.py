@@ -310,6 +310,10 @@ class Scope:
             text = f"there is no function or family `{name}`"
             raise token.fault(text, hint, "unknown-function")
         _check(family)
+        numbers = all(isinstance(x, Tree) and x.op == "number" for x in args)
+        if not (family.indexed or family.letters or numbers):
+            text = f"there is no function `{name}`"
+            raise token.fault(text, "", "unknown-function")
         member = tuple(self.whole(arg, token) for arg in args)
         if not family.indexed:
             return _numbered(family, token, member)
@@ -321,6 +325,9 @@ class Scope:
             hint = ""
             if family.section == "definitions" and len(member) == 1:
                 hint = f"give it beside the range: {name}({member[0]}): ..."
+            elif family.section == "coordinates" and len(member) == count == 1:
+                hint = f"definitions hold other nodes, too: `x({member[0]}): 0` beside "
+                hint += f"`x(i = 1..n): {name}(i)`"
             raise token.fault(text, hint, "member")
         return _of(family, name, member, token.offset)
 
@@ -412,7 +419,9 @@ class Scope:
         text = "ranges and subscripts are made of indices and parameters above them; "
         about = f"`{name}` is none"
         code = self._once({name}, "subscript")
-        raise ExpressionError(offset, len(name), text + about, "", code)
+        hint = "there are no delays: q(3) is a member, at the present time"
+        hint *= name == "t"
+        raise ExpressionError(offset, len(name), text + about, hint, code)
 
 
 def _follows_table(name: str, offset: int) -> ExpressionError:

@@ -557,8 +557,8 @@ def _factors(
 
 # --- Events: when each acts, and what it sets
 
-_BY_IMPACTS = "velocities jump by impacts alone: a constraint with `when: held > 0` "
-_BY_IMPACTS += "comes into force where an event sets a mode"
+_BY_IMPACTS = "velocities jump by impacts alone: an event sets a mode, with which a "
+_BY_IMPACTS += "constraint comes into force (`when: held > 0`), or a short force acts"
 _HINTS = {
     Kind.COORDINATE: "no event moves a body; " + _BY_IMPACTS,
     Kind.VELOCITY: _BY_IMPACTS,

@@ -341,11 +341,7 @@ def _spelling(name: str) -> tuple[str, str] | None:
     if "\n" in name:
         fault = "it has a line break"
     if found := _DECORATED.fullmatch(name):
-        hint = f"write `{found[1]}`"
-        if quantities.is_unit(found[2]):
-            beside = f"{{value: ..., unit: {quantities.unit(found[2])}}}"
-            hint += f"; its unit goes beside its value: {beside}"
-        return fault, hint
+        return fault, _undecorated(*found.groups(), called=name.endswith(")"))
     if found := _DIGITS_FIRST.fullmatch(name):
         return fault, f"write `{found[2]}{found[1]}`"
     if equals := re.fullmatch(r"(\w+)\s*:?=\s*([^=]+)", name):
@@ -354,6 +350,17 @@ def _spelling(name: str) -> tuple[str, str] | None:
     if fitting and fitting[0].isalpha() and fitting != name and len(fitting) < 40:
         return fault, f"write `{fitting}`"
     return fault, ""
+
+
+def _undecorated(name: str, decoration: str, *, called: bool) -> str:
+    """Return a hint for a name with a unit, or an argument, after it."""
+    hint = f"write `{name}`"
+    if quantities.is_unit(decoration):
+        beside = f"{{value: ..., unit: {quantities.unit(decoration)}}}"
+        return f"{hint}; its unit goes beside its value: {beside}"
+    if called:
+        hint += ": a definition has no arguments, its expression names variables"
+    return hint
 
 
 # Prefixes of the columns made of other names, and their meanings. Some are made only
@@ -583,7 +590,7 @@ class Expressions:
         place = scalar.place_of(fault.offset, fault.length)
         if not self.faults.is_known(code, place):
             hint = fault.hint
-            if not (self.reading and (hint or fault.code in _OF_MEMBERS)):
+            if not (self.reading and fault.code in _OF_MEMBERS):
                 hint = self.meant(scalar, parser, beside=beside) or hint
             self.faults.add(code, fault.text, place, hint)
 
@@ -594,6 +601,9 @@ class Expressions:
         if not self.faults.may_guess():
             return ""
         known, moving = self.names.variables, self.names.moving()
+        reading = scalar.reading or self.reading
+        if reading is not None:
+            parser = partial(reading.parsed, parser=parser)
         return hints.of_text(scalar.text, parser, known, moving, beside=beside)
 
     # Building nodes

@@ -27,6 +27,18 @@ if TYPE_CHECKING:
     Parser = Callable[[str], Parsed | ParsedRelation]
 
 RADIANS = "angles are in radians"
+DELAY = (
+    "there are no delays: forces depend on the present state; a lag is modelled by "
+    "`states`, such as z with the rate (x - z)/tau"
+)
+NO_NOISE = (
+    "there are no random numbers: a force follows the samples of a table, and `sweep "
+    "--sample` draws parameters"
+)
+RANDOM = re.compile(
+    r"(?i)(rand(n|om|int|s)?|rnd|rng|runif|rnorm|uniform|normal|normrnd|gauss(ian)?|"
+    r"(white_?)?noise|wgn|awgn)"
+)
 
 # Functions, and their names elsewhere, in small letters.
 _NAMES = {
@@ -430,8 +442,10 @@ def _step(
     for at in (*commas, offset):
         if found := matching(text, at, known):
             return found
+    if about := _beyond(text, offset, token):
+        return offset, end, about
     if fault.code == "unknown-function":
-        return of_function(text, fault, known)
+        return of_function(text, fault, known, moving)
     if "product" in hint:
         digits = re.match(NUMBER, token) if fault.code == "number" else None
         at = offset + digits.end() if digits else offset
@@ -512,17 +526,44 @@ def _is_known(name: str, known: Collection[str]) -> bool:
     return base in known or name in ("pi", "t") or name in FUNCTIONS
 
 
+def _beyond(text: str, offset: int, token: str) -> str:
+    """Return a hint for a delay of a member, or a random number; else nothing."""
+    if token == "(" and re.match(r"\(\s*t\s*[-+]", text[offset:]):
+        return DELAY
+    called = re.search(r"(\w+)\(\s*$", text[:offset])
+    return NO_NOISE if token == ")" and called and RANDOM.fullmatch(called[1]) else ""
+
+
+def _moves(name: str, moving: Collection[str]) -> bool:
+    """Whether a name is that of a variable with a rate, or of a rate."""
+    return name.removesuffix("_ddot").removesuffix("_dot") in moving
+
+
+def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
+    """Return the correction of a call that is known elsewhere, or nothing."""
+    if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
+        square = spelt_call("square", argument)
+        return f"write {square} for the square, sqrt({argument}) for the root"
+    if meant := spelt_call(name, argument):
+        return f"write {meant}"
+    if re.match(r"t\s*[-+]", argument) and _moves(name, moving):
+        return DELAY
+    return NO_NOISE if RANDOM.fullmatch(name) else ""
+
+
 def of_function(
-    text: str, fault: ExpressionError, known: Collection[str]
+    text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Give the same for a function that there is not: what its call is to be."""
+    """Return the call of an unknown function, begin and end, and its correction."""
     offset, end = fault.offset, fault.offset + fault.length
-    name, hint = text[offset:end], "a function of your own is a definition"
+    name = text[offset:end]
+    hint = f"name an expression in `definitions` and write `{name}` alone, or give a "
+    hint += "curve in `tables`: no other functions can be added"
     call = re.match(rf"\s*\({_INSIDE}\)?", text[end:])
     argument = call[1].strip() if call else ""
     until = end + (call.end() if call else 0)
-    if meant := spelt_call(name, argument):
-        return offset, until, f"write {meant}"
+    if meant := _meant_by_call(name, argument, moving):
+        return offset, until, meant
     if _is_known(name, known) or name.casefold() in _NUMBERS:
         plain = name if name in known else name.casefold()
         if argument in ("", "t"):

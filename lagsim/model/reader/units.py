@@ -48,6 +48,13 @@ _OTHERS = {
 }  # fmt: skip
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 _UNKNOWN = Quantity()
+# Units of a power of ten that have a name, or are made of named ones.
+_PREFIXED = {
+    ("N", -3): "mN (kg mm/s^2)", ("N", 3): "kN", ("N", 6): "MN",
+    ("J", -6): "uJ (kg mm^2/s^2)", ("J", -3): "mJ (N mm)", ("J", 3): "kJ",
+    ("W", -6): "uW (kg mm^2/s^3)", ("W", -3): "mW (N mm/s)", ("W", 3): "kW",
+    ("Pa", 6): "MPa (N/mm^2)", ("Pa", 3): "kPa",
+}  # fmt: skip
 _TIME = Quantity({"s": 1.0}, "s")
 _TOGETHER = ALIKE | {"mod", "atan2"}
 _ANGLES = ("sin", "cos", "tan")
@@ -255,8 +262,17 @@ def _text(of: Quantity) -> str:
     unit = of.unit or PURE
     if of.text or not unit:
         return of.text or "a number"
-    factor = 10.0 ** unit.get(SCALE, 0.0)
+    power = unit.get(SCALE, 0.0)
     plain = {symbol: power for symbol, power in unit.items() if symbol != SCALE}
-    front = "" if factor == 1.0 else f"{factor:.6g} "
     raw = " ".join(f"{symbol}^{power:g}" for symbol, power in plain.items())
-    return front + (written(plain, ("N", "J", "W", "N m", "Pa")) or raw)
+    named = written(plain, ("N", "J", "W", "N m", "Pa")) or raw
+    if not power:
+        return named
+    # Such as of kg mm/s^2: coordinates in mm beside masses in kg.
+    small = _PREFIXED.get((named, round(power)))
+    if small and abs(power - round(power)) < COMPUTED_ZERO:
+        return small
+    degrees = power / math.log10(math.pi / 180.0)
+    if not named and abs(degrees - round(degrees)) < COMPUTED_ZERO:
+        return "deg" if round(degrees) == 1 else f"deg^{round(degrees)}"
+    return f"{10.0**power:.6g} {named}".rstrip()
