@@ -117,7 +117,8 @@ column-clash | the friction of the constraint `x` | definitions: {⟪friction⟫
     constraints: {x: x = y}
 column-clash | the reaction of `x` | definitions: {⟪reaction⟫: [x, y]}
 column-clash | the standard deviation of `x` | definitions: {⟪sd⟫: [x, y]}
-column-clash | the multiplier of the constraint `c.1` | definitions: {⟪lambda_c(1..2)⟫: x}¶
+column-clash | the multiplier of the constraint `c.1` |
+    definitions: {⟪lambda_c(1..2)⟫: x}¶
     constraints: {c: {relation: [x_dot = 0, y_dot = 0], limit: 5}}
 # coordinates
 missing-key | no coordinates | ⟪coordinates⟫: {}

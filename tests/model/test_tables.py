@@ -43,6 +43,10 @@ def faults(path, content=GOOD, name="curve.csv"):
         ("a,b\n0,1_0\n2,3\n", "table-points", "found `1_0`", (2, 3, 3)),
         ("a,b\n0,1\n2,3\n2,4\n", "table-points", "2 after 2", (4, 1, 1)),
         ('a,"c,d",b\n0,1,2\n1,"x,y",nan\n', "table-points", "found `nan`", (3, 7, 3)),
+        ("a,b\n0,0,1,5\n1,2\n", "table-points", "decimal commas, `;`", (2, 1, 1)),
+        ("a;b\n0,5;1\n2.5;1\n", "table-points", "`0,5`", (2, 1, 3)),
+        ("a;b\n0;1\n2;3;4\n", "table-points", "3 cells, and the header", (3, 1, 1)),
+        ("# x\na;b\n\n0;1\n# y\n2;z\n", "table-points", "found `z`", (6, 3, 1)),
         ("a,b\n0,1\n", "table-points", "has 1 point", None),
         ("", "table-file", "no column `a`", None),
         ("a,c\n0,1\n", "table-file", "no column `b`", None),
@@ -90,6 +94,25 @@ def test_what_is_not_below_the_model_is_not_read(tmp_path, name, text):
     assert found.code == "table-file"
     assert text in found.text
     assert found.line == 3
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "a;b\n0;1\n2;5\n",
+        "a\tb\n0\t1\n2\t5\n",
+        "a;b\n0,0;1,0\n2,0;+5,0e0\n",
+        "# measured\na,b\n\n0,1\n  # a break\n2,5\n",
+        "a;b;note, of the rig\n0;1;x, y\n2;5;z, u\n",
+        "\ufeffa , b\r\n0 , 1\r\n2 , 5\r\n",
+        "a,b,\n0,1,\n2,5,\n",
+    ],
+)
+def test_a_file_of_a_spreadsheet_is_read(tmp_path, content):
+    (tmp_path / "curve.csv").write_text(content, newline="", encoding="utf-8")
+    (tmp_path / "model.yaml").write_text(MODEL.replace("FILE", "curve.csv"))
+    found = simulate(tmp_path / "model.yaml", error_bar="never")
+    assert found["x_ddot"] == pytest.approx(1 + 2 * found["t"], abs=1e-12)
 
 
 def test_a_text_has_no_folder(tmp_path, monkeypatch):

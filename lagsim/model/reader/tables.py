@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
 from pathlib import Path, PurePath
@@ -16,12 +15,14 @@ from lagsim.model.model import Table
 from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
 from lagsim.model.reader.expressions import Kind
 from lagsim.model.reader.fields import LISTED, TABLE, fields, items, kind_of, listed
+from lagsim.model.reader.sheets import read_sheet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
     from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.sheets import Sheet
 
 AXES = ("x", "y", "z")
 
@@ -154,9 +155,8 @@ class _Reader:
         text = self._content(path)
         if text is None:
             return None
-        lines = text.splitlines()
-        rows = csv.reader(lines)
-        header = [cell.strip() for cell in next(rows, [])]
+        sheet = read_sheet(text)
+        header = sheet.header
         keys = [key for key in AXES if key in below]
         if keys not in (["x", "y"], ["x", "y", "z"]):
             text = f"{self.what} has no `{'x' if 'x' not in keys else 'y'}`: which "
@@ -177,7 +177,7 @@ class _Reader:
                 hint = near or f"its first line has {listed(header) or 'no columns'}"
                 text = f"`{path}` has {many} `{name}`"
                 self._fault("table-file", text, below.at(key), hint)
-        return self._read(rows, columns, lines, path) if self._is_sound() else None
+        return self._read(sheet, columns, path) if self._is_sound() else None
 
     def _content(self, path: str) -> str | None:
         """Give the text of a file in the model's folder or below it."""
@@ -211,34 +211,29 @@ class _Reader:
         self._fault("table-file", f"`{path}` of {self.what}: {fault}", place, hint)
         return None
 
-    def _read(
-        self, rows: Iterable[list[str]], columns: list[int], lines: list[str], path: str
-    ) -> _Points | None:
+    def _read(self, sheet: Sheet, columns: list[int], path: str) -> _Points | None:
+        rows, faults = sheet.rows[1:], 0
         numbers: list[list[float]] = []
-        at: list[int] = []
-        faults = 0
 
         def place(i: int, j: int) -> Place:
-            line = lines[at[i] - 1]
-            cells = next(csv.reader([line]), [])
-            column = sum(len(c) + 1 for c in cells[: columns[j]])
-            length = len(cells[columns[j]]) if columns[j] < len(cells) else 1
-            name = str(Path(self.file).parent / path)
-            return Place(name, at[i], min(column, len(line)) + 1, max(1, length), line)
+            row, name = rows[i], str(Path(self.file).parent / path)
+            return Place(name, row.number, *sheet.span(row, columns[j]), row.line)
 
-        for k, cells in enumerate(rows, 2):
-            if not any(cells):
-                continue
-            at.append(k)
-            found = [_float(cells[c]) if c < len(cells) else math.nan for c in columns]
+        for i, row in enumerate(rows):
+            cells = row.cells
+            found = [
+                sheet.number(cells[c]) if c < len(cells) else math.nan for c in columns
+            ]
             numbers.append(found)
-            if not all(map(math.isfinite, found)) and faults < LISTED:
-                faults += 1
+            text, j = sheet.excess(row), 0
+            if not text and not all(map(math.isfinite, found)):
                 j = [math.isfinite(x) for x in found].index(False)
                 missing = columns[j] >= len(cells)
                 what = "nothing" if missing else f"`{cells[columns[j]].strip()}`"
                 text = f"a finite number is expected, found {what}"
-                self._fault("table-points", text, place(len(at) - 1, j))
+            if text and faults < LISTED:
+                faults += 1
+                self._fault("table-points", text, place(i, j))
         return self._counted(numbers, place)
 
     # What they are points of

@@ -8,9 +8,7 @@ In the end there are sweep.csv and sweep.json.
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
-import io
 import json
 import math
 import os
@@ -24,6 +22,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import InputError, Problem, Problems, unusable
+from lagsim.model.reader.sheets import read_sheet
 from lagsim.native.elementary import log
 from lagsim.outputs import Made, attempted
 from lagsim.outputs.manifest import head
@@ -357,23 +356,24 @@ def of_file(model: Model, path: Path) -> Grid:
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", "") or "it is no text in UTF-8"
         raise unusable("bad-points", f"{path}: {why}") from None
-    table = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
-    lines = [(table.line_num, [x.strip() for x in row]) for row in table]
-    (first, names), *rows = [(k, row) for k, row in lines if any(row)] or [(1, [])]
+    sheet = read_sheet(text)
+    names, rows = sheet.header, sheet.rows[1:]
+    first = sheet.rows[0].number if sheet.rows else 1
     faults = []
     if len({*names}) < len(names) or not all(names):
         faults.append((first, "the header has an empty name, or one twice"))
     if not rows:
         faults.append((first, "no points: a header and a row for each run expected"))
     points = []
-    for line, row in rows:
-        if len(row) != len(names):
-            faults.append((line, f"{len(row)} values for {len(names)} names"))
+    for row in rows:
+        if len(row.cells) != len(names):
+            many = f"{len(row.cells)} values for {len(names)} names"
+            faults.append((row.number, sheet.excess(row) or many))
             continue
-        points.append([*map(_number, row)])
+        points.append([sheet.number(cell) for cell in row.cells])
         faults += [
-            (line, f"`{cell}` of {name} is no finite number")
-            for name, cell, x in zip(names, row, points[-1], strict=True)
+            (row.number, f"`{cell.strip()}` of {name} is no finite number")
+            for name, cell, x in zip(names, row.cells, points[-1], strict=True)
             if not math.isfinite(x)
         ]
     if faults:
@@ -389,13 +389,6 @@ def of_file(model: Model, path: Path) -> Grid:
         raise InputError(
             [x if x.place else x._replace(text=where + x.text) for x in error.problems]
         ) from None
-
-
-def _number(cell: str) -> float:
-    """Give the number of a cell; nan where it is none."""
-    with contextlib.suppress(ValueError):
-        return math.nan if "_" in cell else float(cell)
-    return math.nan
 
 
 def sampled(
