@@ -176,6 +176,8 @@ FAR = "to find the nearest admissible start takes too many operations"
 SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
+# Of roots farther from the guess than so many times the nearest one nothing is said.
+AS_NEAR = 1.5
 AROUND = 1.0
 # Whether a dense M (n, n) is positive takes n**3 / DECOMPOSED operations.
 DECOMPOSED = 2000.0
@@ -553,7 +555,7 @@ class _Examiner:
             self._warn("undetermined-guess", text)
 
     def _closest_root(self, relations: Relations, found: Found) -> Found:
-        """Look for other roots around a guess; take the nearest, and say so."""
+        """Return the root nearest to a guess; warn of others about as near."""
         x0, k = relations.x0, len(relations.free)
         J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
@@ -570,18 +572,22 @@ class _Examiner:
             if not other.converged:
                 continue
             x = unwound(relations, other.x)
-            if all(np.max(np.abs(x - r) / size) > HALF_OF_DIGITS for r in roots):
+            least = HALF_OF_DIGITS * size + STATE_ROUNDOFF * np.abs(x)
+            if all(np.any(np.abs(x - r) > least) for r in roots):
                 roots.append(x)
         if len(roots) == 1:
             return found
-        roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
-        listed = "; ".join(_listed(relations.names, root) for root in roots[1:3])
-        self._warn(
-            "other-roots",
-            f"the guesses have other solutions too, such as {listed}; the nearest to "
-            "the guess is taken",
-        )
-        return Found(roots[0], converged=True)
+        far = [float(np.sqrt((r - x0) @ metric @ (r - x0))) for r in roots]
+        nearest, *others = np.argsort(far, kind="stable").tolist()
+        near = [roots[k] for k in others if far[k] <= AS_NEAR * far[nearest]]
+        if near:
+            listed = "; ".join(_listed(relations.names, root) for root in near[:2])
+            self._warn(
+                "other-roots",
+                f"other solutions are about as near to the guesses, such as {listed}; "
+                "the nearest is taken",
+            )
+        return Found(roots[nearest], converged=True)
 
     # The state that the rest of the report is about
 

@@ -588,20 +588,23 @@ def _square(x: Floats, metric: Floats) -> float:
 
 
 def unwound(relations: Relations, x: Floats) -> Floats:
-    """Root without the whole turns of its angles that lead away from a guess.
+    """Root without the whole periods that lead away from a guess.
 
-    An angle is a component whose turn changes no relation: at the root, and beside it.
+    A component has a period if adding it changes no relation, at the root and beside
+    it: a turn of an angle, or half a turn, as of tan.
     """
     near = relations.x0
-    turns = np.rint((x - near) / TURN)
-    turns[relations.angles :] = 0.0
-    for k in np.flatnonzero(turns):
-        turn = np.zeros(len(x))
-        turn[k] = TURN
-        for at in (x, near + 0.1 * (x - near)):
-            (r, J), (turned, slopes) = relations(at), relations(at + turn)
-            size = COMPUTED_ZERO * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
-            same = np.all(np.abs(turned - r) <= size)
-            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
-                turns[k] = 0.0
-    return np.asarray(x - TURN * turns)
+    for period in (TURN, TURN / 2.0):
+        turns = np.rint((x - near) / period)
+        turns[relations.angles :] = 0.0
+        for k in np.flatnonzero(turns):
+            turn = np.zeros(len(x))
+            turn[k] = period
+            for at in (x, near + 0.1 * (x - near)):
+                (r, J), (turned, slopes) = relations(at), relations(at + turn)
+                size = COMPUTED_ZERO * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
+                same = np.all(np.abs(turned - r) <= size)
+                if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
+                    turns[k] = 0.0
+        x = np.asarray(x - period * turns)
+    return x

@@ -122,7 +122,7 @@ def test_other_roots_are_found_far_away(shift):
         "left": f"hypot(x - {shift!r}, y) = 1",
         "right": f"hypot(x - {shift!r} - 1, y) = 1",
     }
-    at = {"x": f"{{guess: {shift + 0.3!r}}}", "y": "{guess: 0.2}"}
+    at = {"x": f"{{guess: {shift + 0.3!r}}}", "y": "{guess: 0.1}"}
     start = judged(scene(rods, at))
     assert start.state.q[0] - shift == pytest.approx(0.5, abs=1e-9)
     assert start.state.q[1] == pytest.approx(math.sqrt(0.75), abs=1e-9)

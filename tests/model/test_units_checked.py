@@ -42,6 +42,8 @@ def found(expression="1", other="1", **sections):
 # An expression, the unit of `a`, the marked part, and both units as they are told.
 WRONG = [
     ("l + theta", "1", "+", "m and rad"),
+    ("l + t", "1", "+", "m and s"),
+    ("l + a*sin(2*t)", "s", "+", "m and s"),
     ("sin(l)", "1", "sin", "m"),
     ("l + sin(theta)", "1", "+", "m and a number"),
     ("l*sin(n) + theta", "1", "+", "m and rad"),
@@ -88,6 +90,10 @@ def test_what_does_not_fit(expression, other, mark, units):
         ("if(x > 0, y, l)", "1"), ("sign(x) + heaviside(u)", "1"),
         ("u^(1/2)*l^0.5 + x", "1"), ("cbrt(x^3) + abs(y)", "1"),
         ("a*sin(theta) + w", "1/s"), ("K*u + a", "N"),
+        # numbers before t are rates and speeds whose units are not written
+        ("sin(2*t) + theta", "1"), ("l + 0.3 + 0.1*t", "1"), ("a*exp(-t) + w", "1/s"),
+        ("l + 0.3*sin(t)", "1"), ("l - t/2", "1"), ("l + if(t < 1, 0.1*t, 2)", "1"),
+        ("a*cos(2*pi*t) + l", "m"), ("l + 9.8*t^2/2", "1"), ("l + mod(t, 2)", "1"),
     ],
 )  # fmt: skip
 def test_what_fits(expression, other):

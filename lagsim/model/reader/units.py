@@ -56,7 +56,11 @@ _PREFIXED = {
     ("Pa", 6): "MPa (N/mm^2)", ("Pa", 3): "kPa",
 }  # fmt: skip
 _TIME = Quantity({"s": 1.0}, "s")
+# An expression of t and numbers alone, such as 0.3 + 0.1*t, in which numbers may stand
+# for speeds and rates; and a sine or an exponential of it.
+_TIMED, _NUMBER = Quantity(free=True), Quantity(PURE, free=True)
 _TOGETHER = ALIKE | {"mod", "atan2"}
+_KEEPING = (_TOGETHER - {"atan2"}) | {"pow"}
 _ANGLES = ("sin", "cos", "tan")
 # What takes any unit.
 _ANY = (
@@ -217,6 +221,8 @@ class _Check:
         """Give the quantity of an operation; arguments that do not fit are reported."""
         if op not in OPERATIONS or op in JOINING:  # a table
             return _UNKNOWN
+        if _is_timed(args[-2:] if op == "if" else args):
+            return _NUMBER if op not in _ANY and op not in _KEEPING else _TIMED
         free = all(x.free for x in args)
         sound, word = True, scalar.text[span[0] :][: span[1]]
         word = word or OPERATIONS[op].sign.strip() or op
@@ -229,8 +235,7 @@ class _Check:
             degrees = op in _ANGLES and of.unit and {*of.unit} == {SCALE}
             text = f"`{word}` is given {{}}, and takes a number"
             pure = Quantity(PURE, "1")
-            # Degrees have a warning of their own; sin(t) a rate of 1, not written.
-            passed = bool(degrees) or of is _TIME
+            passed = bool(degrees)  # they have a warning of their own
             free = free or (of.unit is None and op != "pow")
             sound = passed or self._compare(scalar, span, of, pure, text)
         if not sound:
@@ -255,6 +260,13 @@ class _Check:
         place = scalar.place_of(*(span or (0, len(scalar.text))))
         self.found.setdefault(place, Mismatch(place, text.format(_text(a), _text(b))))
         return False
+
+
+def _is_timed(args: Sequence[Quantity]) -> bool:
+    """Whether quantities are of t and numbers alone."""
+    timed = [x is _TIME or x is _TIMED for x in args]
+    pairs = zip(args, timed, strict=True)
+    return any(timed) and all(is_so or x.free for x, is_so in pairs)
 
 
 def _text(of: Quantity) -> str:
