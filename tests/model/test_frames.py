@@ -321,6 +321,10 @@ expression-size | 1, 3 or 6 moments |
     parameters: {J: [1, 2]}¶definitions: {u: '⟪spin⟫(J, vec(1, 2, 3))'}
 expression-size | of 3 components, found a number |
     parameters: {J: [1, 2, 3]}¶definitions: {u: '⟪spin⟫(J, 2)'}
+expression-syntax | write spin(vec(1, 2, 3), vec(x, y, 0)) |
+    definitions: {u: 'spin(⟪[⟫1, 2, 3], vec(x, y, 0))'}
+expression-syntax | J: [1, 2, 3, 0, 0, 1], and write spin(J, ...) |
+    definitions: {u: 'spin(⟪[⟫1, 2, 3, 0, 0, 1], vec(x, y, 0))'}
 missing-key | has no `mass` | bodies: {⟪b⟫: {at: [x, y]}}
 missing-key | has no `at` | bodies: {⟪b⟫: {mass: 1}}
 missing-key | has no `frame` | bodies: {⟪b⟫: {mass: 1, at: [x, y], inertia: 1}}

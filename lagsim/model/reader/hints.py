@@ -430,6 +430,9 @@ def _put(text: str, start: int, end: int, new: str, *, last: bool = False) -> st
     return before + new + after
 
 
+_LIST = re.compile(r"\[([^\[\]]*)\]")
+
+
 def _step(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
@@ -442,8 +445,8 @@ def _step(
     for at in (*commas, offset):
         if found := matching(text, at, known):
             return found
-    if about := _beyond(text, offset, token):
-        return offset, end, about
+    if special := _special(text, offset, end):
+        return special
     if fault.code == "unknown-function":
         return of_function(text, fault, known, moving)
     if "product" in hint:
@@ -526,12 +529,26 @@ def _is_known(name: str, known: Collection[str]) -> bool:
     return base in known or name in ("pi", "t") or name in FUNCTIONS
 
 
-def _beyond(text: str, offset: int, token: str) -> str:
-    """Return a hint for a delay of a member, or a random number; else nothing."""
+def _inertia(values: str) -> str:
+    """Return a hint for a list as the first argument of `spin`."""
+    parts = [part.strip() for part in values.split(",")]
+    if len(parts) == 3:
+        return f"write vec({', '.join(parts)})"
+    return f"name it in `parameters`, J: [{values}], and write spin(J, ...)"
+
+
+def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
+    """Return the hint for a list of `spin`, a delay of a member, or a random number."""
+    token, before = text[offset:end], text[:offset].rstrip()
+    listed = _LIST.match(text[offset:])
+    if listed and before.endswith("spin("):
+        return offset, offset + listed.end(), _inertia(listed[1])
     if token == "(" and re.match(r"\(\s*t\s*[-+]", text[offset:]):
-        return DELAY
-    called = re.search(r"(\w+)\(\s*$", text[:offset])
-    return NO_NOISE if token == ")" and called and RANDOM.fullmatch(called[1]) else ""
+        return offset, end, DELAY
+    called = re.search(r"(\w+)\($", before)
+    if token == ")" and called and RANDOM.fullmatch(called[1]):
+        return offset, end, NO_NOISE
+    return None
 
 
 def _moves(name: str, moving: Collection[str]) -> bool:
