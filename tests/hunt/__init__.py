@@ -3,6 +3,8 @@
 `grammar` makes smooth scenes, `truth` integrates their equations (`mechanics`, by sympy
 from the texts) in long double, `verdict` compares. `contacts` and `features` make
 scenes that are written twice, for lagsim and for the referee; `hybrid` integrates these
-from event to event, `hybrid_verdict` compares. Nothing but `lagsim_runs` knows lagsim,
-and that only as a command.
+from event to event, `hybrid_verdict` compares. `instants` makes models of nested
+switches, tables, limits, events and sections as `trees`; `flights` and `instants_run`
+follow them by Taylor `series` from instant to instant, `instants_verdict` compares.
+Nothing but `lagsim_runs` knows lagsim, and that only as a command.
 """

@@ -74,13 +74,13 @@ def _beside(path):
     return np.min(np.abs(times[:, None] - np.array(turns)), axis=1) < BESIDE
 
 
-def tried(told, lagsim):
-    """Run a scene on both sides and judge."""
+def tried(told, lagsim, *options):
+    """Run a scene on both sides, lagsim with options, and judge."""
     try:
         exact = truth(told)
     except (NoTruthError, np.linalg.LinAlgError) as fault:
         return Verdict("uncounted", str(fault))
-    answer = lagsim.run(told.text)
+    answer = lagsim.run(told.text, *options)
     return broken(answer) or judged(told, lagsim, answer, *exact)
 
 

@@ -95,12 +95,22 @@ def broken(answer):
     return None
 
 
+def replaced(record):
+    """Say that a repeat has replaced the run: the repeat is not to be the net."""
+    for choice in record["plan"]:
+        if choice["choice"].startswith("repeated"):
+            return Verdict("repeated", f"{choice['choice']}: {choice['reason']}")
+    return None
+
+
 def judge(scene, answer, exact):
     """Say what a run is worth."""
     if fault := broken(answer):
         return fault
     record = answer.record
     assert record is not None
+    if found := replaced(record):
+        return found
     warned = tuple(w["code"] for w in record["warnings"] if w["code"] not in IDLE)
     if record["outcome"] != ("until" if exact.motion.stopped else "done"):
         end = float(exact.motion.end)

@@ -56,3 +56,25 @@ def test_features_in_pairs(first, second, way):
             moves(*pair, coupled=way == "coupled")
     else:
         moves(*pair, coupled=way == "coupled")
+
+
+def _needs_no_repeat(*fragments, **words):
+    """Hold rows with the repeat that estimates the error to the rows without it."""
+    model = lagsim.load(scene(*fragments, **words))
+    once, again = (lagsim.simulate(model, error_bar=x) for x in ("never", "auto"))
+    assert not isinstance(again.record["error"], str)
+    choices = [x["choice"] for x in again.record["plan"]]
+    assert not [x for x in choices if x.startswith("repeated")]
+    for name in once.columns:
+        assert np.array_equal(once[name], again[name]), name
+
+
+@pytest.mark.parametrize("name", list(BY_NAME))
+def test_no_repeat_replaces_a_feature(name):
+    _needs_no_repeat(BY_NAME[name])
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("first", "second"), [x for x in PAIRS if x not in REFUSED])
+def test_no_repeat_replaces_a_pair(first, second):
+    _needs_no_repeat(BY_NAME[first], BY_NAME[second], coupled=True)

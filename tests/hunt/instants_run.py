@@ -1,0 +1,321 @@
+"""The referee's run of a random model: from instant to instant.
+
+An arc ends at the first root of all that is watched: arguments of switches, multipliers
+at their bounds, gaps, rates of slips, relations of sections. At an instant impacts,
+acts of events and a choice of cells and modes follow one another until nothing changes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tests.hunt.flights import Flights, Script, given
+from tests.hunt.series import (
+    UndecidedError,
+    constant,
+    first_root,
+    first_sign,
+    powers,
+    radius,
+)
+from tests.hunt.trees import KINDS, TIE, Reading
+
+# Instants closer than the first are one, and closer than the second undecided.
+ONE_INSTANT, NEAR = 1e-12, 1e-8
+# Speeds after an impact below this are rest on the contact that pushes back.
+SPENT = 1e-7
+LONGEST_STEP, MOST_INSTANTS, LARGEST = 0.5, 100, 1e4
+
+
+class Run:
+    """One integration of a model: `made` fills rows, events, crossings, instants.
+
+    rows : (t, q and v and z, modes, accelerations, shown, multipliers) by output time
+    events : (t, name); crossings : section -> (t, values, modes)
+    instants : times, and whether only clocks made them
+    """
+
+    def __init__(self, model, step):
+        self.m, self.step, self.flights = model, step, Flights(model)
+        self.rows: list[Any] = []
+        self.events: list[tuple[float, str]] = []
+        self.crossings: dict[str, list[Any]] = {s.name: [] for s in model.sections}
+        self.instants: list[tuple[float, bool]] = []
+        self.done = False
+        self._spent: set[str] = set()
+        self._was: dict[str, bool] = {}
+        self._side: dict[Any, float] = {}
+        clocks = [x for x in (*model.events, *model.sections) if x.every]
+        self._due = dict.fromkeys((x.name for x in clocks), 0)
+        self._periods = {x.name: x.every for x in clocks}
+        self._next_row = 0
+
+    def made(self):
+        m = self.m
+        y = np.array([*m.q, *m.v, *m.states.values()], float)
+        arc = self.flights.choose(0.0, y, dict(m.modes))
+        self._was = dict(arc.truths)
+        self._side = {k: float(first_sign(x)) for k, x in arc.lines.items()}
+        # A section through the start counts once the motion has left it.
+        self._beginning = {k for k, x in arc.lines.items() if abs(x[0]) <= TIE}
+        self._refuse_ties(arc)
+        arc = self._instant(Instant(0.0, y, arc, set(), start=True))
+        while not self.done and arc.t < m.duration:
+            arc = self._onwards(arc)
+        return self
+
+    def _refuse_ties(self, arc):
+        for tree, x in arc.out.arguments.items():
+            if tree.kind == "compare" and abs(x[0]) <= TIE and "=" not in tree.data:
+                raise UndecidedError("a strict condition at its point at the start")
+
+    # Between instants
+
+    def _clock(self):
+        """Return the next time of a clock."""
+        times = [self._due[k] * period for k, period in self._periods.items()
+                 if k not in self._spent]  # fmt: skip
+        return min(times, default=math.inf)
+
+    def _onwards(self, arc):
+        """Return the arc after a step of another: to its end, or as far as is exact."""
+        clock = min(self._clock(), self.m.duration)
+        h = min(clock - arc.t, LONGEST_STEP, radius(arc.series))
+        if h <= 0.0:
+            raise UndecidedError("no step")
+        at_clock = h == clock - arc.t
+        first, keys = self._first(arc, h, at_clock)
+        at_clock &= first == h
+        t = clock if at_clock else arc.t + first
+        self._store(arc, t)
+        y = arc.state(first)
+        if np.max(np.abs(y)) > LARGEST:
+            raise UndecidedError("it runs away")
+        if keys or (at_clock and self._clock() <= clock):
+            return self._instant(Instant(t, y, arc, keys))
+        if at_clock:
+            self._store(arc, t, closing=True)
+            arc.t = t
+            return arc
+        cells = [r.cells for r in arc.readings]
+        made = self.flights.solved(
+            t, y, arc.modes, cells, arc.law_modes, given, Script(), arc.slide
+        )
+        return self.flights.observed(made)
+
+    def _first(self, arc, h, at_clock):
+        """Return the time to the first roots in a step, and their keys; or h."""
+        found = [(first_root(x, h + NEAR), key) for key, x in arc.watched]
+        roots = sorted(root for root, _ in found if root is not None)
+        if not roots or (not at_clock and roots[0] > h):
+            return h, set()
+        if any(ONE_INSTANT < root - roots[0] < NEAR for root in roots):
+            raise UndecidedError("two instants that are nearly one")
+        first = roots[0]
+        if at_clock and abs(first - h) < NEAR:
+            if abs(first - h) > ONE_INSTANT:
+                raise UndecidedError("beside the time of a clock")
+            first = h
+        keys = {key for root, key in found
+                if root is not None and root <= roots[0] + ONE_INSTANT}  # fmt: skip
+        return first, keys
+
+    def _store(self, arc, until, *, closing=False):
+        """Store rows from the arc's start up to a time; `closing`: at it, too."""
+        while self._next_row >= 0:
+            t = self._next_row * self.step
+            last = t >= self.m.duration - 1e-9 * self.step
+            t = self.m.duration if last else t
+            if t > until + (ONE_INSTANT if closing else -ONE_INSTANT):
+                return
+            self._row(arc, t)
+            self._next_row = -1 if last else self._next_row + 1
+
+    def _row(self, arc, t):
+        p = powers(t - arc.t)
+        self.rows.append((
+            t, arc.state(t - arc.t), dict(arc.modes),
+            [x @ p for x in arc.accelerations],
+            {k: float(x @ p) for k, x in arc.shown.items()},
+            [float(x @ p) for x in arc.multipliers],
+        ))  # fmt: skip
+
+    # An instant
+
+    def _instant(self, now):
+        """Return the arc after an instant."""
+        if len(self.instants) > MOST_INSTANTS:
+            raise UndecidedError("too many instants")
+        m, t, y, modes = self.m, now.t, now.y.copy(), dict(now.before.modes)
+        clocks = {k for k, i in self._due.items()
+                  if k not in self._spent
+                  and abs(i * self._periods[k] - t) <= ONE_INSTANT}  # fmt: skip
+        due = {e.name for e in m.events if e.name in clocks}
+        y, until = self._stopped(now, y, modes), False
+        for _ in range(30):
+            # Acts at the start come before anything moves.
+            if not (now.start and due):
+                y, struck = self._impact(now, y, modes)
+                now.struck |= struck
+            arc = self.flights.choose(t, y, modes)
+            now.jumped = now.struck or modes != now.before.modes
+            fired = due | self._fired(now, arc)
+            until |= arc.truths.get("until", False) and not self._was.get("until", True)
+            self._was |= arc.truths
+            if not fired:
+                break
+            self._refuse_order(fired)
+            modes, due = self._act(now, fired, arc, modes), set()
+        else:
+            raise UndecidedError("events without end")
+        for name in clocks:
+            self._due[name] += 1
+        if now.jumped or now.keys or clocks:
+            self.instants.append((t, not now.keys and not now.struck))
+        self.events += [(t, name) for name in now.acted]
+        self._cross_sections(now, arc, clocks)
+        self.done = until
+        if until:
+            self._row(arc, t)
+        elif t >= m.duration:
+            self._store(arc, t, closing=True)
+        return arc
+
+    def _fired(self, now, arc):
+        """Return the located events that act now."""
+        found = {k for k, true in arc.truths.items()
+                 if true and not self._was[k] and k != "until"}  # fmt: skip
+        for e in self.m.events:
+            if e.equal is not None and self._crossed(e.name, now, arc) is not None:
+                found.add(e.name)
+        return found - self._spent
+
+    def _refuse_order(self, fired):
+        """Raise where an act of one event moves the condition of another."""
+        if len(fired) == 1:
+            return
+        events = [e for e in self.m.events if e.name in fired]
+        sets = {u for e in events for u, _ in e.sets}
+        for e in events:
+            tree = e.at if e.at is not None else e.equal
+            if tree is not None and sets & {x.data for x in tree.nodes()}:
+                raise UndecidedError("one event of an instant moves another")
+
+    def _act(self, now, fired, arc, modes):
+        """Return the modes after the acts, in the order of the file."""
+        for e in self.m.events:
+            if e.name in fired:
+                series = arc.series | {u: constant(x) for u, x in modes.items()}
+                r = Reading(series, {})
+                modes = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
+                now.acted.append(e.name)
+                if e.once:
+                    self._spent.add(e.name)
+        return modes
+
+    def _stopped(self, now, y, modes):
+        """Return the state with rates of slips that have come to 0 at 0."""
+        m, n = self.m, self.m.n
+        for _, j in [key for key in now.keys if key[0] == "stops"]:
+            law = m.laws[j]
+            A = np.array(law.row)
+            rate = law.rate(Reading(self.flights.begin(now.t, y, modes), {}))[0]
+            y[n : 2 * n] -= (A / m.masses) * rate / (A @ (A / m.masses))
+        return y
+
+    def _impact(self, now, y, modes):
+        """Return the state after an impact, and whether there was one."""
+        m, v = self.m, y[self.m.n : 2 * self.m.n]
+        series = self.flights.begin(now.t, y, modes)
+        rows = []
+        for j, law in enumerate(m.laws):
+            aim = self._aim(law, series, ("strikes", j) in now.keys)
+            if aim is not None:
+                rows.append((law, aim))
+        rates = [float(np.array(law.row) @ v) for law, _ in rows]
+        if all(abs(x - aim) <= TIE for x, (_, aim) in zip(rates, rows, strict=True)):
+            return y, False
+        A = np.array([law.row for law, _ in rows])
+        W = A @ (A / m.masses).T
+        if np.linalg.cond(W) > 1e8:
+            raise UndecidedError("redundant rows in an impact")
+        p = np.linalg.solve(W, np.array([aim for _, aim in rows]) - rates)
+        if any(x < 0 and law.kind == "contact"
+               for x, (law, _) in zip(p, rows, strict=True)):  # fmt: skip
+            raise UndecidedError("an impact of several")
+        y = y.copy()
+        y[m.n : 2 * m.n] += (A / m.masses).T @ p
+        for law, aim in rows:  # without rounding where it is at rest
+            if aim == 0.0 and np.count_nonzero(law.row) == 1:
+                y[m.n + int(np.flatnonzero(law.row)[0])] = 0.0
+        return y, True
+
+    def _aim(self, law, series, strikes):
+        """Return the rate of a row after an impact, or None where it has no part."""
+        r = Reading(series, {}, _as_from_now)
+        if law.kind == "limit" or (law.when is not None and not r.value(law.when)):
+            return None
+        if law.kind == "hold":
+            return float(law.belt.data) if law.belt else 0.0
+        rate = law.rate(r)[0]
+        if rate > TIE or not (strikes or law.touches(series)):
+            return None
+        if rate >= -TIE:
+            return 0.0
+        r = Reading(series | {"approach_speed": constant(-rate)}, {})
+        rebound = -float(r.value(law.e)[0]) * rate
+        return rebound if rebound >= SPENT else 0.0
+
+    def _crossed(self, name, now, arc):
+        """Return the sign of a crossing of a relation at this instant, or None.
+
+        A jump of the relation itself past 0 is none; of the state or of a mode it is.
+        """
+        side, sign = self._side[name], float(first_sign(arc.lines[name]))
+        if sign == side:
+            return None
+        if sign == 0.0:
+            raise UndecidedError("a relation stays 0")
+        self._side[name] = sign
+        if side == 0.0 or (now.start and name in self._beginning):
+            return None
+        at_zero = abs(arc.lines[name][0]) <= TIE
+        if ("line", name) in now.keys:
+            if not at_zero:
+                raise UndecidedError("a relation jumps where it is 0")
+            return sign
+        moved = any(
+            now.before.out.cells.get(x) != arc.out.cells.get(x)
+            for x in self.flights.lines[name].nodes()
+            if x.kind in KINDS
+        )
+        if now.jumped and (moved or at_zero):
+            raise UndecidedError("a relation jumps with the state")
+        return sign if now.jumped else None
+
+    def _cross_sections(self, now, arc, clocks):
+        for s in self.m.sections:
+            sign = None if s.every else self._crossed(s.name, now, arc)
+            right = s.direction == "both" or (s.direction == "up") == (sign == 1.0)
+            if s.name in clocks or (sign is not None and right):
+                self.crossings[s.name].append((now.t, arc.state(), dict(arc.modes)))
+
+
+class Instant:
+    """An instant. y : before it; before : the arc that it ends; keys : of roots."""
+
+    def __init__(self, t, y, before, keys, *, start=False):
+        self.t, self.y, self.before, self.keys, self.start = t, y, before, keys, start
+        self.struck = self.jumped = False
+        self.acted: list[str] = []
+
+
+def _as_from_now(reading, tree, _point, low, high):
+    """Return the cell of a condition of t and modes that holds from now on."""
+    slope = reading.arguments[tree][1]
+    if slope == 0.0:
+        return 0
+    return high if slope > 0.0 else low
