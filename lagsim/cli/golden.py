@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,20 +29,25 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli.compare import DIFFERS, differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
-from lagsim.errors import LagsimError, Problems, counted
+from lagsim.errors import LagsimError, Problems, counted, several
 from lagsim.model.reader import read_file
+from lagsim.notes import Caution
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as junit_document
 from lagsim.run.session import Case, open_case, wanted
 from lagsim.studies.golden import (
+    CHANGES,
     FOLDER,
+    LEAST_ROWS,
     Golden,
+    Summary,
     judge,
     load,
     measure,
     picture,
     run,
     store,
+    summary,
 )
 
 if TYPE_CHECKING:
@@ -183,14 +189,18 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
     }
     lines = [f"  {note}" for note in notes(verdict)]
     lines += [f"  note: {note}" for note in verdict.notes]
+    known = summary(stored)
+    if known is not None:
+        found["unseen"] = known.blind
+        lines += [f"  note: {_unseen(known)}"] if known.blind else []
     lines += differing(verdict)
     if not verdict.passed and plots is not None:
         path = plots / f"{model.name}.png"
         if put_picture(path, partial(picture, case, verdict), folders=True):
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
-    compared = f"{model.name}, {counted(len(stored.rows), 'row')} compared"
-    shown = [verdict_line(verdict, "differs", compared + _horizon(stored)), *lines]
+    compared = f"{model.name}, {_rows(stored)} compared{_horizon(stored)}"
+    shown = [verdict_line(verdict, "differs", compared), *lines]
     if verdict.passed:
         return _Answer(0, found, shown)
     text = f"{model.name} differs from its golden: {_worst(verdict)}"
@@ -212,22 +222,62 @@ def _store(case: Case, folder: Path) -> _Answer:
         return _Answer(
             UnwritableError.exit_code, found, (), ("error", "incomplete", text)
         )
+    from lagsim.studies.responses import responses
+
+    changes = responses(case, golden, base)
+    golden = replace(golden, about=golden.about | {CHANGES: changes})
+    known = summary(golden)
+    assert known is not None
     with writing(folder):
-        size, cautions = store(case, golden, base, folder)
+        size, cautions = store(model.name, golden, folder)
+    cautions += _doubts(golden, known)
     for caution in cautions:
         complain(f"warning: {caution.text} [{caution.number}]")
-    counts = f"{counted(len(golden.rows), 'row')}, "
+    counts = f"{_rows(golden)}, "
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
-    line = f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"
+    lines = [f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"]
+    lines.append(f"  it sees changes of {counted(known.seen, 'number')} of the model")
+    if known.unresponsive:
+        names = several([f"`{name}`" for name in known.unresponsive], 8)
+        lines.append(f"  the motion does not respond to {names}")
     found |= {"pass": True, "stored": True, "horizon": golden.horizon}
+    found |= {"rows": len(golden.rows), "unseen": known.blind}
     found |= {"warnings": [c.record for c in cautions]} if cautions else {}
-    return _Answer(0, found, [line])
+    return _Answer(0, found, lines)
+
+
+def _rows(golden: Golden) -> str:
+    """Return how many rows are compared, and of how many."""
+    count = len(golden.rows)
+    every = golden.about.get("run_rows", count)
+    return f"{count} of {every:,} rows" if count < every else counted(count, "row")
 
 
 def _horizon(golden: Golden) -> str:
     if golden.horizon is None:
         return ""
-    return f"; past t = {golden.horizon:.4g} only conserved quantities"
+    passed = f"; past t = {golden.horizon:.4g} of {golden.about['end']:.4g}"
+    return f"{passed} only conserved quantities"
+
+
+def _unseen(known: Summary) -> str:
+    names = several([f"`{name}`" for name in known.blind], 8)
+    return f"a small change of {names} alters the motion, and would not be seen"
+
+
+def _doubts(golden: Golden, known: Summary) -> list[Caution]:
+    """Return warnings of what a golden does not guard."""
+    model, found = golden.about["model"], []
+    if len(golden.rows) < min(LEAST_ROWS, golden.about["run_rows"]):
+        text = f"the golden of {model} has {_rows(golden)} only"
+        if golden.horizon is not None:
+            text += (
+                f": past t = {golden.horizon:.4g} the motion is that of rounding errors"
+            )
+        found.append(Caution("few-rows", text))
+    if known.blind:
+        found.append(Caution("change-unseen", f"{model}: {_unseen(known)}"))
+    return found
 
 
 def _worst(verdict: Verdict) -> str:

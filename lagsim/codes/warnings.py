@@ -270,4 +270,32 @@ simulation: {duration: 0.1, output_step: 0.1}
         "write into one folder with one run at a time, or choose a folder on another "
         "file system",
         commands=()),
+    warning("W405", "few-rows",
+        "Fewer rows of a motion than 50 are compared with its golden: past an early "
+        "horizon rounding errors decide on the motion.",
+        "a smaller `output_step`, or a shorter `duration`",
+        """\
+coordinates: {a: {}, b: {}}
+definitions: {}
+energy:
+  kinetic: m*l^2*(a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b))
+  potential: -m*g*l*(2*cos(a) + cos(b))
+initial: {a: 2, b: 1}
+simulation: {duration: 100, output_step: 1}
+""",
+        (f"lagsim golden {MODEL} --update",)),
+    warning("W406", "change-unseen",
+        "A number of the model was changed a little (a parameter by 1e-4 of itself, a "
+        "start value by 1e-5, a point of a table by 1 % of the range). The motion "
+        "responds, by more than rounding errors; but not beyond the bounds of the rows "
+        "that the golden compares.",
+        "a smaller `output_step`, so that rows lie where the motion responds; columns "
+        "that respond, by `definitions`",
+        """\
+parameters: {m: 1, g: 9.81, l: 1, pulse: 1}
+states: {s: {rate: "100*(if(t > 0.2 and t < 0.3, pulse, 0) - s)"}}
+initial: {theta: 1, s: 0}
+simulation: {duration: 2, output_step: 0.5}
+""",
+        (f"lagsim golden {MODEL} --update",)),
 )  # fmt: skip

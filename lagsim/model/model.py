@@ -404,6 +404,17 @@ class Stated(Protocol):
     ) -> Model:
         """Give `model`, of this file, with other values; see `Model.bind`."""
 
+    def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
+        """Give `model`, of this file, with the value of a table at one point moved.
+
+        Parameters
+        ----------
+        point
+            The number of the point, from 0 on.
+        part
+            By this part of the range of the values of the table.
+        """
+
     def settings(self, options: Mapping[str, str]) -> Settings:
         """Give how the file wants to be run; see `Model.settings`."""
 

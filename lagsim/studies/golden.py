@@ -1,15 +1,14 @@
 """The golden of a motion: rows, bounds of their errors, horizon, invariants.
 
-All that may make a run differ from the golden one does so here: up to a hundred times
-the tolerance, a tenth of it, start and parameters moved by rounding errors, other
-methods. What these runs differ by is what a run elsewhere may differ by.
+A run elsewhere may differ from the golden one by as much as its variants do, see
+`motions`. Beside a jump, of a velocity at an impact or of a force at a switch, a row
+may lie on either side, and may differ by the jump as well.
 
 `<name>.csv` holds the rows of a golden, and `<name>.json` all else.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 from dataclasses import dataclass, field, replace
@@ -22,241 +21,52 @@ from lagsim import files
 from lagsim.errors import InputError, Place, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
-from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL, Model
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import of_table, stated_units
-from lagsim.run.observers import Keep
-from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import (
     Deviation,
     Pair,
     Verdict,
     kind,
-    moved,
-    nearest,
     ordered,
-    partners,
     scales,
 )
-from lagsim.studies.tables import read_table
-from lagsim.tolerances import (
-    SAME_ROW,
-    SAME_STEP,
-    TIGHTEST_RTOL,
-    UNIT_ROUNDOFF,
-    VALUE_ROUNDOFF,
+from lagsim.studies.motions import (
+    RESIDUAL,
+    Motion,
+    at_impacts,
+    before_impacts,
+    jumps,
+    kept_rows,
+    motion_of,
+    variants,
 )
+from lagsim.studies.tables import read_table
+from lagsim.tolerances import SAME_ROW, UNIT_ROUNDOFF, VALUE_ROUNDOFF
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
-    from lagsim.plan.plan import Plan
-    from lagsim.run.session import Case
-    from lagsim.run.trajectory import Trajectory
+    from lagsim.run.session import Case, Session
 
     Document = dict[str, Any]
 
-# Rows are kept at every so-many-th, and these are the most that are kept.
+# Of the rows of a run one in so many is kept: as many as these, and no fewer where the
+# run has them before the horizon.
 MOST_ROWS = 200
-LEAST_ROWS = 40
+LEAST_ROWS = 50
 MOST_CELLS = 2400
 
-# Of the variants: what the tolerance is multiplied by, how often the start and the
-# parameters are perturbed, and the methods that are tried besides. Each run at a larger
-# tolerance is one draw of where the steps fall, which says little of others nearby: the
-# largest of a few says what they reach.
-LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
-SEEDS = 4
-METHODS = ("dop853", "taylor", "radau")
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """Rows of a run, one of each `stride`, with the first and the last.
-
-    And both rows of each impact, which share their time.
-
-    Attributes
-    ----------
-    columns : tuple of str
-    rows : ndarray, shape (k, columns)
-    scales : ndarray
-        The largest scale of each residual, by its column; nan for other columns.
-    """
-
-    columns: tuple[str, ...]
-    rows: Floats
-    scales: dict[str, float]
-    trajectory: Trajectory
-    plan: Plan
-
-    def at(self, times: Floats, near: float, *, ends: bool) -> Floats:
-        """Return the rows (k, columns) at some times; nan where there is none.
-
-        Parameters
-        ----------
-        near
-            Between times that are the same; two that an impact has go with the nearest
-            impact's, whose time is a result.
-        ends
-            The last of the times is an end, and goes with the end of this motion: where
-            an event ends a run, its time is a result.
-        """
-        found = np.full((len(times), len(self.columns)), np.nan)
-        t = self.rows[:, 0]
-        place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
-        same = np.abs(t[place] - times) <= near
-        found[same] = self.rows[place[same]]
-        asked, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
-        if len(asked) and len(first):
-            place = first[nearest(times[asked], t[first])]
-            found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
-            same[asked] = same[asked + 1] = True
-        if ends and len(times) and not same[-1]:
-            found[-1] = self.rows[-1]
-        return found
-
-
-def before_impacts(t: Floats) -> Flags:
-    """Return which times (k,) equal the next, and no other: rows before an impact."""
-    same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
-    return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
-
-
-def at_impacts(t: Floats) -> Flags:
-    """Return which times (k,) are those of two rows: before and after an impact."""
-    first = before_impacts(t)
-    return np.asarray(first | np.append([False], first)[: len(t)])
-
-
-def perturbed(case: Case, seed: int) -> Case:
-    """Return the case with start and parameters moved by one unit in the last place.
-
-    What is zero stays, since its neighbours are no rounding errors.
-    """
-    random = np.random.default_rng(seed)
-
-    def moved(x: Floats) -> Floats:
-        other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
-        return np.where(x == 0.0, 0.0, other)
-
-    model, start = case.model, case.start
-    values = moved(np.array([p.value for p in model.parameters])).tolist()
-    parameters = tuple(
-        p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
-    )
-    equations = case.equations.of(replace(model, parameters=parameters))
-    state = Instant(start.t, moved(start.q), moved(start.v), moved(start.s))
-    return case._replace(equations=equations).at(state)
-
-
-def motion_of(case: Case, stride: int) -> Motion:
-    """Return the motion of a case: one output time of each `stride`, impacts, the end.
-
-    Raises
-    ------
-    InputError
-        Where the method cannot handle the case.
-    """
-    session, settings = case.ready(), case.settings
-    columns = session.columns
-    kept, residuals = Keep(columns.table), ResidualMonitor(columns.names)
-    trajectory = session.run([kept, residuals])
-    rows = kept.table
-    t = rows[:, 0]
-    places = numbers(t, settings.start, settings.output_step)
-    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
-    sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
-    names = columns.names[: columns.table]
-    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
-
-
-def variants(case: Case, base: Motion, stride: int) -> Iterator[Motion]:
-    """Return variants of the golden run, but for those that do not come to its end."""
-    for other in _asked(case, base.plan):
-        with contextlib.suppress(InputError):
-            found = motion_of(other, stride)
-            if found.trajectory.outcome is base.trajectory.outcome:
-                yield found
-
-
-def _asked(case: Case, plan: Plan) -> Iterator[Case]:
-    name = plan.method
-    if plan.rtol is not None:
-        for factor in (*LOOSER, TIGHTER):
-            rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
-            atol = None if plan.atol is None else plan.atol * factor
-            # With the method that such a run would take, where none is named.
-            yield case.asking(rtol=rtol, atol=atol)
-    if plan.step is not None:
-        # An error of order p becomes 2^p times larger, one of order 4 16 times.
-        for factor in (2.0, 0.5):
-            yield case.asking(method=name, step=factor * plan.step)
-        # Some are exact at any step: what a method with a tolerance may err by.
-        rtol = LOOSER[0] * DEFAULT_RTOL
-        yield case.asking(method=METHODS[0], rtol=rtol, atol=None)
-    for seed in range(SEEDS):
-        yield perturbed(case, seed)
-    for other in METHODS:
-        if other != name:
-            yield case.asking(method=other, formulation="auto")
-
-
-# Rows this close to an event, as a part of the spacing, may lie on either side of it;
-# so may those within so many times what the variants move it by.
-NEAR_EVENT = 1e-3
-TIMES_MOVED = 10.0
-# Impacts that are kept, at most: those that are at least so far from other events, in
-# what may lie on either side.
-MOST_IMPACTS = 6
-ALONE = 4.0
-
-
-def clear(
-    base: Motion,
-    others: Sequence[Motion],
-    spacing: float,
-    periodic: Collection[str] = (),
-) -> list[int]:
-    """Return the indices of rows away from events, with the ends and some impacts.
-
-    Of these some, evenly: both rows of each. They have times of their own, which other
-    runs move, but for `periodic` events: at their times a row is what holds after them.
-    """
-    t = base.rows[:, 0]
-    events = [e for e in base.trajectory.events if e.kind != "until"]
-    events = [e for e in events if e.name not in periodic]
-    times = np.unique([e.time for e in events])
-    reach = np.full(len(times), NEAR_EVENT * spacing)
-    common = t[before_impacts(t)]
-    for other in others:
-        pairs = moved(events, other.trajectory.events)
-        late = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
-        np.maximum.at(reach, np.searchsorted(times, pairs[:, 0]), late)
-        theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
-        common = partners(common, theirs)[:, 0]
-    apart = np.abs(t[:, None] - times)
-    kept = ~(np.any(apart <= reach, axis=1) | at_impacts(t))
-    kept[[0, -1]] = True
-    near = (apart > SAME_STEP * spacing) & (apart <= ALONE * reach)
-    alone = before_impacts(t) & np.isin(t, common) & ~np.any(near, axis=1)
-    first = np.flatnonzero(alone)
-    some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
-    for k in first[np.rint(some).astype(int)]:
-        kept[k : k + 2] = True
-    return [int(k) for k in np.flatnonzero(kept)]
-
-
 BALANCE = "energy - work"
-RESIDUAL = "residual_"
 
 
 def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
@@ -295,8 +105,10 @@ DIGITS = 0.1
 # Past the horizon a coordinate or a velocity may be off by this part of its scale: what
 # is left says little more than where the motion can be at all.
 LOST = 1 / 3
-# Bounds only rise. Each rise makes room for so much more, so that there are few.
+# Bounds rise, but beside jumps. Each rise makes room for so much more: there are few.
 ROOM = 1.5
+# A difference so many times as large as in the rows around it is that of a jump, too.
+SPIKE = 1e3
 # Columns that are kept of long tables.
 MOST_COLUMNS = 60
 LEAVE_OUT = (
@@ -329,7 +141,7 @@ class Golden:
     stride : int
         Of so many rows of the run one is kept.
     about : mapping
-        What its JSON says of the run it was made from, where it was stored.
+        What its JSON says of the run it was made from.
     """
 
     columns: tuple[str, ...]
@@ -353,47 +165,89 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     stride = _stride(
         int(case.settings.duration / spacing) + 2, case.ready().system.columns.table
     )
-    base = motion_of(case, stride)
-    if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
-        stride = _stride(base.trajectory.rows, len(base.columns))
+    while True:
         base = motion_of(case, stride)
+        if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
+            stride = _stride(base.trajectory.rows, len(base.columns))
+            base = motion_of(case, stride)
+        golden = _measured(case, base, stride)
+        if stride == 1 or len(golden.rows) >= LEAST_ROWS:
+            return golden, base
+        # The horizon is early: closer rows before it.
+        stride = max(1, len(golden.rows) * stride // (LEAST_ROWS + 2))
+
+
+def _measured(case: Case, base: Motion, stride: int) -> Golden:
+    spacing = case.settings.output_step
     others = [*variants(case, base, stride)]
     periodic = [x.name for x in case.model.events if x.at is None]
-    rows = base.rows[clear(base, others, spacing, periodic)]
+    near = kept_rows(base, others, case.settings, periodic)
+    rows, wide = base.rows[near.rows], jumps(case, base, near)
     alike = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
-        near = SAME_ROW * spacing
-        found = (other.at(rows[:, 0], near, ends=True) for other in alike)
+        same = SAME_ROW * spacing
+        found = (other.at(rows[:, 0], same, ends=True) for other in alike)
         differences = (np.abs(other - rows) for other in found)
         largest = functools.reduce(np.fmax, differences, np.zeros_like(rows))
-        apart = _floors(case, base, rows) + SAFETY * largest
+    floors = _floors(case, base, rows)
     sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
-    state = case.equations.state
-    moving = [base.columns.index(name) for name in state]
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
+    apart = floors + SAFETY * largest
     odd = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
     first = before_impacts(rows[:, 0])
     odd[1:] |= odd[:-1] & first[:-1]
     odd[:-1] |= odd[1:] & first[:-1]
-    rows, apart = rows[~odd], apart[~odd]
-    envelope = np.maximum.accumulate(apart, axis=0) * (1.0 + DIGITS / 2)
-    lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
+    rows, wide, floors, largest = (x[~odd] for x in (rows, wide, floors, largest))
+    bounds = _bounds_of(rows[:, 0], floors, largest, wide)
+    moving = [base.columns.index(name) for name in case.equations.state]
+    lost = np.flatnonzero((bounds.steady > LOST * sizes)[:, moving].any(axis=1))
     horizon = float(rows[lost[0], 0]) if len(lost) else None
     names = _kept(base.columns, case)
     chosen = [base.columns.index(name) for name in names]
     end = lost[0] if len(lost) else len(rows)
-    rows, envelope = rows[:end, chosen], envelope[:end, chosen]
-    _ask_finite(names, rows, envelope)
-    bounds = (_steps(rows[:, 0], own) for own in envelope.T)
-    steps = dict(zip(names, bounds, strict=True))
+    rows = rows[:end, chosen]
+    steady, wide = (x[:end, chosen] for x in bounds)
+    _ask_finite(names, rows, steady + wide)
+    steps = {
+        name: _steps(rows[:, 0], *own)
+        for name, *own in zip(names, steady.T, wide.T, strict=True)
+    }
     kept = _bounded(case, base, alike)
-    return Golden(names, rows, steps, horizon, kept, stride), base
+    golden = Golden(names, rows, steps, horizon, kept, stride)
+    return replace(golden, about=_about(case, golden, base))
+
+
+class _Bounds(NamedTuple):
+    """Bounds (rows, columns) that never fall, and what is added to them in a row."""
+
+    steady: Floats
+    wide: Floats
+
+
+def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bounds:
+    """Return the bounds of rows at t (k,).
+
+    Parameters
+    ----------
+    floors, largest, wide : ndarray, shape (k, columns)
+        Least bounds, largest differences of the variants, jumps beside the row.
+    """
+    apart = floors + SAFETY * largest
+    around = np.maximum(np.roll(apart, 1, axis=0), np.roll(apart, -1, axis=0))
+    around[[0, -1]] = np.inf
+    around[at_impacts(t)] = np.inf
+    jumping = (wide > floors) | (apart > SPIKE * around)
+    steady = np.maximum.accumulate(np.where(jumping, floors, apart), axis=0)
+    # Of a variant on the other side of a jump the difference is known.
+    wide = np.where(jumping, np.maximum(wide, largest), 0.0)
+    spared = 1.0 + DIGITS / 2
+    return _Bounds(steady * spared, wide * spared)
 
 
 def _stride(rows: int, columns: int) -> int:
     wanted = min(MOST_ROWS, max(LEAST_ROWS, MOST_CELLS // min(columns, MOST_COLUMNS)))
-    return max(1, -(-rows // wanted))
+    return max(1, min(-(-rows // wanted), (rows - 1) // LEAST_ROWS))
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
@@ -457,12 +311,23 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     return np.nan_to_num(found, nan=0.0, posinf=0.0)
 
 
-def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
-    """Return nondecreasing bounds as few steps (time, bound)."""
+def _steps(t: Floats, steady: Floats, wide: Floats) -> list[tuple[float, float]]:
+    """Return bounds as few steps (time, bound).
+
+    Parameters
+    ----------
+    t, steady, wide : ndarray, shape (k,)
+        Times, bounds that never fall, and what is added to them at one time.
+    """
     found: list[tuple[float, float]] = []
-    for time, bound in zip(t.tolist(), bounds.tolist(), strict=True):
-        if not found or bound > found[-1][1]:
-            found.append((time, rounded_up(bound if not found else ROOM * bound)))
+    level = -1.0
+    lists = (x.tolist() for x in (t, steady, wide))
+    for time, bound, more in zip(*lists, strict=True):
+        if bound > level:
+            level = rounded_up(ROOM * bound if found else bound)
+        own = rounded_up(level + more) if more else level
+        if not found or own != found[-1][1]:
+            found.append((time, own))
     return found
 
 
@@ -491,6 +356,49 @@ def _bounded(
         bound = SAFETY * reached + rtol * size + VALUE_ROUNDOFF * abs(value)
         found[name] = Invariant(value, rounded_up(bound))
     return found
+
+
+# Changes of the model.
+
+# What the JSON says of changes of the model, see `responses`.
+CHANGES = "changes"
+
+
+class Summary(NamedTuple):
+    """Names of numbers, by whether their changes are seen.
+
+    Attributes
+    ----------
+    seen : int
+        How many are seen.
+    blind, unresponsive : list of str
+        Those that are not seen, and change the motion; that do not change it.
+    """
+
+    seen: int
+    blind: list[str]
+    unresponsive: list[str]
+
+
+def summary(golden: Golden) -> Summary | None:
+    """Return what a golden says of changes; None where it says nothing."""
+    found = golden.about.get(CHANGES)
+    if not found:
+        return None
+    count, blind, unresponsive = 0, [], []
+    for name, x in (found["parameters"] | found["initial"]).items():
+        if "response" not in x:
+            count += 1
+        elif x["response"] > SAFETY:
+            blind.append(name)
+        else:
+            unresponsive.append(name)
+    for name, x in found.get("tables", {}).items():
+        unseen, still = (x.get(word, ()) for word in ("unseen", "unresponsive"))
+        count += x["changed"] - len(unseen) - len(still)
+        blind += [f"{name} at point {k}" for k in unseen]
+        unresponsive += [f"{name} at point {k}" for k in still]
+    return Summary(count, blind, unresponsive)
 
 
 # Files.
@@ -536,10 +444,10 @@ def _inputs(model: Model) -> dict[str, Document]:
     }
 
 
-def document(case: Case, golden: Golden, base: Motion) -> bytes:
-    """Return the JSON; keys are only ever added."""
+def _about(case: Case, golden: Golden, base: Motion) -> Document:
+    """Return what the JSON of a golden says of the run; keys are only ever added."""
     model, plan = case.model, base.plan
-    content = {
+    return {
         "lagsim": __version__,
         "versions": versions(),
         "model": model.name,
@@ -554,24 +462,42 @@ def document(case: Case, golden: Golden, base: Motion) -> bytes:
         "end": base.trajectory.end,
         "outcome": base.trajectory.outcome.word,
         "output_step": case.settings.output_step,
+        "run_rows": base.trajectory.rows,
         "stride": golden.stride,
         "horizon": golden.horizon,
         "invariants": {k: x._asdict() for k, x in golden.invariants.items()},
         "columns": list(base.columns),
     }
-    # A column's bounds on one line: one number to a line is not for people to read.
-    bounds = [
-        b"    %b: %b" % (orjson.dumps(name), orjson.dumps(golden.steps[name]))
-        for name in golden.columns
-    ]
-    head = encode(content).removesuffix(b"\n}\n")
-    return head + b',\n  "bounds": {\n' + b",\n".join(bounds) + b"\n  }\n}\n"
 
 
-def store(
-    case: Case, golden: Golden, base: Motion, folder: Path
-) -> tuple[int, list[Caution]]:
-    """Put a golden in the place of the old one; return its bytes, and warnings.
+def document(golden: Golden) -> bytes:
+    """Return the JSON of a golden."""
+    about = {k: x for k, x in golden.about.items() if k != CHANGES}
+    parts = [encode(about).removesuffix(b"\n}\n")]
+    changes = golden.about.get(CHANGES)
+    if changes:
+        inner = (_lines(name, own, 2) for name, own in changes.items())
+        parts.append(b'  "%b": {\n%b\n  }' % (CHANGES.encode(), b",\n".join(inner)))
+    bounds = {name: golden.steps[name] for name in golden.columns}
+    return b",\n".join([*parts, _lines("bounds", bounds, 1)]) + b"\n}\n"
+
+
+def _lines(name: str, entries: Document, depth: int) -> bytes:
+    """Return an object of JSON with each of its entries on one line.
+
+    One number to a line is not for people to read.
+    """
+    margin = depth * b"  "
+    lines = (
+        b"%b  %b: %b" % (margin, orjson.dumps(k), orjson.dumps(x))
+        for k, x in entries.items()
+    )
+    head = b"%b%b: {" % (margin, orjson.dumps(name))
+    return head + (b"\n%b\n%b}" % (b",\n".join(lines), margin) if entries else b"}")
+
+
+def store(name: str, golden: Golden, folder: Path) -> tuple[int, list[Caution]]:
+    """Put the golden of a model in the place of the old one; return bytes, warnings.
 
     Raises
     ------
@@ -580,8 +506,7 @@ def store(
     OSError
         Where there is no room; then the old one stays.
     """
-    name = case.model.name
-    rows, about = table(golden), document(case, golden, base)
+    rows, about = table(golden), document(golden)
     with open_results(folder, f"{name}.json", patience=PATIENCE_SECONDS) as results:
         results.write(f"{name}.csv", rows)
         results.commit(about)
@@ -623,6 +548,8 @@ def load(folder: Path, model_name: str) -> Golden:
             for name, entry in about["invariants"].items()
         }
         stride = int(about["stride"])
+        if not isinstance(about.get(CHANGES, {}), dict):
+            raise TypeError  # noqa: TRY301
     except (KeyError, TypeError, ValueError, AttributeError):
         raise _broken(path, "is not a golden, or not the one of these rows") from None
     return Golden(table.columns, rows, steps, horizon, kept, stride, about)
@@ -638,13 +565,19 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-def run(case: Case, golden: Golden) -> Motion:
-    """Return the motion of a case with rows at the times of the golden."""
+def run(case: Case, golden: Golden, alike: Session | None = None) -> Motion:
+    """Return the motion of a case with rows at the times of the golden.
+
+    Parameters
+    ----------
+    alike
+        A session of the same equations, whose functions may do.
+    """
     spacing = float(golden.about["output_step"])
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
     other = case.asking(output_step=spacing, step=step)
-    return motion_of(other, golden.stride)
+    return motion_of(other, golden.stride, alike)
 
 
 def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
@@ -654,7 +587,7 @@ def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
     known = about.get("columns", golden.columns)
     changed, places = _changed(model, about)
     worst = ordered(pair.deviation(name) for name, pair in pairs.items())
-    places += _about(model, worst)
+    places += _places_of(model, worst)
     return Verdict(
         worst=worst,
         missing=tuple(c for c in golden.columns if c not in motion.columns),
@@ -692,7 +625,7 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
     return found, places
 
 
-def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
+def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     """Return the places of the inputs that columns which differ are named after."""
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}

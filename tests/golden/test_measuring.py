@@ -11,17 +11,13 @@ from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.run.session import open_case
-from lagsim.studies.golden import (
+from lagsim.studies.golden import certain, document, judge, measure, run
+from lagsim.studies.motions import (
     _asked,
     at_impacts,
     before_impacts,
-    certain,
-    document,
-    judge,
-    measure,
     motion_of,
     perturbed,
-    run,
 )
 from tests.golden.scenes import judged, replaced, scene, stored
 from tests.scenes.contact import scenes
@@ -151,7 +147,7 @@ def test_without_any_spread_a_bound_is_tolerance_and_rounding(measured):
     assert golden.steps["t"] == [(0.0, 0.0)]
 
 
-def test_rows_beside_events_are_left_out(measured, monkeypatch):
+def test_rows_beside_events_at_which_nothing_jumps_are_as_others(measured, monkeypatch):
     event, end = Event(5.0 + 1e-5, "switch"), Event(3.0, "until")
 
     def with_events(case, stride):
@@ -159,12 +155,84 @@ def test_rows_beside_events_are_left_out(measured, monkeypatch):
         told = base.trajectory._replace(events=(event, end))
         return replace(base, trajectory=told)
 
+    usual, _ = measured()
     monkeypatch.setattr("lagsim.studies.golden.motion_of", with_events)
     golden, _ = measured()
-    times = golden.rows[:, 0]
-    assert not np.any(np.abs(times - 5.0) < 1e-6)
-    for kept in (0.0, 3.0, 4.9, 5.1, 10.0):
-        assert np.any(np.abs(times - kept) < 1e-9)
+    assert np.array_equal(golden.rows, usual.rows)
+    assert golden.steps == usual.steps
+
+
+# x_ddot is c for t < 1 and 2 c after it: x_dot and x have no jump, x_ddot one of c.
+STEP = """
+parameters: {c: 3}
+coordinates: {x: {}}
+definitions: {side: "if(t < 1, 1, 2)", kink: "max(t, 1)"}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "if(t < 1, c, 2*c)"}
+initial: {x: 0}
+simulation: {duration: 2, output_step: 0.02}
+"""
+# A ball that is let go from 5 meets the floor at t = 1, a row's time, at a speed of 10,
+# and leaves it at 5.
+DROP = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 10*x}
+constraints: {floor: {relation: x >= 0, restitution: 0.5}}
+initial: {x: 5}
+simulation: {duration: 1.5, output_step: 0.015625}
+"""
+# A saw whose teeth end at each second row, which is one of two that are kept.
+SAW = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "mod(50*t, 2)"}
+initial: {x: 0}
+simulation: {duration: 4, output_step: 0.02}
+"""
+
+
+@pytest.mark.parametrize("text", [STEP, STEP.replace("t < 1", "x < 1.5")])
+def test_rows_beside_a_jump_may_lie_on_either_side(text):
+    case = open_case(read(text, "step.yaml"))
+    golden, base = measure(case)
+    assert len(golden.rows) == 101
+    (k,) = np.flatnonzero(np.abs(golden.rows[:, 0] - 1.0) < 1e-9)
+    for column, jump in (("x_ddot", 3.0), ("side", 1.0), ("kink", 0.0), ("x", 0.0)):
+        bounds = golden.bounds(column)
+        assert jump <= bounds[k] < 1.12 * jump + 1e-8
+        assert np.max(np.delete(bounds, k)) < 1e-8
+    other = base.rows[k - 1, base.columns.index("x_ddot")]
+    if base.rows[k, base.columns.index("x_ddot")] == other:
+        other += 3.0
+    for by, passes in ((0.0, True), (1.0, False)):
+        values = base.rows[:, base.columns.index("x_ddot")].copy()
+        values[k] = other + by * (other - 4.5)
+        assert judge(case, replaced(base, "x_ddot", values), golden).passed == passes
+
+
+def test_an_impact_at_the_time_of_a_row_is_kept():
+    golden, _ = measure(open_case(read(DROP, "drop.yaml")))
+    t, speed = golden.rows[:, 0], golden.rows[:, golden.columns.index("x_dot")]
+    assert len(golden.rows) == 97 + 1
+    (first,) = np.flatnonzero(before_impacts(t))
+    assert speed[first] == pytest.approx(-10.0, abs=1e-9)
+    assert speed[first + 1] == pytest.approx(5.0, abs=1e-9)
+    assert np.max(golden.bounds("x_dot")) < 1e-8
+
+
+def test_jumps_at_every_row_that_is_kept_cost_none():
+    golden, _ = measure(open_case(read(SAW, "saw.yaml")))
+    assert len(golden.rows) == 101
+    # Where a tooth of height 2 ends the acceleration may be 2 or 0.
+    assert np.all(golden.bounds("x_ddot")[1:-1] == pytest.approx(2.1, rel=0.05))
+    assert np.max(golden.bounds("x_dot")) < 1e-8
+
+
+@pytest.mark.parametrize(("rows", "kept"), [(40, 41), (1000, 168)])
+def test_a_golden_has_fifty_rows_or_all(rows, kept):
+    text = PENDULUM.replace("output_step: 0.1", f"output_step: {10 / rows}")
+    golden, _ = measure(open_case(read(text, "pendulum.yaml")))
+    assert len(golden.rows) == kept
 
 
 def test_what_is_run_besides(pendulum):
@@ -237,8 +305,8 @@ initial: {x: 3}
 simulation: {duration: 2, output_step: 0.1}
 """
     case = open_case(read(text, "still.yaml"))
-    golden, base = measure(case)
-    kept = orjson.loads(document(case, golden, base))
+    golden, _ = measure(case)
+    kept = orjson.loads(document(golden))
     assert kept["bounds"].keys() == set(golden.columns)
     assert all(bound == 0.0 for _, bound in kept["bounds"]["kinetic"])
 

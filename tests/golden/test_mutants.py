@@ -14,7 +14,8 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
-from lagsim.studies.golden import METHODS, judge, measure, motion_of, perturbed, run
+from lagsim.studies.golden import judge, measure, run
+from lagsim.studies.motions import METHODS, motion_of, perturbed
 from tests.choosing import share, tonight
 from tests.golden.scenes import judged, replaced, scene, stored, told
 from tests.support import SHIPPED

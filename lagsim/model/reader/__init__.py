@@ -204,6 +204,7 @@ class File:
         self._expressions = x.read
         self._units: list[list[Mismatch]] = []
         self.options = options
+        self.shifts: MappingType[str, tuple[int, float]] = {}
         version = top.text("lagsim")
         if "lagsim" in top and version != FORMAT_VERSION:
             text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
@@ -242,7 +243,7 @@ class File:
         if self.tables:
             from lagsim.model.reader.tables import read_tables
 
-            functions = read_tables(self.tables, x, self.file)
+            functions = read_tables(self.tables, x, self.file, self.shifts)
         read = values.Parameters(x, self.instead).read
         parameters = read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
@@ -372,12 +373,7 @@ class File:
         faults = Faults(self.file)
         old = {name: self.instead.get(name) for name in parameters}
         if any(old[name] != parameters[name] for name in self.structural() & {*old}):
-            given = {**self.instead, **self.starting, **parameters, **initial}
-            graph = Graph(limits.graph_nodes(0), limits.work(0))
-            read_again = File(
-                self._given, self.file, faults, graph, given, self.options
-            )
-            return read_again.read(model.sha256)
+            return self._read_again({**parameters, **initial}).read(model.sha256)
         new = copy(self)
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
@@ -394,6 +390,19 @@ class File:
             model, parameters=numbers, constraints=laws, initial=starts, events=events,
             stated=new,
         )  # fmt: skip
+
+    def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
+        """Give a model of this file with a point of a table moved, see `Stated`."""
+        again = self._read_again({})
+        again.shifts = {table: (point, part)}
+        return again.read(model.sha256)
+
+    def _read_again(self, given: MappingType[str, str]) -> File:
+        """Give the file on a graph of its own, with other expressions besides."""
+        graph = Graph(limits.graph_nodes(0), limits.work(0))
+        every = {**self.instead, **self.starting, **given}
+        faults = Faults(self.file)
+        return File(self._given, self.file, faults, graph, every, self.options)
 
     def structural(self) -> set[str]:
         """Give the parameters on which ranges and subscripts depend."""

@@ -18,7 +18,7 @@ from lagsim.model.reader.fields import LISTED, TABLE, fields, items, kind_of, li
 from lagsim.model.reader.sheets import read_sheet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.model.reader.expressions import Expressions
@@ -34,10 +34,22 @@ class _Points(NamedTuple):
     place: Callable[[int, int], Place]
 
 
-def read_tables(given: list[Entry], x: Expressions, file: str) -> tuple[Table, ...]:
-    """Give the tables, and make them known as functions; faults are reported."""
+def read_tables(
+    given: list[Entry],
+    x: Expressions,
+    file: str,
+    shifts: Mapping[str, tuple[int, float]],
+) -> tuple[Table, ...]:
+    """Give the tables, and make them known as functions; faults are reported.
+
+    Parameters
+    ----------
+    shifts
+        By table, the number of a point and the part of the range of all values by which
+        its value is to be moved.
+    """
     for key, node in given:
-        table = _Reader(key, node, x, file).table()
+        table = _Reader(key, node, x, file).table(shifts.get(key.text))
         if table is None:
             x.names.faulty.add(key.text)
         else:
@@ -55,7 +67,7 @@ class _Reader:
         self.below = fields(node, self.what, TABLE, x.faults, key.place)
         self.sha256 = ""
 
-    def table(self) -> Table | None:
+    def table(self, shift: tuple[int, float] | None = None) -> Table | None:
         """Give the table, or None."""
         code = "unknown-interpolation"
         how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
@@ -63,6 +75,11 @@ class _Reader:
         points = self._points() if self.below.sound else None
         if points is None:
             return None
+        if shift is not None:
+            point, part = shift
+            values = points.numbers[:, -1]
+            wide = values.max() - values.min()
+            values[point] += part * (wide or abs(values[0]) or 1.0)
         if points.numbers.shape[1] == 2:
             axes, values = self._curve(points, outside)
         else:

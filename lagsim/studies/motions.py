@@ -1,0 +1,288 @@
+"""Motions of a case: those of a golden run and of its variants, in the same rows.
+
+The variants are all that may make a run differ from the golden one: up to a hundred
+times the tolerance, a tenth of it, start and parameters moved by rounding errors, other
+methods. Their differences are samples of those of a run on another machine. They also
+tell how far events move, and so which rows may lie on either side of one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import InputError
+from lagsim.mechanics.equations import Instant
+from lagsim.model.model import DEFAULT_RTOL
+from lagsim.run.observers import Keep
+from lagsim.run.observers.monitors import ResidualMonitor, numbers
+from lagsim.studies.comparison import moved, nearest, partners
+from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.model.model import Settings
+    from lagsim.plan.plan import Plan
+    from lagsim.run.session import Case, Session
+    from lagsim.run.trajectory import Trajectory
+
+RESIDUAL = "residual_"
+# Of the variants: what the tolerance is multiplied by, how often the start and the
+# parameters are perturbed, and the methods that are tried besides. Each run at a larger
+# tolerance is one draw of where the steps fall, which says little of others nearby: the
+# largest of a few says what they reach.
+LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
+SEEDS = 4
+METHODS = ("dop853", "taylor", "radau")
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Rows of a run, one of each `stride`, with the first and the last.
+
+    And both rows of each impact, which share their time.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    rows : ndarray, shape (k, columns)
+    scales : ndarray
+        The largest scale of each residual, by its column; nan for other columns.
+    """
+
+    columns: tuple[str, ...]
+    rows: Floats
+    scales: dict[str, float]
+    trajectory: Trajectory
+    plan: Plan
+
+    def at(self, times: Floats, near: float, *, ends: bool) -> Floats:
+        """Return the rows (k, columns) at some times; nan where there is none.
+
+        Parameters
+        ----------
+        near
+            Between times that are the same; two that an impact has go with the nearest
+            impact's, whose time is a result.
+        ends
+            The last of the times is an end, and goes with the end of this motion: where
+            an event ends a run, its time is a result.
+        """
+        found = np.full((len(times), len(self.columns)), np.nan)
+        t = self.rows[:, 0]
+        place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
+        same = np.abs(t[place] - times) <= near
+        found[same] = self.rows[place[same]]
+        asked, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
+        if len(asked) and len(first):
+            place = first[nearest(times[asked], t[first])]
+            found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
+            same[asked] = same[asked + 1] = True
+        if ends and len(times) and not same[-1]:
+            found[-1] = self.rows[-1]
+        return found
+
+
+def before_impacts(t: Floats) -> Flags:
+    """Return which times (k,) equal the next, and no other: rows before an impact."""
+    same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
+    return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
+
+
+def at_impacts(t: Floats) -> Flags:
+    """Return which times (k,) are those of two rows: before and after an impact."""
+    first = before_impacts(t)
+    return np.asarray(first | np.append([False], first)[: len(t)])
+
+
+def perturbed(case: Case, seed: int) -> Case:
+    """Return the case with start and parameters moved by one unit in the last place.
+
+    What is zero stays, since its neighbours are no rounding errors.
+    """
+    random = np.random.default_rng(seed)
+
+    def moved(x: Floats) -> Floats:
+        other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
+        return np.where(x == 0.0, 0.0, other)
+
+    model, start = case.model, case.start
+    values = moved(np.array([p.value for p in model.parameters])).tolist()
+    parameters = tuple(
+        p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
+    )
+    equations = case.equations.of(replace(model, parameters=parameters))
+    state = Instant(start.t, moved(start.q), moved(start.v), moved(start.s))
+    return case._replace(equations=equations).at(state)
+
+
+def motion_of(case: Case, stride: int, alike: Session | None = None) -> Motion:
+    """Return the motion of a case: one output time of each `stride`, impacts, the end.
+
+    Parameters
+    ----------
+    alike
+        A session of the same equations, whose functions may do.
+
+    Raises
+    ------
+    InputError
+        Where the method cannot handle the case.
+    """
+    bound = (
+        alike.bound(case)
+        if alike and alike.case.model.graph is case.model.graph
+        else None
+    )
+    session, settings = bound or case.ready(), case.settings
+    columns = session.columns
+    kept, residuals = Keep(columns.table), ResidualMonitor(columns.names)
+    trajectory = session.run([kept, residuals])
+    rows = kept.table
+    t = rows[:, 0]
+    places = numbers(t, settings.start, settings.output_step)
+    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
+    sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
+    names = columns.names[: columns.table]
+    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
+
+
+def variants(case: Case, base: Motion, stride: int) -> Iterator[Motion]:
+    """Return variants of the golden run, but for those that do not come to its end."""
+    for other in _asked(case, base.plan):
+        with contextlib.suppress(InputError):
+            found = motion_of(other, stride)
+            if found.trajectory.outcome is base.trajectory.outcome:
+                yield found
+
+
+def _asked(case: Case, plan: Plan) -> Iterator[Case]:
+    name = plan.method
+    if plan.rtol is not None:
+        for factor in (*LOOSER, TIGHTER):
+            rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
+            atol = None if plan.atol is None else plan.atol * factor
+            # With the method that such a run would take, where none is named.
+            yield case.asking(rtol=rtol, atol=atol)
+    if plan.step is not None:
+        # An error of order p becomes 2^p times larger, one of order 4 16 times.
+        for factor in (2.0, 0.5):
+            yield case.asking(method=name, step=factor * plan.step)
+        # Some are exact at any step: what a method with a tolerance may err by.
+        rtol = LOOSER[0] * DEFAULT_RTOL
+        yield case.asking(method=METHODS[0], rtol=rtol, atol=None)
+    for seed in range(SEEDS):
+        yield perturbed(case, seed)
+    for other in METHODS:
+        if other != name:
+            yield case.asking(method=other, formulation="auto")
+
+
+# Which rows of a motion are kept.
+
+# Rows this close to an event, as a part of the spacing, may lie on either side of it;
+# so may those within so many times what the variants move it by.
+NEAR_EVENT = 1e-3
+TIMES_MOVED = 10.0
+# Of the spacing: how far from an event, at least, its two sides are looked at.
+BESIDE = 1e-9
+# A difference across an event is that of slopes up to so many times the sum of those on
+# both sides, over half the time each: once, and once again for rounding errors.
+SLOPES = 2.0
+# Events near one row that are looked at, at most.
+MOST_NEAR = 100
+# Impacts that are kept, at most, beside those at the times of rows: those that are at
+# least so far from other events, in what may lie on either side.
+MOST_IMPACTS = 6
+ALONE = 4.0
+
+
+class Near(NamedTuple):
+    """Rows that are kept, and the events beside them.
+
+    Attributes
+    ----------
+    rows : list of int
+        Numbers of the rows of a motion.
+    events : list of (int, float, float)
+        The place of a row among these, the time of an event beside it, and how far from
+        that time the columns are those before and after the event.
+    """
+
+    rows: list[int]
+    events: list[tuple[int, float, float]]
+
+
+def kept_rows(
+    base: Motion,
+    others: Sequence[Motion],
+    settings: Settings,
+    periodic: Collection[str] = (),
+) -> Near:
+    """Choose rows of a motion: all at output times, and both rows of some impacts.
+
+    Impacts have times of their own, which other runs move: those count that all runs
+    have, away from other events. Beside `periodic` events a row is what holds after
+    them, in each run.
+    """
+    t, spacing = base.rows[:, 0], settings.output_step
+    events = [e for e in base.trajectory.events if e.kind != "until"]
+    events = [e for e in events if e.name not in periodic]
+    times = np.unique([e.time for e in events])
+    late = np.full(len(times), BESIDE * spacing)
+    common = t[before_impacts(t)]
+    for other in others:
+        pairs = moved(events, other.trajectory.events)
+        by = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
+        np.maximum.at(late, np.searchsorted(times, pairs[:, 0]), by)
+        theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
+        common = partners(common, theirs)[:, 0]
+    reach = np.maximum(late, NEAR_EVENT * spacing)
+    apart = np.abs(t[:, None] - times)
+    kept = ~at_impacts(t)
+    near = (apart > SAME_STEP * spacing) & (apart <= ALONE * reach)
+    alone = before_impacts(t) & np.isin(t, common) & ~np.any(near, axis=1)
+    on_grid = alone & (numbers(t, settings.start, spacing) >= 0)
+    first = np.flatnonzero(alone & ~on_grid)
+    some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
+    for k in (*first[np.rint(some).astype(int)], *np.flatnonzero(on_grid)):
+        kept[k : k + 2] = True
+    kept[[0, -1]] = True
+    rows = np.flatnonzero(kept)
+    beside = []
+    for place, k in enumerate(rows.tolist()):
+        if not at_impacts(t)[k]:
+            close = np.flatnonzero(apart[k] <= reach)
+            close = close[np.argsort(apart[k, close])][:MOST_NEAR]
+            beside += [(place, float(times[i]), float(late[i])) for i in close]
+    return Near(rows.tolist(), beside)
+
+
+def jumps(case: Case, base: Motion, near: Near) -> Floats:
+    """Return by how much the columns of each row that is kept jump beside it.
+
+    That is the difference across an event, less what the slopes on both sides make of
+    it: a kink is no jump.
+    """
+    # Only goldens that are stored anew need it.
+    from lagsim.studies.sections import rows_at
+
+    found = np.zeros((len(near.rows), len(base.columns)))
+    if near.events:
+        places, times, late = (np.array(x) for x in zip(*near.events, strict=True))
+        sides = times + np.outer((-2.0, -1.0, 1.0, 2.0), late)
+        sides = np.clip(sides, *base.rows[[0, -1], 0])
+        rows = rows_at(case.ready(), sides.ravel())[:, : len(base.columns)]
+        with np.errstate(invalid="ignore"):
+            before, across, after = np.abs(
+                np.diff(rows.reshape(4, len(times), -1), axis=0)
+            )
+            jump = np.maximum(across - SLOPES * (before + after), 0.0)
+        np.add.at(found, places.astype(int), np.nan_to_num(jump))
+    found[:, 0] = 0.0
+    return found

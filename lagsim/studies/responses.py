@@ -1,0 +1,270 @@
+"""Responses of a motion to small changes of its model, and which of them a golden sees.
+
+Each parameter, each stated start value, and points of each table are changed a little
+in turn, and the golden judges the run of the changed model. A change that it does not
+see is measured against rounding errors: either the motion does not respond to it, since
+an amplitude cancels, say, or the golden is blind to it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import LagsimError
+from lagsim.outputs.units import stated_units
+from lagsim.run.session import examined, open_case
+from lagsim.studies.comparison import on_grid, scales
+from lagsim.studies.golden import SAFETY, Golden, judge, run
+from lagsim.studies.motions import SEEDS, motion_of, perturbed
+from lagsim.tolerances import TIGHTEST_RTOL, UNIT_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model, Table
+    from lagsim.run.session import Case
+    from lagsim.studies.motions import Motion
+
+    Document = dict[str, Any]
+
+# Changes, as parts of a parameter, of a start value, and of the range of a table.
+OF_PARAMETER, OF_START, OF_TABLE = 1e-4, 1e-5, 1e-2
+# Numbers of each section, and points of each table, that are changed in turn, at most:
+# evenly chosen, with both ends.
+MOST_NUMBERS, MOST_POINTS = 200, 40
+# Where it is asked whether a motion responds at all: rows so many times as close as
+# those of the run, and at most so many.
+CLOSER, MOST_ROWS = 4, 20_000
+# Rounding errors of a column are at least so many units in the last place of its scale:
+# each value is the sum of some terms.
+LEAST_ROUNDING = 8.0
+
+
+class Response(NamedTuple):
+    """Response of a motion to a change of its model.
+
+    Attributes
+    ----------
+    change : float
+        What was added to the number.
+    ratio : float
+        The largest difference over its bound: inf where the run has another outcome.
+    refused : str
+        The code of the fault with which the changed model is refused.
+    response : float
+        Where the golden does not see it: the largest difference over rounding errors.
+    """
+
+    change: float
+    ratio: float
+    refused: str = ""
+    response: float = math.inf
+
+    @property
+    def seen(self) -> bool:
+        """Whether the golden sees the change."""
+        return bool(self.refused) or self.ratio > 1.0
+
+    @property
+    def blind(self) -> bool:
+        """Whether the motion responds, and the golden does not see it."""
+        return not self.seen and self.response > SAFETY
+
+    @property
+    def record(self) -> Document:
+        """Its entry in the JSON of a golden; a ratio that is infinite is null."""
+        found: Document = {"change": float(f"{self.change:.3g}")}
+        if self.refused:
+            return found | {"refused": self.refused}
+        found["ratio"] = float(f"{self.ratio:.3g}")
+        if not self.seen:
+            found["response"] = float(f"{self.response:.3g}")
+        return found
+
+
+def responses(case: Case, golden: Golden, base: Motion) -> Document:
+    """Return the response to each change: by `parameters`, `initial`, `tables`.
+
+    And, where there are too many numbers, how many of each were not `tried`.
+
+    Parameters
+    ----------
+    base
+        The motion that the golden was made from.
+    """
+    trial = _Trial(case, golden, base)
+    model = case.model
+    found: Document = {}
+    untried = {}
+    for section, numbers, response in (
+        ("parameters", [*_parameters(model)], trial.of_parameter),
+        ("initial", [*_starts(case, base)], trial.of_start),
+    ):
+        some = _evenly(len(numbers), MOST_NUMBERS)
+        found[section] = {
+            name: response(name, size).record
+            for name, size in (numbers[k] for k in some)
+        }
+        if len(some) < len(numbers):
+            untried[section] = len(numbers) - len(some)
+    if model.tables:
+        found["tables"] = {table.name: _table(trial, table) for table in model.tables}
+    return found | ({"untried": untried} if untried else {})
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """Return at most so many of the numbers below `count`, with the first and last."""
+    places = np.linspace(0, count - 1, min(count, most))
+    return [int(k) for k in np.rint(places)]
+
+
+def _parameters(model: Model) -> Iterator[tuple[str, float]]:
+    """Give name and size of each parameter that is no mode.
+
+    One that is 0 has the least size of the others of its unit, or 1.
+    """
+    known = [p for p in model.parameters if not p.mode]
+    for p in known:
+        alike = [abs(x.value) for x in known if x.unit == p.unit != "" and x.value]
+        yield p.name, abs(p.value) or min(alike, default=1.0)
+
+
+def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
+    """Give name and size of each start value that the file states.
+
+    One that is 0 has the size of its column, or 1.
+    """
+    units = stated_units(case.equations, base.columns)
+    sizes = dict(zip(base.columns, scales(base.columns, base.rows.T, units)))  # noqa: B905
+    for x in case.model.initial:
+        if x.text and not x.guess:
+            yield x.name, abs(x.value) or float(sizes.get(x.name, 0.0)) or 1.0
+
+
+def _table(trial: _Trial, table: Table) -> Document:
+    """Return what is seen of the points of a table: the least ratio, and where."""
+    count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
+    points = _evenly(count, MOST_POINTS)
+    found = {k: trial.of_point(table.name, k) for k in points}
+    seen = {k: r for k, r in found.items() if r.seen}
+    least = min(seen, key=lambda k: seen[k].ratio, default=None)
+    entry: Document = {"points": count, "changed": len(found)}
+    if least is not None:
+        entry |= {"least": seen[least].record | {"point": least + 1}}
+    for word, some in (
+        ("unseen", {k: r for k, r in found.items() if r.blind}),
+        ("unresponsive", {k: r for k, r in found.items() if not (r.seen or r.blind)}),
+    ):
+        if some:
+            worst = max(r.response for r in some.values())
+            entry[word] = [k + 1 for k in some]
+            entry[f"{word}_response"] = float(f"{worst:.3g}")
+    return entry
+
+
+class _Trial:
+    """Runs of changed models, judged by a golden."""
+
+    def __init__(self, case: Case, golden: Golden, base: Motion) -> None:
+        self.case, self.golden, self.base = case, golden, base
+        self.session = case.ready()
+        self._exact: tuple[Floats, Floats] | None = None
+
+    def of_parameter(self, name: str, size: float) -> Response:
+        """Change a parameter."""
+        value = {p.name: p.value for p in self.case.model.parameters}[name]
+
+        def changed(by: float) -> Model:
+            return self.case.model.bind({name: value + by})
+
+        return self._response(changed, OF_PARAMETER * size)
+
+    def of_start(self, name: str, size: float) -> Response:
+        """Change a start value."""
+        value = {x.name: x.value for x in self.case.model.initial}[name]
+
+        def changed(by: float) -> Model:
+            return self.case.model.bind({}, {name: value + by})
+
+        return self._response(changed, OF_START * size)
+
+    def of_point(self, table: str, point: int) -> Response:
+        """Change the value of a table at one of its points."""
+        model = self.case.model
+
+        def changed(by: float) -> Model:
+            return model.stated.shifted(model, table, point, by)
+
+        return self._response(changed, OF_TABLE)
+
+    def _response(self, changed: Callable[[float], Model], by: float) -> Response:
+        """Return the response to a change; to the opposite one where it is refused."""
+        found = self._of(changed, by)
+        return self._of(changed, -by) if found.refused else found
+
+    def _of(self, changed: Callable[[float], Model], by: float) -> Response:
+        try:
+            case = self._opened(changed(by))
+            motion = run(case, self.golden, self.session)
+        except LagsimError as error:
+            return Response(by, math.inf, error.code)
+        verdict = judge(case, motion, self.golden)
+        ratio = max((d.ratio for d in verdict.worst), default=0.0)
+        if verdict.passed:
+            return Response(by, ratio, "", self._against_rounding(case))
+        return Response(by, ratio if verdict.failed else math.inf)
+
+    def _opened(self, model: Model) -> Case:
+        case = self.case
+        settings = model.settings()
+        if model.graph is not case.model.graph:
+            return open_case(model, settings)
+        return examined(case.equations, model, settings)
+
+    # Runs with rounding errors alone
+
+    def _against_rounding(self, case: Case) -> float:
+        """Return the largest difference of a case from the golden's, over rounding."""
+        if self._exact is None:
+            self._exact = self._rounding()
+        exact, noise = self._exact
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratios = _apart(self._exact_rows(case), exact) / noise
+        return float(np.max(np.nan_to_num(ratios, nan=0.0, posinf=np.inf)))
+
+    def _rounding(self) -> tuple[Floats, Floats]:
+        """Return rows (k, columns), and what rounding errors make of them."""
+        exact = self._exact_rows(self.case)
+        others = [self._exact_rows(perturbed(self.case, k)) for k in range(SEEDS)]
+        apart = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
+        units = stated_units(self.case.equations, self.base.columns)
+        sizes = scales(self.base.columns, exact.T, units)
+        sizes = np.maximum(sizes, np.max(np.abs(exact), axis=0))
+        own = LEAST_ROUNDING * UNIT_ROUNDOFF * sizes
+        return exact, np.maximum.accumulate(apart, axis=0) + own
+
+    def _exact_rows(self, case: Case) -> Floats:
+        """Return rows of a case, closer than those of the run, at least errors."""
+        plan, settings = self.base.plan, case.settings
+        if plan.rtol is not None:
+            atol = None if plan.atol is None else plan.atol * TIGHTEST_RTOL / plan.rtol
+            case = case.asking(method=plan.method, rtol=TIGHTEST_RTOL, atol=atol)
+        elif plan.step is not None:
+            case = case.asking(step=plan.step)
+        closer = max(settings.output_step / CLOSER, settings.duration / MOST_ROWS)
+        case = case.asking(output_step=closer)
+        motion = motion_of(case, 1, self.session)
+        return on_grid(motion.rows, case.settings)
+
+
+def _apart(rows: Floats, others: Floats) -> Floats:
+    """Return differences at the same times (k, columns); 0 past the end of one."""
+    count = min(len(rows), len(others))
+    found = np.zeros_like(others)
+    found[:count] = np.abs(rows[:count] - others[:count])
+    return found
