@@ -238,8 +238,8 @@ def _store(case: Case, folder: Path) -> _Answer:
     lines = [f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"]
     lines.append(f"  it sees changes of {counted(known.seen, 'number')} of the model")
     if known.unresponsive:
-        names = several([f"`{name}`" for name in known.unresponsive], 8)
-        lines.append(f"  the motion does not respond to {names}")
+        names = several(known.unresponsive, 8)
+        lines.append(f"  the motion does not respond to: {names}")
     found |= {"pass": True, "stored": True, "horizon": golden.horizon}
     found |= {"rows": len(golden.rows), "unseen": known.blind}
     found |= {"warnings": [c.record for c in cautions]} if cautions else {}
@@ -261,8 +261,8 @@ def _horizon(golden: Golden) -> str:
 
 
 def _unseen(known: Summary) -> str:
-    names = several([f"`{name}`" for name in known.blind], 8)
-    return f"a small change of {names} alters the motion, and would not be seen"
+    names = several(known.blind, 8)
+    return f"small changes that alter the motion, and would not be seen: {names}"
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:

@@ -313,16 +313,25 @@ CURVE = "s of a curve"
 LINKS = ("rod", "spring", "damper", "string", "line")
 
 
+class StringLength(NamedTuple):
+    """Length of a string, an expression of parameters, with its place in the file."""
+
+    node: int
+    place: Place
+
+
 class Scene(NamedTuple):
     """Points (2 or 3 expressions each), links between them, and shapes.
 
-    `looks` are of `LINKS`, one a link, or empty where its length says it.
+    `looks` are of `LINKS`, one a link, or empty where its length says it; `lengths`,
+    one a link, those of strings, None where the motion says it.
     """
 
     points: dict[str, tuple[int, ...]]
     links: tuple[tuple[str, str], ...] = ()
     looks: tuple[str, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    lengths: tuple[StringLength | None, ...] = ()
 
     @property
     def dimension(self) -> int:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.evaluate import evaluate, evaluate_rows
 from lagsim.model.model import CURVE
 
 if TYPE_CHECKING:
@@ -98,6 +98,15 @@ def words(model: Model) -> int:
         if _moving(model, [n for corner in shape.corners for n in corner]):
             found += d * max(2, len(shape.corners), CHANGING * (shape.kind == "curve"))
     return found
+
+
+def string_lengths(model: Model) -> list[float | None]:
+    """Return the length of each link that is a string of a length of its own."""
+    values, g = model.parameter_values, model.graph
+    return [
+        None if x is None else evaluate(g, [x.node], values)[0]
+        for x in model.scene.lengths
+    ]
 
 
 def bodies(model: Model, columns: Mapping[str, Floats], count: int) -> list[Body]:

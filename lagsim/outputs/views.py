@@ -31,7 +31,7 @@ from lagsim.outputs.figure import (
     point,
 )
 from lagsim.outputs.scale import extent, name_axis, per_inch, put_around, size_of
-from lagsim.outputs.shapes import bodies, needed, reached, seen
+from lagsim.outputs.shapes import bodies, needed, reached, seen, string_lengths
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
@@ -61,6 +61,10 @@ FREE = 1.12
 # More names than this cannot be distinguished.
 MOST_NAMES = 14
 
+# Points of a string that sags; of its length, a slack that is not seen; the sag over
+# the slack, by the length of a flat parabola.
+STRING, TAUT, SAG = 25, 1e-3, 3.0**0.5 / 4.0
+
 START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
 END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
 FIXED_MARK = mark("s", 3.4)
@@ -89,6 +93,8 @@ class Views:
     ) -> None:
         self._record, self._links = record, scene.links
         self._looks = scene.looks or ("",) * len(scene.links)
+        self._strings = string_lengths(model) if model else []
+        self._strings = self._strings or [None] * len(scene.links)
         self.height = 0.0
         shown = scene.points or (model and scene.shapes)
         if not shown or not record.rows.row_count:
@@ -127,6 +133,7 @@ class Views:
         if self._bodies:
             for own, further in zip(ends, reached([], self._bodies).T, strict=True):
                 own.append(further)
+        ends[-1].append(np.array(self._lowest()))
         self._extents = [extent(*own) for own in ends]
         # A scene at rest has no size of its own.
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
@@ -228,7 +235,7 @@ class Views:
                 name: p[along] if view else OBLIQUE @ p
                 for name, p in self._positions.items()
             }
-            self._draw(axes, flat)
+            self._draw(axes, flat, -turned[:, -1])
             line = {"arrowstyle": "-", "color": DIM, "linewidth": 0.7}
             for name, end in zip("" if view else "xyz", 20.0 * OBLIQUE.T, strict=False):
                 axes.annotate(
@@ -236,15 +243,24 @@ class Views:
                     size=SMALL, color=DIM, ha="center", va="center", arrowprops=line,
                 )  # fmt: skip
 
-    def _draw(self, axes: Axes, shown: Mapping[str, Array]) -> None:
-        """Draw points, given as what runs across and up of their paths (2, rows)."""
+    def _draw(self, axes: Axes, shown: Mapping[str, Array], down: Array) -> None:
+        """Draw points, given as what runs across and up of their paths (2, rows).
+
+        Strings sag along `down` : (2,).
+        """
         for name, pen in self._pens.items():
             x, y = shown[name]
             path(axes, x, y, pen, self._record.trusted())
         for row, pen in ((0, START_LINK), (-1, END_LINK)):
-            for (a, b), kind in zip(self._links, self._looks, strict=True):
+            for (a, b), kind, length in zip(
+                self._links, self._looks, self._strings, strict=True
+            ):
                 ends = np.stack((shown[a][:, row], shown[b][:, row]))
-                if kind in LOOKS:
+                if kind == "string":
+                    slack = self._slack(a, b, row, length) * down
+                    x, y = _string(ends[0], ends[1], slack).T
+                    curve(axes, x, y, pen)
+                elif kind in LOOKS:
                     plain = {k: v for k, v in pen.items() if k != "dashes"}
                     x, y = LOOKS[kind](ends[0], ends[1], _inch(axes)).T
                     line(axes, x, y, plain)
@@ -259,6 +275,29 @@ class Views:
                 point(axes, x, y, look)
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
+
+    def _lowest(self) -> list[float]:
+        """Return how low the strings hang that are drawn."""
+        return [
+            float(
+                (self._positions[a][-1, row] + self._positions[b][-1, row]) / 2.0
+                - SAG * self._slack(a, b, row, length)
+            )
+            for (a, b), kind, length in zip(
+                self._links, self._looks, self._strings, strict=True
+            )
+            for row in ((0, -1) if kind == "string" else ())
+        ]
+
+    def _slack(self, a: str, b: str, row: int, length: float | None) -> float:
+        """Return the root of length^2 - distance^2 of a string, 0 where it is taut.
+
+        Without a length of its own it is as long as its ends are ever apart.
+        """
+        apart = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
+        longest = float(np.nanmax(apart)) if length is None else length
+        left = longest**2 - float(apart[row]) ** 2
+        return left**0.5 if left > (TAUT * longest) ** 2 else 0.0
 
     def _colours(self) -> list[str]:
         """Return the colour of each shape: of its point, or, if it moves, its own."""
@@ -391,6 +430,12 @@ def _damper(a: Array, b: Array, inch: float) -> Array:
         a, begin, gap, end + wide, begin + wide, begin - wide, end - wide, gap,
         middle + 0.8 * wide, middle - 0.8 * wide, gap, middle, b,
     ))  # fmt: skip
+
+
+def _string(a: Array, b: Array, slack: Array) -> Array:
+    """Return a parabola (n, 2) from a to b: a string with some slack, downwards."""
+    s = np.linspace(0.0, 1.0, STRING if slack.any() else 2)[:, np.newaxis]
+    return np.asarray(a + s * (b - a) + 4.0 * SAG * s * (1.0 - s) * slack)
 
 
 # Links that are drawn as more than a line.

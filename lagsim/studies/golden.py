@@ -18,7 +18,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Place, Problems, unusable
+from lagsim.errors import InputError, Place, Problems, several, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
 from lagsim.mechanics.reduction import MOMENTUM, conserved
@@ -396,8 +396,10 @@ def summary(golden: Golden) -> Summary | None:
     for name, x in found.get("tables", {}).items():
         unseen, still = (x.get(word, ()) for word in ("unseen", "unresponsive"))
         count += x["changed"] - len(unseen) - len(still)
-        blind += [f"{name} at point {k}" for k in unseen]
-        unresponsive += [f"{name} at point {k}" for k in still]
+        for names, points in ((blind, unseen), (unresponsive, still)):
+            if points:
+                noun = "point" if len(points) == 1 else "points"
+                names.append(f"{name}, {noun} {several(map(str, points), 8)}")
     return Summary(count, blind, unresponsive)
 
 

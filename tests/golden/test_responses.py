@@ -170,11 +170,12 @@ def test_the_golden_of_a_shipped_model_sees_each_number(name):
     ]
     assert "untried" not in changes
     assert known.blind == []
-    silent = [x for x in known.unresponsive if not x.startswith("road at point")]
+    silent = [x for x in known.unresponsive if not x.startswith("road")]
     assert silent == UNFELT.get(name, [])
-    # At 20 m/s the rear axle comes to 80 m, where the last knots are those beyond it.
-    points = [int(x.split()[-1]) for x in known.unresponsive if x not in silent]
-    assert all(point > 430 for point in points)
+    # At 20 m/s the front axle comes to 82.87 m in 4 s, which is knot 415; a cubic
+    # spline carries a change on by a factor of 2 - sqrt(3) a knot, to rounding in 28.
+    for entry in changes.get("tables", {}).values():
+        assert all(point > 415 for point in entry.get("unresponsive", ()))
     assert len(golden.rows) >= 50 or len(golden.rows) == golden.about["run_rows"]
 
 

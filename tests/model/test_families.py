@@ -7,6 +7,7 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
+from lagsim.outputs.shapes import string_lengths
 from tests.model import test_faults as faults
 from tests.model._files import model, problems
 from tests.support import simulate
@@ -387,6 +388,38 @@ def test_an_event_that_sets_members_of_a_broken_family_is_no_other_fault():
 def test_links_may_stand_above_their_points():
     text = "scene: {links: [[p(1..3)]], points: {p(i = 1..3): [x, i]}}"
     assert model(text).scene.links == (("p.1", "p.2"), ("p.2", "p.3"))
+
+
+SCENE = """
+parameters: {l: 2, k(1..2): [3, 4]}
+scene: {points: {p(i = 1..2): [x, i], a: [x, 0], b: [0, 0], c: [1, 0]}, links: LINKS}
+"""
+
+
+@pytest.mark.parametrize(
+    ("links", "pairs", "looks", "lengths"),
+    [
+        ("[[a, b, c]]", "ab bc", ["", ""], [None, None]),
+        ("[[a, b, c, a], [a, b]]", "ab bc ca ab", [""] * 4, [None] * 4),
+        ("[{points: [a, b, c], as: rod}]", "ab bc", ["rod"] * 2, [None] * 2),
+        ("[{points: [a, b, c], length: l}]", "ab bc", ["string"] * 2, [2.0] * 2),
+        ("[{points: [a, b], as: string, length: l/4}]", "ab", ["string"], [0.5]),
+        ("[{points: [a, b], length: k(2)}]", "ab", ["string"], [4.0]),
+        ("[[a, p(1..2)]]", "a1 12", ["", ""], [None, None]),
+        ("[{points: [p(1..2), c], length: k(1)}]", "12 2c", ["string"] * 2, [3.0] * 2),
+    ],
+)
+def test_links_join_each_point_to_the_next(links, pairs, looks, lengths):
+    found = model(SCENE.replace("LINKS", links))
+    scene, names = found.scene, {"1": "p.1", "2": "p.2"}
+    assert ["".join(pair).replace("p.", "") for pair in scene.links] == pairs.split()
+    assert all(names.get(end, end) for pair in scene.links for end in pair)
+    assert list(scene.looks) == looks
+    assert string_lengths(found) == lengths
+    if lengths[0] == 2.0:
+        assert string_lengths(found.bind(l=5)) == [5.0, 5.0]
+        with pytest.raises(InputError, match="of a string is -1"):
+            found.bind(l=-1)
 
 
 def test_a_fault_of_many_members_is_reported_once_and_quickly():

@@ -232,7 +232,12 @@ wrong-count | found 1 | scene: {points: {p: ⟪[x]⟫}}
 wrong-count | found 4 | scene: {points: {p: ⟪[x, y, x, y]⟫}}
 bad-name | a point | scene: {points: {⟪p-1⟫: [x, y]}}
 not-a-text | a list | scene: {points: {o: [0, 0]}, links: [[o, ⟪[o]⟫]]}
-wrong-count | found 3 | scene: {points: {o: [0, 0]}, links: [⟪[o, o, o]⟫]}
+wrong-count | or more, found 1 | scene: {points: {o: [0, 0]}, links: [⟪[o]⟫]}
+unknown-name | did you mean `o` | scene: {points: {o: [0, 0]}, links: [[o, o, ⟪oo⟫]]}
+both-given | this link is a rod | POINT links: [{points: [o, o], as: rod, ⟪length⟫: 1}]}
+out-of-range | of a string is -1 | POINT links: [{points: [o, o], length: ⟪-1⟫}]}
+not-finite | of a string is inf | POINT links: [{points: [o, o], length: ⟪exp(1e9)⟫}]}
+not-constant | `x` is a coordinate | POINT links: [{points: [o, o], length: 2*⟪x⟫}]}
 unknown-name | did you mean `spring` | POINT links: [{points: [o, o], as: ⟪sprung⟫}]}
 missing-key | a link has no `points` | POINT links: [⟪{as: rod}⟫]}
 unknown-key | did you mean `points` | POINT links: [{⟪point⟫: [o, o]}]}

@@ -747,6 +747,9 @@ class Expansion:
     def _joining(self, node: Node) -> list[Node]:
         inner = _inner(node, ("points",))
         if inner is not node:
+            length = _inner(node, ("length",))
+            if length is not node:
+                node = _with_inner(node, ("length",), self.bound(length))
             return [_with_inner(node, ("points",), x) for x in self._joining(inner)]
         if not isinstance(node, Sequence):
             return [node]

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.language.evaluate import evaluate
 from lagsim.methods import options
@@ -23,6 +23,7 @@ from lagsim.model.model import (
     Section,
     Settings,
     Shape,
+    StringLength,
 )
 from lagsim.model.nodes import (
     Broken,
@@ -60,6 +61,7 @@ from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from collections.abc import Mapping as MappingType
+    from collections.abc import Sequence as SequenceType
 
     from lagsim.errors import Place
     from lagsim.model.reader.expressions import Expressions, Names
@@ -369,6 +371,8 @@ def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
 
 # Of a polygon, and of a ground.
 MOST_CORNERS = 1000
+STRING_LENGTH = "the length of a string"
+_Link: TypeAlias = "tuple[tuple[str, str], str, StringLength | None]"
 
 
 def read_scene(found: Fields, x: Expressions) -> Scene:
@@ -401,10 +405,11 @@ class _Reader:
             self.faults.add("not-a-list", text, section, hint)
         else:
             given = items(section, "`links`", self.faults)
-        joined = [self._looking(node) for node in given]
-        links = [(ends, look) for ends, look in joined if ends]
-        ends, looks = zip(*links, strict=True) if links else ((), ())
-        return Scene(self.points, ends, looks, shapes)
+        links = [link for node in given for link in self._looking(node)]
+        ends, looks, lengths = zip(*links, strict=True) if links else ((), (), ())
+        scene = Scene(self.points, ends, looks, shapes, lengths)
+        check_sizes(scene, self.x)
+        return scene
 
     def _point(
         self, what: str, node: Node, most: Level = Level.VELOCITY
@@ -440,33 +445,46 @@ class _Reader:
             found = re.split(r"\s*(?:,|->?|–|\s)\s*", node.text)
         return found if len(found) == 2 and set(found) <= set(self.named) else []
 
-    def _looking(self, node: Node) -> tuple[tuple[str, str] | None, str]:
-        """Give the points that a link joins, and its look."""
+    def _looking(self, node: Node) -> list[_Link]:
+        """Give the two points of each link, its look, and its length if it has one."""
         if not isinstance(node, Mapping):
-            return self._link(node), ""
+            return [(pair, "", None) for pair in self._link(node)]
         found = fields(node, "a link", LINK, self.faults, node.place)
         points = found.value("points")
         found.needs("points", "such as points: [pivot, bob]")
-        return points and self._link(points), found.choice("as", ("", *LINKS))
+        pairs = self._link(points) if points else []
+        look, length = found.choice("as", ("", *LINKS)), self._length(found)
+        if "length" in found and look not in ("", "string"):
+            text = f"`length` is that of a string, and this link is a {look}"
+            hint = "write as: string, or leave `length` out"
+            self.faults.add("both-given", text, found.place_of("length"), hint)
+        look = look or ("string" if "length" in found else "")
+        return [(pair, look, length) for pair in pairs]
 
-    def _link(self, node: Node) -> tuple[str, str] | None:
-        """Give the points that a link joins."""
+    def _length(self, found: Fields) -> StringLength | None:
+        """Give the length of a string, an expression of parameters."""
+        node = found.value("length")
+        if node is None:
+            return None
+        length = self.x.compile(node, STRING_LENGTH, Level.NUMBER)
+        return None if length is None else StringLength(length, node.place)
+
+    def _link(self, node: Node) -> list[tuple[str, str]]:
+        """Give the points that a link joins, each to the next."""
         if isinstance(node, Scalar) and not node.empty and (pair := self._pair(node)):
             text = f"a link must be a list, found {kind_of(node)}"
             self.faults.add("not-a-list", text, node, f"write [{', '.join(pair)}]")
-            return None
+            return []
         ends = items(node, "a link", self.faults)
-        if isinstance(node, Sequence) and len(ends) != 2:
-            text, names = f"a link joins 2 points, found {len(ends)}", texts_of(ends)
-            names = (self._pair(ends[0]) or names) if len(ends) == 1 else names
-            pairs = ((a, b) for a, b in pairwise(names) if {a, b} <= {*self.named})
-            hint = ", ".join(f"[{a}, {b}]" for a, b in pairs)
-            hint = f"write {hint}" if hint else "such as [pivot, bob]"
+        if isinstance(node, Sequence) and len(ends) < 2:
+            pair = self._pair(ends[0]) if ends else []
+            text = f"a link joins 2 points or more, found {len(ends)}"
+            hint = f"write [{', '.join(pair)}]" if pair else "such as [pivot, bob]"
             self.faults.add("wrong-count", text, node, hint)
-            return None
+            return []
         named = list(texts_among(ends, "a link names points", self.faults))
         known = [end.text for end in named if self._is_point(end)]
-        return (known[0], known[1]) if len(known) == 2 else None
+        return [*pairwise(known)] if len(known) == len(ends) else []
 
     def _is_point(self, name: Scalar) -> bool:
         """Tell whether a point has this name; else that is reported."""
@@ -498,9 +516,7 @@ class _Reader:
                 text = f"the {shape.kind} `{key.text}` lies in space, and the points "
                 text += "of the scene in a plane"
                 x.faults.add("shape-of-space", text, key)
-        shapes = tuple(found)
-        check_sizes(Scene({}, shapes=shapes), x)
-        return shapes
+        return tuple(found)
 
     def _shape(self, key: Scalar, known: Fields) -> Shape | None:
         faults, what = self.faults, f"the shape `{key.text}`"
@@ -612,13 +628,27 @@ class _Reader:
 
 
 def check_sizes(scene: Scene, x: Expressions) -> None:
-    """Report sizes of shapes that are negative or not finite, at these parameters."""
+    """Report sizes that are negative or not finite, at these parameters.
+
+    Those of shapes, and lengths of strings.
+    """
     numbers = {name: value for name, (value, _) in x.known.items()}
-    for shape in scene.shapes:
-        if not x.graph.depends(shape.sizes) <= numbers.keys():
-            continue  # a parameter without a value is reported
-        values = evaluate(x.graph, shape.sizes, numbers)
-        what = f"a size of the {shape.kind} `{shape.name}`"
-        for value, place in zip(values, shape.places, strict=True):
-            if x.is_finite(value, what, place) and SHAPES[shape.kind].sizes:
+
+    def check(
+        nodes: SequenceType[int], places: SequenceType[Place], what: str, *, size: bool
+    ) -> None:
+        if not x.graph.depends(nodes) <= numbers.keys():
+            return  # a parameter without a value is reported
+        values = evaluate(x.graph, nodes, numbers)
+        for value, place in zip(values, places, strict=True):
+            if x.is_finite(value, what, place) and size:
                 x.within(value, what, place, 0.0)
+
+    for shape in scene.shapes:
+        what, size = (
+            f"a size of the {shape.kind} `{shape.name}`",
+            SHAPES[shape.kind].sizes,
+        )
+        check(shape.sizes, shape.places, what, size=bool(size))
+    for length in filter(None, dict.fromkeys(scene.lengths)):
+        check([length.node], [length.place], STRING_LENGTH, size=True)

@@ -35,7 +35,7 @@ from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.record import merged
-from lagsim.outputs.shapes import bodies, needed, reached, words
+from lagsim.outputs.shapes import bodies, needed, reached, string_lengths, words
 from lagsim.run.observers.thinning import Frames
 from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED
 
@@ -93,6 +93,8 @@ class Film(NamedTuple):
     links : sequence of pairs of names
     looks : sequence of str
         Of each link, as `Scene` has them; none: all as their lengths say.
+    lengths : sequence of float or None
+        Of each link, those of strings that the file gives; none: none.
     shapes : sequence of Body
     pushes : sequence of Push
         The forces of constraints.
@@ -114,6 +116,7 @@ class Film(NamedTuple):
     tracks: Mapping[str, Track]
     links: Sequence[tuple[str, str]] = ()
     looks: Sequence[str] = ()
+    lengths: Sequence[float | None] = ()
     shapes: Sequence[Body] = ()
     pushes: Sequence[Push] = ()
     energies: Mapping[str, Floats] = {}
@@ -206,7 +209,7 @@ def film(
         notes = [*notes, thinned]
     return Film(
         model.name, model.description, columns["t"], broken, tracks, scene.links,
-        scene.looks, shapes, pushes,
+        scene.looks, string_lengths(model), shapes, pushes,
         {k: columns[k] for k in ENERGIES if k in columns}, events,
         carriers.struck, horizon, _units(scene, units or {}), notes,
     )  # fmt: skip
@@ -508,6 +511,7 @@ def record(film: Film) -> dict[str, Any]:
     places = [track.place for track in film.tracks.values()]
     every = reached(places, film.shapes)
     looks = film.looks or ("",) * len(film.links)
+    strings = film.lengths or (None,) * len(film.links)
     points: list[dict[str, Any]] = []
     for name, (place, rate) in film.tracks.items():
         finite = place[np.isfinite(place).all(axis=1)]
@@ -533,8 +537,8 @@ def record(film: Film) -> dict[str, Any]:
         "floor": _floor(film, every, box),
         "points": points,
         "links": [
-            _link(film, names, *link, look)
-            for link, look in zip(film.links, looks, strict=True)
+            _link(film, names, link, look, length)
+            for link, look, length in zip(film.links, looks, strings, strict=True)
         ],
         "shapes": [_shape(body, names) for body in film.shapes],
         "pushes": [
@@ -613,14 +617,19 @@ def _coded(place: Floats) -> dict[str, str]:
 
 
 def _link(
-    film: Film, names: Sequence[str], a: str, b: str, look: str
+    film: Film,
+    names: Sequence[str],
+    link: tuple[str, str],
+    look: str,
+    length: float | None,
 ) -> dict[str, Any]:
     """Return a link and its look: by default as its length says."""
+    a, b = link
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)
     lengths = lengths[np.isfinite(lengths)]
     lengths = lengths if len(lengths) else np.zeros(1)
-    longest = float(lengths.max())
+    longest = float(lengths.max()) if length is None else length
     kind = "spring"
     if look:
         kind = look
