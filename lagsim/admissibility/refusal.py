@@ -141,7 +141,7 @@ def _sources(point: Point) -> list[_Source]:
         for c in model.constraints
     ]
     for c in model.constraints:  # what bounds the force of each
-        bounds = {"limit": c.limit}
+        bounds = {"limit": c.limit, "static limit": c.static}
         if c.law is not None:
             bounds |= {"friction": c.law.friction, "static friction": c.law.static}
         stated += [

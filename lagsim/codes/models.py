@@ -490,6 +490,14 @@ output: {reactions: [x]}
         "look for a name that is spelt otherwise",
         "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
     # E3xx: the start of a model.
+    Row("E249", "switch-at-rest",
+        "A limit or friction has a switch at slip 0 whose two values are not clear.",
+        "`if(abs(x_dot) > 0, 1, 5)` is understood: 5 while it holds, 1 while it "
+        "slides. Of other switches at slip 0 the file gives both values by name.",
+        "write the bound of what holds and that of what slides: limit: {static: 5, "
+        "dynamic: 1}",
+        "constraints: {rub: {relation: theta_dot = 0, limit: "
+        "\"5 - 4*sign(theta*abs(theta_dot))\"}}\n"),
     Row("E270", "unknown-restitution-law",
         "There is no such restitution law.",
         "`restitution_law` is `newton` or `poisson`.",

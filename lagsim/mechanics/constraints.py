@@ -313,9 +313,10 @@ def laws_of(g: Graph, constraints: Sequence[Constraint], flow: Flow) -> Iterator
         if c.law is None:
             kind = Kind.TIMED if c.limit is None else Kind.LIMITED
             limit = zero if c.limit is None else c.limit
+            static = limit if c.static is None else c.static
             pair = count + c.pair if c.pair else -1
             yield Law(
-                row, kind, c.name, name, bound=limit, static=limit, when=c.when,
+                row, kind, c.name, name, bound=limit, static=static, when=c.when,
                 pair=pair,
             )  # fmt: skip
             count += 1

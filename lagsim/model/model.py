@@ -195,8 +195,9 @@ class Constraint(NamedTuple):
     """A relation and its law; `law` is None for an equality.
 
     `limit`: an equality of velocities holds while its multiplier is no larger; of two
-    that share one, while their norm is, `pair` tells where the other follows. `when`:
-    it is in force while this condition of t, parameters and modes is not 0.
+    that share one, while their norm is, `pair` tells where the other follows. `static`:
+    the limit while it holds, where that is another. `when`: it is in force while this
+    condition of t, parameters and modes is not 0.
     """
 
     name: str
@@ -206,6 +207,7 @@ class Constraint(NamedTuple):
     limit: int | None = None
     when: int | None = None
     pair: int = 0
+    static: int | None = None
 
     @property
     def called(self) -> str:

@@ -55,7 +55,8 @@ UNICODE = {
     "inelastic": "{rate}⁺ = 0",
     "friction": "|f| ≤ {bound}, against the slip",
     "sticking": "|f| ≤ {most} while it sticks; |f| = {bound} against the slip",
-    "limit": "|{lam}| ≤ {limit} while it holds; |{lam}| = {limit} against the slip",
+    "limit": "|{lam}| ≤ {static_limit} while it holds; |{lam}| = {limit} against the "
+    "slip",
     "when": "{lam} = 0 unless {when}",
 }
 _PLAIN = {
@@ -83,7 +84,7 @@ LATEX = {
     "friction": r"|f| \le {bound} \text{{, against the slip}}",
     "sticking": r"|f| \le {most} \text{{ while it sticks; }} |f| = {bound} "
     r"\text{{ against the slip}}",
-    "limit": r"|{lam}| \le {limit} \text{{ while it holds; }} |{lam}| = {limit} "
+    "limit": r"|{lam}| \le {static_limit} \text{{ while it holds; }} |{lam}| = {limit} "
     r"\text{{ against the slip}}",
     "when": r"{lam} = 0 \text{{ unless }} {when}",
 }
@@ -92,7 +93,8 @@ _KEYS = {"inelastic": "impact", "poisson": "impact", "sticking": "friction"}
 # How the module in Python names what it does not write out.
 _WORDS = {
     "g": "g", "rate": "g'", "lam": "lambda", "bound": "mu lambda",
-    "most": "mu_s lambda", "e": "e", "limit": "F", "when": "its condition holds",
+    "most": "mu_s lambda", "e": "e", "limit": "F", "static_limit": "F_s",
+    "when": "its condition holds",
 }  # fmt: skip
 _LAW = ("restitution", "friction", "static_friction", "limit", "when")
 # The restitution law, where it is not Newton's.
@@ -129,10 +131,13 @@ def conditions(
     """
     parts = {
         "lam": multiplier, "limit": k["limit"], "when": k["when"],
+        "static_limit": k["static_limit"],
     }  # fmt: skip
     for word, key in (("bound", "friction"), ("most", "static_friction")):
         parts[word] = None if k[key] is None else k[key] * multiplier
     words = {word: write(e) for word, e in parts.items() if e is not None}
+    if "limit" in words:
+        words.setdefault("static_limit", words["limit"])
     if "pair" in k:
         words["lam"] = f"({', '.join(write(e) for e in k['pair'])})"
     if not isinstance(k["restitution"], float | None):
@@ -143,9 +148,12 @@ def conditions(
 def in_words(constraint: Constraint) -> tuple[str, ...]:
     """Give the same with letters for what has an expression of its own."""
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
+    words = _WORDS
+    if constraint.static is None:
+        words = _WORDS | {"static_limit": _WORDS["limit"]}
     names = ", ".join(f"lambda.{k}" for k in constraint.ends)
     both = {"lam": f"({names})"} if constraint.pair else {}
-    return tuple(_written(given, _WORDS | both, ASCII).values())
+    return tuple(_written(given, words | both, ASCII).values())
 
 
 def law_of(constraint: Constraint) -> dict[str, Any]:

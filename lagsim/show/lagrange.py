@@ -545,9 +545,9 @@ def _constraint(
 ) -> Part:
     """Give a constraint by its function and rate, and how it holds q''."""
     law, given = c.law, law_of(c)
-    nodes = [given["friction"], given["static_friction"], c.limit, c.when]
+    nodes = [given["friction"], given["static_friction"], c.limit, c.static, c.when]
     nodes += [law.bounce, *law.slips] if law else [None]
-    friction, static, limit, when, e, *slip = x.sympy(nodes, written=True)
+    friction, static, limit, holding, when, e, *slip = x.sympy(nodes, written=True)
     if when is not None and when.is_Piecewise:  # if(condition, 1, 0)
         when = when.args[0][1]
     kind = "holonomic" if row.holonomic else "nonholonomic"
@@ -563,6 +563,7 @@ def _constraint(
         "static_friction": static,
         "slip": slip,
         "limit": limit,
+        "static_limit": holding,
     }
     if c.pair:  # two relations that share a limit
         names = [f"lambda_{c.called}.{k}" for k in c.ends]

@@ -475,7 +475,7 @@ def physics_of(model: Model) -> list[int]:
     nodes += [s.rate for s in model.states]
     nodes += [node for event in model.events for _, node in event.sets]
     for c in model.constraints:
-        nodes += [c.limit, c.when]
+        nodes += [c.limit, c.static, c.when]
         if c.law is not None:
             nodes += [c.law.friction, c.law.static, c.law.bounce, *c.law.slips]
     return [n for n in nodes if n is not None]

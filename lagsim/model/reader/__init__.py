@@ -380,8 +380,7 @@ class File:
         new.starting = {**self.starting, **initial}
         read = values.Parameters(x, new.instead).read
         numbers = read(self.parameters, self.modes)
-        constraints = zip(model.constraints, self.constraints, strict=True)
-        laws = tuple(equations.again(c, entry, x) for c, entry in constraints)
+        laws = equations.again(model.constraints, self.constraints, x)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
         check_sizes(model.scene, x)
         events = equations.read_events(self.top.value("events"), x)

@@ -6,6 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.at_rest import Bounds, bounds_at_rest
 from lagsim.language.names import in_file, rate_of, rated
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import (
@@ -36,6 +37,7 @@ from lagsim.model.reader.fields import (
     ENERGY,
     EVENT,
     FRICTION,
+    LIMIT,
     STATE,
     Fields,
     entries,
@@ -46,7 +48,9 @@ from lagsim.model.reader.fields import (
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
+    from collections.abc import Sequence as SequenceType
 
+    from lagsim.errors import Place
     from lagsim.language.graph import Degrees, Graph
     from lagsim.model.reader.expressions import Expressions
 
@@ -268,13 +272,58 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
 
 def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ...]:
     """Build the constraints."""
-    found = (_Reader(key, node, x).read() for key, node in given)
-    return tuple(c for c in found if c is not None)
+    readers = [_Reader(key, node, x) for key, node in given]
+    return _with_limits([reader.read() for reader in readers], readers)
 
 
-def again(found: Constraint, entry: Entry, x: Expressions) -> Constraint:
-    """Give a constraint of the file at other values of the parameters."""
-    return found if found.always else (_Reader(*entry, x).read() or found)
+def again(
+    known: SequenceType[Constraint], given: SequenceType[Entry], x: Expressions
+) -> tuple[Constraint, ...]:
+    """Give the constraints of the file at other values of the parameters."""
+    readers = [_Reader(key, node, x) for key, node in given]
+    found = [
+        c if c.always else (reader.read() or c)
+        for c, reader in zip(known, readers, strict=True)
+    ]
+    return _with_limits(found, readers)
+
+
+def _with_limits(
+    found: SequenceType[Constraint | None], readers: SequenceType[_Reader]
+) -> tuple[Constraint, ...]:
+    """Give constraints with their limits at rest and while they slide.
+
+    Two relations that share a limit have a slip of two components.
+    """
+    done: list[Constraint] = []
+    for k, (c, reader) in enumerate(zip(found, readers, strict=True)):
+        if c is None:
+            continue
+        limit = static = None
+        if c.limit is not None:
+            nodes = [c.relation.node]
+            if c.pair and 0 <= k + c.pair < len(found):
+                other = found[k + c.pair]
+                nodes += [other.relation.node] if other else []
+            limit, static = reader.at_rest(reader.limit, tuple(nodes))
+        done.append(c._replace(limit=limit, static=static))
+    return tuple(done)
+
+
+class _Bound(NamedTuple):
+    """A limit or friction as the file gives it: nodes, with their places in the file.
+
+    `resting` is None where the file gives one for rest and sliding.
+    """
+
+    key: str
+    sliding: int | None = None
+    of: Node | None = None
+    resting: int | None = None
+    of_resting: Node | None = None
+
+
+_NO_BOUND = _Bound("limit")
 
 
 class _Reader:
@@ -283,6 +332,7 @@ class _Reader:
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
         self.key, self.x, self.what = key, x, f"the constraint `{key.text}`"
         alone = {"relation": (key, node)}
+        self.limit = _NO_BOUND
         self.below = Fields(self.what, alone, key.place, True, x.faults)
         if isinstance(node, Mapping):
             self.below = fields(node, self.what, CONSTRAINT, x.faults, key.place)
@@ -299,7 +349,7 @@ class _Reader:
         self._refuse_states(relation)
         x.refuse_rates(expression, what)
         x.refuse_rates(below.value("slip"), what)
-        law = limit = None
+        law = None
         when = self._when()
         if equality:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
@@ -309,7 +359,7 @@ class _Reader:
                 root = simple_root(x.graph, relation.node, moving)
                 multiple = root != relation.node
                 relation = relation._replace(node=root, multiple=multiple)
-            limit = self._limit(relation)
+            self.limit = self._limit(relation)
         elif not pair:
             law = self._one_sided(relation)
         elif equality is False and expression:  # what has a fault itself may be one
@@ -319,6 +369,7 @@ class _Reader:
         about = below.text("description")
         if relation is None or not (equality or law):
             return None
+        limit = self.limit.sliding
         return Constraint(self.key.text, relation, law, about, limit, when, pair)
 
     def _component(self) -> int:
@@ -367,13 +418,12 @@ class _Reader:
             x.faults.add("not-of-time", text, node, hint)
         return g.call("if", condition, g.one, g.zero)
 
-    def _limit(self, relation: Relation | None) -> int | None:
+    def _limit(self, relation: Relation | None) -> _Bound:
         """Build the largest size of the multiplier of an equality of velocities."""
         if relation is not None and not _has_velocity(relation.node, self.x):
             hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
-        of = f"the limit of {self.what}"
-        return self._number(self.below.value("limit"), of, Level.VELOCITY)[0]
+        return self._bound("limit", LIMIT)
 
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
         """Build the law of what is one-sided, or whose relation is not known."""
@@ -409,7 +459,8 @@ class _Reader:
             faults.add("missing-key", text, below.place, hint)
         bounce, e = self._number(node, of, Level.POSITION, APPROACH_SPEED, most=1.0)
         slips = self._slips()
-        dynamic, static = self._friction(slips)
+        friction = self._bound("friction", FRICTION, SLIP_SPEED)
+        dynamic, static = self.at_rest(friction, slips)
         laws = "newton", "poisson"
         law = below.choice("restitution_law", laws, "unknown-restitution-law")
         opposed = "`slip` is the sliding velocity that friction opposes"
@@ -424,40 +475,81 @@ class _Reader:
         varies = bounce if e is None else None
         return OneSided(e or 0.0, dynamic, slips, static, varies, law == "poisson")
 
-    def _friction(self, slips: tuple[int, ...]) -> tuple[int | None, int | None]:
-        """Build the coefficient of what slides, and of what sticks where it differs."""
-        node, of = self.below.value("friction"), f"the friction of {self.what}"
-        if not isinstance(node, Mapping):
-            mu, _ = self._number(node, of, Level.VELOCITY, SLIP_SPEED)
-            return self._at_speeds(mu, slips)
-        faults, place = self.x.faults, self.below.place_of("friction")
-        given, found = fields(node, of, FRICTION, faults, place), []
-        for key, speed in (("static", ""), ("dynamic", SLIP_SPEED)):
-            given.needs(key, "{static: ..., dynamic: ...}, or one number for both")
-            about = f"the {key} friction of {self.what}"
-            part = given.value(key)
-            found.append(self._number(part, about, Level.VELOCITY, speed))
-        (sticking, most), (sliding, least) = found
-        if most is not None and least is not None and most < least:
-            text = f"the static friction of {self.what} is {most:g}, less than the "
-            hint = "what sticks holds at least what sliding does"
-            text += f"dynamic one, {least:g}"
-            faults.add("out-of-range", text, given.at("static"), hint)
-        return self._at_speeds(sliding, slips)[0], sticking
+    def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
+        """Build a bound of what slides, and of what rests where the file gives that.
 
-    def _at_speeds(
-        self, friction: int | None, slips: tuple[int, ...]
+        speed : the name of the size of the slips, if it may stand in it.
+        """
+        node, of = self.below.value(key), f"the {key} of {self.what}"
+        if not isinstance(node, Mapping):
+            return _Bound(key, self._number(node, of, Level.VELOCITY, speed)[0], node)
+        faults, place = self.x.faults, self.below.place_of(key)
+        given, parts = fields(node, of, known, faults, place), []
+        for name, own in (("static", ""), ("dynamic", speed)):
+            given.needs(name, "{static: ..., dynamic: ...}, or one number for both")
+            about = f"the {name} {key} of {self.what}"
+            parts.append(self._number(given.value(name), about, Level.VELOCITY, own))
+        (sticking, most), (sliding, least) = parts
+        if most is not None and least is not None and most < least:
+            self._refuse_weaker(key, most, least, given.at("static"))
+        nodes = given.value("dynamic"), given.value("static")
+        return _Bound(key, sliding, nodes[0], sticking, nodes[1])
+
+    def _refuse_weaker(self, key: str, most: float, least: float, place: Place) -> None:
+        """Report a static bound below the dynamic one."""
+        text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
+        hint = "what sticks holds at least what sliding does"
+        self.x.faults.add("out-of-range", text + f"one, {least:g}", place, hint)
+
+    def at_rest(
+        self, bound: _Bound, slips: tuple[int, ...]
     ) -> tuple[int | None, int | None]:
-        """Give friction at the speed of the slips, and at rest where that differs."""
-        g = self.x.graph
-        if friction is None or not slips or SLIP_SPEED not in g.depends([friction]):
-            return friction, None
-        speed = g.call("abs" if len(slips) == 1 else "hypot", *slips)
-        (moving,), (resting,) = (
-            g.substitute([friction], {g.variable(SLIP_SPEED): x})
-            for x in (speed, g.zero)
-        )
-        return moving, resting
+        """Give a bound of what slides, and of what rests where that differs."""
+        if not slips:
+            return bound.sliding, bound.resting
+        sliding, resting = self._split(bound.key, bound.sliding, bound.of, slips)
+        if bound.resting is None:
+            return sliding, resting
+        own, at_zero = self._split(bound.key, bound.resting, bound.of_resting, slips)
+        return sliding, own if at_zero is None else at_zero
+
+    def _split(
+        self, key: str, bound: int | None, node: Node | None, slips: tuple[int, ...]
+    ) -> tuple[int | None, int | None]:
+        """Give a bound at the speed of the slips, and at rest where that differs."""
+        x, g = self.x, self.x.graph
+        if bound is None or node is None:
+            return bound, None
+        resting = None
+        if SLIP_SPEED in g.depends([bound]):
+            speed = g.call("abs" if len(slips) == 1 else "hypot", *slips)
+            (bound,), (resting,) = (
+                g.substitute([bound], {g.variable(SLIP_SPEED): value})
+                for value in (speed, g.zero)
+            )
+        found = bounds_at_rest(g, bound, slips, x.names.velocities(), x.known)
+        if found is None:
+            text = f"the {key} of {self.what} has a switch at slip 0, and it is not "
+            text += "clear what bounds the force at rest and while it slides"
+            hint = f"write {key}: {{static: ..., dynamic: ...}}"
+            x.faults.add("switch-at-rest", text, node, hint)
+        if found is None or found == Bounds(bound, bound):
+            return bound, resting
+        self._within(key, found, node)
+        same = found.sliding == found.resting
+        return found.sliding, None if same else found.resting
+
+    def _within(self, key: str, found: Bounds, node: Node) -> None:
+        """Report bounds of parameters alone that are negative, or weaker at rest."""
+        x, values = self.x, list[float]()
+        for name, part in zip(("static", "dynamic"), found, strict=True):
+            if x.graph.depends([part]) <= x.known.keys():
+                about = f"the {name} {key} of {self.what}"
+                value = x.value(part, about, node.place)
+                if value is not None and x.within(value, about, node.place, 0.0):
+                    values.append(value)
+        if len(values) == len(found) and values[0] < values[1]:
+            self._refuse_weaker(key, values[0], values[1], node.place)
 
     def _number(
         self,

@@ -372,7 +372,7 @@ START, CONSTRAINT = _keys_below("initial"), _keys_below("constraints")
 STATE, EVENT = _keys_below("states"), _keys_below("events")
 FRAME, BODY = _keys_below("frames"), _keys_below("bodies")
 TABLE = _keys_below("tables")
-FRICTION = _keys(CONSTRAINT["friction"])
+FRICTION, LIMIT = (_keys(CONSTRAINT[key]) for key in ("friction", "limit"))
 # What only contacts have.
 CONTACT = ("restitution", "restitution_law", "friction", "slip")
 ENERGY, SCENE, OUTPUT_KEYS = (

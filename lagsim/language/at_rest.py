@@ -1,0 +1,387 @@
+"""A bound of friction with a switch at slip 0: its value at rest, and while sliding.
+
+`if(abs(v) > 0, F1, F0)`, `F0 - (F0 - F1)*sign(abs(v))` and their like step at a single
+value of the slip v. A motion that holds v = 0 has the value there, a motion that slides
+the limit beside it, however slow the slip is. Both are expressions: the one with the
+truth of each comparison, and the value of each step, at v = 0, the other with those
+beside it.
+
+Whether the argument of a switch vanishes with the slip, and which sign it has beside
+it, is tested at points: `abs(v)`, `v^2`, `max(v, -v)`, `hypot(v, 0)` differ in their
+form alone. A value counts as 0 within its rounding error, which is computed. The test
+must have the same result for the parameters of the file and for any others.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.language.derivatives import gradient
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.functions import JOINING, OPERATIONS, STEPS
+from lagsim.language.graph import DATA
+from lagsim.tolerances import UNIT_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from lagsim.language.graph import Graph
+
+    Values = dict[str, tuple[float, float]]
+
+WHOLE = ("floor", "ceil")
+# Points with the parameters of the file, and with others; a value of irrational parts
+# gives each variable another number at each of them.
+POINTS = 12
+GOLDEN, LEAST, SPAN = 0.618033988749895, 0.2, 1.6
+# Slips beside 0, and directions of a slip of two components; the least part of the
+# largest value over all directions that is not 0.
+SPEEDS = (1e-6, 1e-3, 0.3, 7.0)
+DIRECTIONS = 64
+BENT = 1e-7
+# So many errors are rounding; two bounds are the same up to this part of them; and a
+# continuous one changes by no more than that over a slip of STEP.
+CERTAIN, SAME = 8.0, 1e-9
+STEP, CHANGE = 1e-13, 1e-5
+
+
+class Bounds(NamedTuple):
+    """Expressions of a bound at rest and while it slides."""
+
+    resting: int
+    sliding: int
+
+
+class _Point(NamedTuple):
+    """Values of all variables at slip 0, and changes of velocities by unit slips."""
+
+    values: Values
+    ways: list[dict[str, float]]
+
+    def beside(self, *slip: float) -> Values:
+        """Give the values at another slip."""
+        found = dict(self.values)
+        for part, way in zip(slip, self.ways, strict=True):
+            for name, change in way.items():
+                found[name] = (found[name][0] + part * change, 0.0)
+        return found
+
+
+def bounds_at_rest(
+    g: Graph,
+    node: int,
+    slips: Sequence[int],
+    velocities: Collection[str],
+    known: Mapping[str, tuple[float, float]],
+) -> Bounds | None:
+    """Return the bound `node` at rest and while it slides.
+
+    Both are `node` itself where no switch steps at slip 0, or where the sides differ by
+    the direction of the slip alone.
+
+    Parameters
+    ----------
+    slips
+        The slip, or its two components: affine in the velocities.
+    known
+        Value and rounding error of each parameter.
+
+    Returns
+    -------
+    Bounds or None
+        None where it is not clear what a switch does at slip 0.
+    """
+    moving = g.dependent([node], velocities)
+    steps = [n for n in g.cone([node]) if n in moving and _is_discrete(g, n)]
+    if not steps:
+        return Bounds(node, node)
+    names = g.depends([node, *slips])
+    found = [_points(g, slips, names, velocities, x) for x in (known, {})]
+    if not all(found):
+        return None
+    return _Beside(g, node, found[0], found[1]).bounds(slips)
+
+
+def _is_discrete(g: Graph, n: int) -> bool:
+    """Tell whether a node is a comparison or a step."""
+    row = OPERATIONS.get(g.ops[n])
+    return row is not None and g.ops[n] not in JOINING and (row.condition or row.step)
+
+
+def _points(
+    g: Graph,
+    slips: Sequence[int],
+    names: Collection[str],
+    velocities: Collection[str],
+    known: Mapping[str, tuple[float, float]],
+) -> list[_Point]:
+    """Points at slip 0 where all slips have a value."""
+    order = sorted(names)
+    speeds = [name for name in order if name in velocities]
+    slopes = [gradient(g, s, [g.variable(v) for v in speeds]) for s in slips]
+    found = []
+    for k in range(1, POINTS + 1):
+        values: Values = {}
+        for i, name in enumerate(order, 1):
+            part = math.modf(GOLDEN * (k * i + k * k + 0.37 * i * i))[0]
+            size = LEAST + SPAN * part
+            values[name] = known.get(name, (size if (i + k) % 3 else -size, 0.0))
+        point = _at_zero(g, slips, slopes, speeds, values)
+        if point is not None:
+            found.append(point)
+    return found
+
+
+def _at_zero(
+    g: Graph,
+    slips: Sequence[int],
+    slopes: Sequence[Sequence[int]],
+    speeds: Sequence[str],
+    values: Values,
+) -> _Point | None:
+    """Change velocities, one for each slip, so that all slips are 0."""
+    plain = {name: value for name, (value, _) in values.items()}
+    rows = [evaluate(g, row, plain) for row in slopes]
+    picked = _picked(rows)
+    if picked is None:
+        return None
+    own, inverse = picked
+    ways = [
+        {speeds[j]: inverse[i][k] for i, j in enumerate(own)} for k in range(len(rows))
+    ]
+    for _ in range(3):
+        off = evaluate(g, slips, plain)
+        for k, way in enumerate(ways):
+            for name, change in way.items():
+                plain[name] -= off[k] * change
+    off = evaluate(g, slips, plain)
+    if not all(map(math.isfinite, (*off, *plain.values()))):
+        return None
+    found = {name: (plain[name], values[name][1]) for name in values}
+    for j in own:
+        name = speeds[j]
+        left = sum(abs(off[k] * way[name]) for k, way in enumerate(ways))
+        found[name] = plain[name], left + UNIT_ROUNDOFF * abs(plain[name])
+    return _Point(found, ways)
+
+
+def _picked(rows: list[list[float]]) -> tuple[list[int], list[list[float]]] | None:
+    """Columns of one or two rows with a large determinant, and the inverse there."""
+    if not all(math.isfinite(x) for row in rows for x in row) or not rows[0]:
+        return None
+    if len(rows) == 1:
+        j = max(range(len(rows[0])), key=lambda j: abs(rows[0][j]))
+        return ([j], [[1.0 / rows[0][j]]]) if rows[0][j] else None
+    (a, b), count = rows, len(rows[0])
+    best, i, j = max(
+        (
+            (abs(a[i] * b[j] - a[j] * b[i]), i, j)
+            for j in range(count)
+            for i in range(j)
+        ),
+        default=(0.0, 0, 0),
+    )
+    if not best:
+        return None
+    whole = a[i] * b[j] - a[j] * b[i]
+    return [i, j], [[b[j] / whole, -a[j] / whole], [-b[i] / whole, a[i] / whole]]
+
+
+# Directions in which a slip of one component, or of two, leaves 0.
+_TURNS = [2.0 * math.pi * i / 10.0 for i in range(10)]
+_UP_AND_DOWN: list[tuple[float, ...]] = [(1.0,), (-1.0,)]
+_AROUND: list[tuple[float, ...]] = [(math.cos(a), math.sin(a)) for a in _TURNS]
+_AROUND += [(0.0, 1.0), (0.0, -1.0)]
+
+
+class _UnclearError(Exception):
+    """What a switch does at slip 0 is not clear."""
+
+
+# Versions of an expression: at slip 0, beside it to either side, and with only those
+# switches decided that are the same on both sides.
+REST, ABOVE, BELOW, EVEN = range(4)
+
+
+class _Beside:
+    """Versions of an expression at slip 0 and beside it."""
+
+    def __init__(
+        self, g: Graph, node: int, points: list[_Point], others: list[_Point]
+    ) -> None:
+        self.g, self.node, self.points, self.others = g, node, points, others
+        self.pair = len(points[0].ways) == 2
+        self.steps = self.even = False
+
+    def bounds(self, slips: Sequence[int]) -> Bounds | None:
+        """Return the bound at rest and while it slides; None where that is unclear."""
+        g, node = self.g, self.node
+        try:
+            versions = self._versions()
+        except _UnclearError:
+            same = self._is_continuous()
+            return Bounds(node, node) if same else None
+        rest, above, below, even = versions
+        if not self.steps:
+            return Bounds(node, node)
+        if above == below:
+            return Bounds(rest, above) if self._has_value(above) else None
+        if not self.even and self._is_continuous():
+            return Bounds(node, node)
+        if self._same(above, below):
+            up = g.call("gt", slips[0], g.zero)
+            return Bounds(rest, g.call("if", up, above, below))
+        return Bounds(rest, even) if self.even else Bounds(node, node)
+
+    def _versions(self) -> list[int]:
+        """Return the versions of the expression."""
+        g = self.g
+        done: dict[int, list[int]] = {}
+        for n in g.cone([self.node]):
+            args = g.args[n]
+            if not args or g.ops[n] == DATA:
+                done[n] = [n] * 4
+                continue
+            below = [[done[a][v] for a in args] for v in range(4)]
+            done[n] = [
+                n if new == list(args) else g.call(g.ops[n], *new) for new in below
+            ]
+            if _is_discrete(g, n):
+                self._decide(n, below, done)
+        return done[self.node]
+
+    def _decide(
+        self, n: int, below: list[list[int]], done: dict[int, list[int]]
+    ) -> None:
+        """Decide a switch whose argument vanishes at slip 0."""
+        g, op = self.g, self.g.ops[n]
+        parts = [args[0] if op in STEPS else g.call("sub", *args) for args in below]
+        if not self._vanishes(parts[REST], whole=op in WHOLE):
+            return
+        if op in WHOLE:
+            self._refuse_jump(done[n])
+            return
+        if self.pair:
+            up = down = self._sign_around(parts[ABOVE])
+        else:
+            up, down = self._sign(parts[ABOVE], 1.0), self._sign(parts[BELOW], -1.0)
+        self.steps = True
+        done[n][REST] = _decided(g, op, 0.0)
+        done[n][ABOVE] = _decided(g, op, up)
+        done[n][BELOW] = _decided(g, op, down)
+        if up == down:
+            self.even = True
+            done[n][EVEN] = done[n][ABOVE]
+
+    def _vanishes(self, part: int, *, whole: bool) -> bool:
+        """Whether an expression is 0 (or a whole number) at slip 0.
+
+        Raises
+        ------
+        _UnclearError
+            Where that depends on the place or on the values of parameters.
+        """
+        found = set()
+        for point in (*self.points, *self.others):
+            ((value, error),) = evaluate_with_error(self.g, [part], point.values)
+            if math.isfinite(value):
+                off = value - round(value) if whole else value
+                found.add(abs(off) <= CERTAIN * error)
+        if len(found) != 1:
+            raise _UnclearError
+        return found.pop()
+
+    def _refuse_jump(self, versions: list[int]) -> None:
+        """Refuse a whole number that steps at slip 0."""
+        for point in self.points:
+            here = evaluate(self.g, [versions[REST]], _plain(point.values))
+            for slip in (SPEEDS[0], -SPEEDS[0]):
+                beside = point.beside(*[slip] * len(point.ways))
+                if evaluate(self.g, [versions[ABOVE]], _plain(beside)) != here:
+                    raise _UnclearError
+
+    def _sign(self, part: int, way: float) -> float:
+        """Sign of an expression at slips of one sign."""
+        found = set()
+        for point in (*self.points, *self.others):
+            for speed in SPEEDS:
+                beside = _plain(point.beside(way * speed))
+                value = evaluate(self.g, [part], beside)[0]
+                if math.isfinite(value):
+                    found.add(math.copysign(1.0, value) if value else 0.0)
+        if len(found) != 1:
+            raise _UnclearError
+        return found.pop()
+
+    def _sign_around(self, part: int) -> float:
+        """Sign of an expression at slips of two components in all directions."""
+        found = set()
+        for point in (*self.points, *self.others):
+            for speed in SPEEDS:
+                values = [
+                    self._around(part, point, speed, 2.0 * math.pi * i / DIRECTIONS)
+                    for i in range(DIRECTIONS)
+                ]
+                if not all(map(math.isfinite, values)):
+                    continue
+                least = min(range(DIRECTIONS), key=lambda i: abs(values[i]))
+                low = self._least(part, point, speed, least)
+                if low <= BENT * max(map(abs, values)):
+                    raise _UnclearError
+                found |= {math.copysign(1.0, value) for value in values}
+        if len(found) != 1:
+            raise _UnclearError
+        return found.pop()
+
+    def _around(self, part: int, point: _Point, speed: float, angle: float) -> float:
+        beside = point.beside(speed * math.cos(angle), speed * math.sin(angle))
+        return evaluate(self.g, [part], _plain(beside))[0]
+
+    def _least(self, part: int, point: _Point, speed: float, i: int) -> float:
+        """Least size of an expression beside direction i, by thirds."""
+        low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
+        for _ in range(48):
+            a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
+            x, z = (abs(self._around(part, point, speed, c)) for c in (a, b))
+            low, high = (low, b) if x < z else (a, high)
+        return abs(self._around(part, point, speed, 0.5 * (low + high)))
+
+    def _is_continuous(self) -> bool:
+        """Whether the expression itself does not step at slip 0."""
+        for point in (*self.points, *self.others):
+            here = evaluate(self.g, [self.node], _plain(point.values))[0]
+            for way in _AROUND if self.pair else _UP_AND_DOWN:
+                beside = _plain(point.beside(*[STEP * x for x in way]))
+                value = evaluate(self.g, [self.node], beside)[0]
+                if not abs(value - here) <= CHANGE * max(abs(value), abs(here)):
+                    return False
+        return True
+
+    def _has_value(self, version: int) -> bool:
+        """Whether a version is finite at slip 0."""
+        values = [
+            evaluate(self.g, [version], _plain(point.values))[0]
+            for point in (*self.points, *self.others)
+        ]
+        return all(map(math.isfinite, values))
+
+    def _same(self, one: int, other: int) -> bool:
+        """Whether two versions have one value at slip 0."""
+        for point in (*self.points, *self.others):
+            a, b = evaluate(self.g, [one, other], _plain(point.values))
+            if not abs(a - b) <= SAME * max(abs(a), abs(b)):
+                return False
+        return True
+
+
+def _plain(values: Values) -> dict[str, float]:
+    return {name: value for name, (value, _) in values.items()}
+
+
+def _decided(g: Graph, op: str, x: float) -> int:
+    """Value of a step, or truth of a comparison with 0, at x."""
+    row = OPERATIONS[op]
+    if op in STEPS:
+        return g.constant(float(row(x)))
+    return g.truth(bool(row(x, 0.0)))
