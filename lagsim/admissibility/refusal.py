@@ -25,7 +25,13 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
 from lagsim.notes import Caution
-from lagsim.tolerances import DEPENDENT_ROWS, HALF_OF_DIGITS, LEAST_PIVOT, UNIT_ROUNDOFF
+from lagsim.tolerances import (
+    COMPUTED_ZERO,
+    DEPENDENT_ROWS,
+    HALF_OF_DIGITS,
+    LEAST_PIVOT,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -36,13 +42,15 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.parser import Parsed
-    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.constraints import Law, Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
 
 
 # --- Energies, forces, masses and constraints must be finite
 
+# A slip is 0 within so many bounds of its rounding.
+STILL = 4.0
 # So many of what is not finite by one expression are named.
 MOST_NAMES = 4
 NO_VALUE = (
@@ -238,7 +246,10 @@ def _hint(point: Point, node: int) -> str:
 
 
 def refuse_negative(point: Point, active: Collection[str]) -> None:
-    """Refuse frictions and limits of laws that act which are negative.
+    """Refuse frictions and limits of laws that act which are out of their range.
+
+    Those that are negative, and static ones that are less than those of what slides:
+    these at slip 0 alone, since friction may grow with the slip.
 
     Raises
     ------
@@ -252,16 +263,30 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
     ]
     places = {c.name: c.relation.place for c in point.e.model.constraints}
     found = []
-    for law, value in zip(some, point.array([x.bound for x in some]), strict=True):
-        what = "friction" if law.kind is Kind.SLIP else "limit"
-        text = (
-            f"the {what} of the constraint `{law.name}` is {value:.6g} at the start, "
-        )
+    bounds, statics = (
+        point.array(x) for x in ([x.bound for x in some], [x.static for x in some])
+    )
+    for law, value, static in zip(some, bounds, statics, strict=True):
+        what, why = "friction" if law.kind is Kind.SLIP else "limit", ""
         if value < 0.0:
-            place = places[law.constraint]
-            found.append(Problem("out-of-range", text + "which is negative", place))
+            why = f"is {value:.6g} at the start, which is negative"
+        elif static < 0.0:
+            why = f"at rest is {static:.6g} at the start, which is negative"
+        elif static < value * (1.0 - COMPUTED_ZERO) and _is_at_rest(point, law):
+            why = f"at rest is {static:.6g} at the start, less than the dynamic one, "
+            why += f"{value:.6g}"
+        if why:
+            text = f"the {what} of the constraint `{law.name}` {why}"
+            found.append(Problem("out-of-range", text, places[law.constraint]))
     if found:
         raise InputError(found)
+
+
+def _is_at_rest(point: Point, law: Law) -> bool:
+    """Whether a row has no slip, nor the other one of its disc."""
+    pair = [point.e.laws[law.pair]] if law.pair >= 0 else []
+    nodes = [x.row.rate for x in (law, *pair)]
+    return bool((np.abs(point.array(nodes)) <= STILL * point.rounding(nodes)).all())
 
 
 def out_of_scale(equations: Equations) -> InputError:
@@ -405,6 +430,9 @@ def _of_inertia(
     timed = [law for law in point.e.laws if law.when is not None and law.pair >= 0]
     if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in timed for q in moving):
         hint = "a slider of two relations that has no mass cannot have `when`"
+    drops = [law for law in point.e.laws if law.static != law.bound]
+    if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in drops for q in moving):
+        hint = "a slider that has no mass has one limit: static and dynamic need a mass"
     text = f"the {what} {along} has no inertia at the start, and no constraint"
     text += f"{which} determines its acceleration"
     if frame := gimbal_lock(point, moving):

@@ -566,7 +566,7 @@ class _Rows:
         ]
         ranked = sorted(tied, key=lambda k: -abs(turn[k] @ x))
         rests = [k for k in (*held, *ranked) if k not in apart]
-        apart = self._movable(rests, apart, turn)
+        apart = self._movable(held, rests, apart, turn)
         for k in (*held, *ranked):
             n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
@@ -590,16 +590,25 @@ class _Rows:
                 turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
         return turn
 
-    def _movable(self, rests: list[int], apart: list[int], turn: Floats) -> list[int]:
+    def _movable(
+        self, held: list[int], rests: list[int], apart: list[int], turn: Floats
+    ) -> list[int]:
         """Rows of those apart that can move: a disc only along its force.
 
-        Not where rows that rest hold it that way, and those on its edge across it.
+        Not a bounded row that others hold, strictly within their bounds; nor a disc
+        that rows which rest hold along its force, and those on its edge across it.
         """
-        discs = [disc for disc in self.problem.discs if disc[1] in apart]
-        if not discs:
+        if not apart:
             return apart
         Y = self.closed.factor @ turn
         span = _Independent(Y)
+        for k in held:
+            span.takes(k)
+        single = self.closed.bounded & (np.array(self.closed.pairs) < 0)
+        apart = [k for k in apart if not single[k] or span.adds(k)]
+        discs = [disc for disc in self.problem.discs if disc[1] in apart]
+        if not discs:
+            return apart
         for k in rests:
             span.takes(k)
         for i, k in discs:

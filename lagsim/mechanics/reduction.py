@@ -516,7 +516,7 @@ def equations_of_motion(model: Model) -> Equations:
 
     Each slider has a coordinate of its own: it is in no other relation, or in one of a
     slider whose own coordinate is found before, as in a chain. Others stay as they are,
-    and have no inertia.
+    and have no inertia; so do those with a static limit of their own.
     """
     e = derive(model)
     if all(law.kind is not Kind.LIMITED for law in e.laws):
@@ -525,8 +525,8 @@ def equations_of_motion(model: Model) -> Equations:
     g, laws, M = e.graph, list(e.laws), list(e.M)
     for k, (j, _) in multipliers.items():
         law, pair = laws[k], laws[k].pair
-        if pair >= 0 and pair not in multipliers:
-            return e
+        if (pair >= 0 and pair not in multipliers) or law.static != law.bound:
+            return e  # without mass a force that drops has no motion
         if law.when is not None:  # out of force it has the limit 0
             limit = g.call("mul", law.when, law.bound)
             law = law._replace(bound=limit, static=limit, when=None)

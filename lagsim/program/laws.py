@@ -10,14 +10,17 @@ velocity, and a limited row l its bound. What slides makes the equations unsymme
 they are small, dense, and solved by elimination with pivoting. The rows that hold are
 independent: who sets the modes sees to it.
 
-Contacts that hold a body more often than they must share its weight with the least norm
-of all multipliers: the forces of those that hold, A_h^T lambda_h, are known, and of all
-multipliers of what touches, A, that give these, those of least norm are A A_h^T y with
+Rows that hold a body more often than they must share its load with the least norm of
+all multipliers within their bounds: a contact or freewheel pushes, a limited row stays
+within its limit, two of a disc within its radius. The forces of those that hold are
+known, and of all multipliers lambda of what holds, with rows A, that give these, those
+of least norm are the projection onto their bounds P(A A_h^T y) with
 
-    (A_h A^T A A_h^T) y = A_h A_h^T lambda_h
+    A_h A^T P(A A_h^T y) = A_h A^T lambda
 
-and the coordinates in units of the rows' elements. What would pull most is left out,
-and again. Where friction is bounded by them the multipliers stay as they were found.
+and the coordinates in units of the rows' elements: the condition for the least of a
+convex function of y, found by Newton's steps. Where friction is bounded by multipliers
+these stay as they were found.
 
 Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996,
 chapter 5.
@@ -30,7 +33,6 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.parts.parameters import (
-    CONTACT,
     FREEWHEEL,
     HELD,
     LIMITED,
@@ -44,7 +46,6 @@ from lagsim.methods.parts.parameters import (
 from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import external
 from lagsim.program import mass
-from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -122,73 +123,144 @@ def solve_rows(p: Parameters, count: int, x: Floats) -> None:
         solve(1, count, p.S, p.factors, x)
 
 
-def share(p: Parameters, out: Floats) -> None:
-    """Share out the multipliers of contacts, of those of all rows (m,).
+# Newton's steps to the shares, and how often one is halved; the part of the largest
+# diagonal that keeps its matrix regular where all shares are at their bounds.
+SHARING, HALVED, REGULAR = 60, 40, 1e-13
+# A step is taken if the function falls by this part of its slope; shares are rounding
+# off, and right, that leave no more than these parts of the forces.
+FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
-    What is not left out may not do: then all stay as they are.
+
+def share(p: Parameters, out: Floats) -> None:
+    """Share out the multipliers of rows that hold, of those of all rows (m,).
+
+    Where no shares are found all stay as they are.
     """
-    laws = p.laws
-    forces, lam = p.diagonal, out[p.m - laws :]
+    lam = out[p.m - p.laws :]
     count = products(p)
-    if count == 0:
-        return
+    forces, y, step = p.diagonal, p.w, p.share_step
     for i in range(count):
         forces[i] = 0.0
-        for j in range(count):
-            k = int(p.x[j])
-            forces[i] += p.free[i * laws + k] * lam[k]
-    pulls = share_among(p, count)
-    while pulls >= 0:
-        for i in range(count):
-            p.free[i * laws + pulls] = 0.0
-        pulls = share_among(p, count)
-    for k in range(laws):
-        if touches(p, k) and abs(p.w[0]) < OVERFLOW:
-            lam[k] = shared(p, count, k)
+        y[i] = 0.0
+        for k in range(p.laws):
+            forces[i] += p.free[i * p.laws + k] * lam[k]
+    value = share_by(p, count, y)
+    left = unshared(p, count)
+    for _ in range(SHARING):
+        if left <= SETTLED:
+            break
+        slope = newton_step(p, count)
+        part = 1.0
+        for _ in range(HALVED):
+            p.share_next[:count] = y[:count] + part * step[:count]
+            found = share_by(p, count, p.share_next)
+            if found <= value - FALLS * part * slope:
+                break
+            part *= 0.5
+        value = share_by(p, count, p.share_next)
+        y[:count] = p.share_next[:count]
+        left = unshared(p, count)
+    if left <= SHARED:
+        for k in range(p.laws):
+            if shares(p, k):
+                lam[k] = p.share_found[k]
 
 
 def products(p: Parameters) -> int:
-    """Make G = A_h A^T of the contacts that hold, by laws; give how many these are."""
+    """Make G = A_h A^T of the rows that hold, by laws; give how many these are."""
     n, laws = p.n, p.laws
     rows = p.A[(p.m - laws) * n :]
     count = 0
     weigh(p)
     for k in range(laws):
-        if p.law_mode[k] == HELD and touches(p, k):
+        if p.law_mode[k] == HELD and shares(p, k):
             for i in range(laws):
                 p.free[count * laws + i] = 0.0
-                if touches(p, i):
+                if shares(p, i):
                     p.free[count * laws + i] = inner(p, rows[k * n :], rows[i * n :])
-            p.x[count] = k
             count += 1
     return count
 
 
-def share_among(p: Parameters, count: int) -> int:
-    """Solve for y among those in G; return the law that would pull most, or -1."""
-    forces = p.diagonal
-    p.w[:count] = forces[:count]
-    for i in range(count):
-        for j in range(count):
-            row, other = p.free[i * p.laws :], p.free[j * p.laws :]
-            p.S[i * count + j] = mass.product(p.laws, row, other)
-    solve_rows(p, count, p.w)
-    found = -1
-    most = 0.0
-    for k in range(p.laws):
-        push = shared(p, count, k)
-        if push < most:
-            most = push
-            found = k
-    return found
-
-
-def shared(p: Parameters, count: int, k: int) -> float:
-    """Multiplier of law k."""
+def share_by(p: Parameters, count: int, y: Floats) -> float:
+    """Leave the shares at y (count,), and return the function that is to be least."""
+    laws = p.laws
     found = 0.0
+    for k in range(laws):
+        p.share_asked[k] = 0.0
+        for i in range(count):
+            p.share_asked[k] += y[i] * p.free[i * laws + k]
+    for k in range(laws):
+        p.share_found[k] = p.share_asked[k] * kept_part(p, k)
+        found += (p.share_asked[k] - 0.5 * p.share_found[k]) * p.share_found[k]
     for i in range(count):
-        found += p.w[i] * p.free[i * p.laws + k]
+        found -= p.diagonal[i] * y[i]
     return found
+
+
+def kept_part(p: Parameters, k: int) -> float:
+    """Return the part of what is asked of row k that is within its bounds."""
+    if is_one_sided(p, k):
+        return 1.0 if p.share_asked[k] > 0.0 else 0.0
+    size = asked_size(p, k)
+    return 1.0 if size <= p.law_statics[k] else float(p.law_statics[k] / size)
+
+
+def asked_size(p: Parameters, k: int) -> float:
+    """Size of what is asked of a limited row, or of both of a disc."""
+    x = p.share_asked[k]
+    z = p.share_asked[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
+    return sqrt(x * x + z * z)
+
+
+def unshared(p: Parameters, count: int) -> float:
+    """Leave what the shares miss of the forces (count,); give it in parts of these."""
+    laws = p.laws
+    most = 0.0
+    for i in range(count):
+        row = p.free[i * laws :]
+        missed = -p.diagonal[i]
+        size = abs(p.diagonal[i])
+        for k in range(laws):
+            missed += row[k] * p.share_found[k]
+            size += abs(row[k] * p.share_found[k])
+        p.share_left[i] = missed
+        if size > 0.0:
+            most = max(most, abs(missed) / size)
+    return most
+
+
+def newton_step(p: Parameters, count: int) -> float:
+    """Leave the step (count,) to less of the function, and return its slope."""
+    laws = p.laws
+    change = p.share_next
+    size = 0.0
+    for i in range(count):
+        row = p.free[i * laws :]
+        for k in range(laws):
+            change[k] = share_slope(p, k, row)
+        for j in range(count):
+            p.S[i * count + j] = mass.product(laws, change, p.free[j * laws :])
+        size = max(size, mass.product(laws, row, row))
+    for i in range(count):
+        p.S[i * count + i] += REGULAR * size
+        p.share_step[i] = -p.share_left[i]
+    solve_rows(p, count, p.share_step)
+    return -mass.product(count, p.share_left, p.share_step)
+
+
+def share_slope(p: Parameters, k: int, change: Floats) -> float:
+    """Change of the share of row k by a change (laws,) of what is asked."""
+    part = kept_part(p, k)
+    found = part * change[k]
+    if is_one_sided(p, k) or part == 1.0:
+        return float(found)
+    size = asked_size(p, k)
+    along = p.share_asked[k] * change[k]
+    if p.law_pair[k] >= 0.0:
+        other = int(p.law_pair[k])
+        along += p.share_asked[other] * change[other]
+    return float(found - part * p.share_asked[k] * along / (size * size))
 
 
 def weigh(p: Parameters) -> None:
@@ -198,7 +270,7 @@ def weigh(p: Parameters) -> None:
     weights = p.u
     p.u[:] = 0.0
     for k in range(p.laws):
-        if touches(p, k):
+        if shares(p, k):
             for j in range(n):
                 weights[j] = max(weights[j], abs(p.A[(first + k) * n + j]))
     for j in range(n):
@@ -214,17 +286,17 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
     return found
 
 
-def touches(p: Parameters, k: int) -> bool:
-    """Whether a law is a contact without friction that touches and holds."""
-    if p.law_kind[k] != CONTACT or not (
-        p.law_mode[k] == HELD or p.law_mode[k] == REDUNDANT
-    ):
+def shares(p: Parameters, k: int) -> bool:
+    """Whether a law holds without friction that is bounded by its multiplier."""
+    if not (p.law_mode[k] == HELD or p.law_mode[k] == REDUNDANT):
         return False
+    if p.law_kind[k] == LIMITED:
+        return True
     slips = 0
     for i in range(p.laws):
         if int(p.law_normal[i]) == k:
             slips += 1
-    return slips == 0
+    return is_one_sided(p, k) and slips == 0
 
 
 # The margin of what has no end of its own.
@@ -345,6 +417,8 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
             continue
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
+            if p.law_weakens[k] > 0.0:  # what holds bears what slides at the least
+                out[k] = min(out[k], p.law_statics[k] - p.law_bounds[k])
         elif mode[k] == SLIDING:
             out[k] = slide_left(t, p, k, out[k])
             if p.law_varies[k] > 0.0:  # it may not become negative

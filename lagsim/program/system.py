@@ -326,10 +326,15 @@ class System:
             p.worked[:] = self.equations.worked
         if self.laws:
             p.law_kind[:] = [law.kind.code for law in self.laws]
-            moves = self.equations.graph.dependent(
-                [law.bound for law in self.laws], self.equations.moving
-            )
+            bounds = [node for x in self.laws for node in (x.bound, x.static)]
+            moves = self.equations.graph.dependent(bounds, self.equations.moving)
             p.law_varies[:] = [x.bound in moves for x in self.laws]
+            fast = self.equations.graph.dependent(bounds, self.equations.velocities)
+            p.law_weakens[:] = [
+                x.static != x.bound and (x.bound in moves or x.static in moves)
+                and fast.isdisjoint((x.bound, x.static))
+                for x in self.laws
+            ]  # fmt: skip
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         places = [x.slider.coordinate if x.slider else -1 for x in self.laws]

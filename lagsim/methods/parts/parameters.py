@@ -182,12 +182,19 @@ class Laws(Surfaces):
 
     laws: int  # rows that hold at times
     law_forces: float  # 1 where multipliers decide on the end of a mode
-    law_shares: float  # 1 where contacts hold more often than they must
+    law_shares: float  # 1 where rows hold more often than they must
 
     slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
     band: Floats = array(each_watched)  # ... and must be past it for more than noise
     law_kind: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
+    law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
+    # What is asked of each row that shares a load, and its share; the step to these.
+    share_asked: Floats = array("laws")
+    share_found: Floats = array("laws")
+    share_step: Floats = array("laws")
+    share_next: Floats = array("laws")
+    share_left: Floats = array("laws")
     law_mode: Floats = array("laws")
     law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1

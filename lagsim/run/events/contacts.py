@@ -248,8 +248,9 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         # The friction of a body that rests on two points is never determined.
         redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
-        shares = any(self.laws[k].kind.one_sided for k in redundant)
-        p.law_shares = float(shares)
+        kinds = {self.laws[k].kind for k in redundant}
+        shares = any(kind.one_sided for kind in kinds)
+        p.law_shares = float(shares or Kind.LIMITED in kinds)
         if shares or chosen.open:
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)

@@ -18,6 +18,7 @@ from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
+    COMPUTED_ZERO,
     SAME_TIME,
     SOLUTION_ROUNDOFF,
     SUM_ROUNDOFF,
@@ -196,9 +197,37 @@ class Kinematics:
             if kind.bounded and mu[k] <= 0.0 and self._goes_below(k, met):
                 what = "friction" if kind is Kind.SLIP else "limit"
                 return f"the {what} of {name} is {mu[k]:.6g}, which is negative,"
+            if kind.bounded and self._is_weaker_at_rest(k, met):
+                what = "friction" if kind is Kind.SLIP else "limit"
+                least = f"{self.statics[k]:.6g}, not more than the dynamic one,"
+                return f"the static {what} of {name} falls to {least}"
             if kind is Kind.CONTACT and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
                 return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
         return ""
+
+    def _is_weaker_at_rest(self, k: int, met: int | None) -> bool:
+        """Whether a row at slip 0 may hold with less than it slides with.
+
+        The one that is met may be so within rounding, and fall to it.
+        """
+        law, own = self.laws[k], [k]
+        if law.static == law.bound:
+            return False
+        if law.pair >= 0:
+            own.append(law.pair)
+        if (np.abs(self.rates[own]) > self.still[own]).any():
+            return False
+        left, least = self.statics[k] - self.bounds[k], COMPUTED_ZERO * self.bounds[k]
+        falls = k == met and self.arc.system.p.law_weakens[k] > 0.0
+        if left < -least or left > least or not falls:
+            return bool(left < -least)
+        before = self._free_before()
+        return bool(before[3][k] > before[2][k])
+
+    def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the same as `_free` within rounding of the time before."""
+        ago = SAME_TIME * math.ulp(self.t)
+        return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
     def _goes_below(self, k: int, met: int | None) -> bool:
         """Whether a bound that is 0 or less is so by more than rounding, or falls.
@@ -206,9 +235,7 @@ class Kinematics:
         The one that is met has come to 0 within rounding. At the end of an arc a switch
         may come before it: `max(0, sin(t))` is asked again after it.
         """
-        ago = SAME_TIME * math.ulp(self.t)
-        y = self.arc.later(self.y, self.free, -ago)
-        before = float(self._free(self.t - ago, y)[2][k])
+        before = float(self._free_before()[2][k])
         falls = k == met and before > 0.0 and self.t < self.arc.end
         return falls or (before < 0.0 and self.bounds[k] < 0.0)
 
