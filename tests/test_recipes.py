@@ -73,6 +73,17 @@ def test_a_pendulum_on_a_trolley_that_speeds_up(result):
     assert np.ptp(balance) < 1e-8 * np.ptp(result["energy"])
 
 
+@of("stick-slip-by-a-spring")
+def test_a_block_on_a_spring_sticks_and_slips(result):
+    w, loose = np.sqrt(10.0), 3.0 / (10.0 * 0.5)
+    last = 2 / w * (np.pi - np.arctan(w * (3.0 - 1.0) / (10.0 * 0.5)))
+    times = [e.time for e in result.events]
+    assert times[:2] == pytest.approx([loose, loose + last], abs=1e-10)
+    k = int(np.searchsorted(result.t, loose + last)) + 1
+    pull = 10.0 * (0.5 * (loose + last) - result["x"][k])
+    assert pull == pytest.approx(2 * 1.0 - 3.0, abs=1e-9)
+
+
 @of("block-on-a-slope")
 def test_a_block_sticks_on_a_slope(result):
     slope = np.radians(15)

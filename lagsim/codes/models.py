@@ -483,13 +483,6 @@ output: {reactions: [x]}
         "a single member may replace that of a range.",
         "leave one of the two out",
         "definitions: {s(0..3): theta, s(3): 0, y: -l*cos(s(1))}\n"),
-    Row("E260", "expression-frame",
-        "A frame is named that the file does not have.",
-        "`rotate`, `unrotate`, `omega`, `omega_space`, `on` and the `frame` of a body "
-        "name a frame of the section `frames`, or `space`.",
-        "look for a name that is spelt otherwise",
-        "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
-    # E3xx: the start of a model.
     Row("E249", "switch-at-rest",
         "A limit or friction has a switch at slip 0 whose two values are not clear.",
         "`if(abs(x_dot) > 0, 1, 5)` is understood: 5 while it holds, 1 while it "
@@ -497,7 +490,14 @@ output: {reactions: [x]}
         "write the bound of what holds and that of what slides: limit: {static: 5, "
         "dynamic: 1}",
         "constraints: {rub: {relation: theta_dot = 0, limit: "
-        "\"5 - 4*sign(theta*abs(theta_dot))\"}}\n"),
+        "5 - 4*sign(theta*abs(theta_dot))}}\n"),
+    Row("E260", "expression-frame",
+        "A frame is named that the file does not have.",
+        "`rotate`, `unrotate`, `omega`, `omega_space`, `on` and the `frame` of a body "
+        "name a frame of the section `frames`, or `space`.",
+        "look for a name that is spelt otherwise",
+        "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
+    # E3xx: the start of a model.
     Row("E270", "unknown-restitution-law",
         "There is no such restitution law.",
         "`restitution_law` is `newton` or `poisson`.",

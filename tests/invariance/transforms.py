@@ -283,7 +283,10 @@ def kilograms(model, factor):
         return {name: f"{unit}*({text})" for name, text in texts.items()}
 
     laws = {
-        name: {k: f"{unit}*({x})" if k == "limit" else x for k, x in law.items()}
+        name: {
+            k: _in_all(lambda text: f"{unit}*({text})", x) if k == "limit" else x
+            for k, x in law.items()
+        }
         for name, law in model.laws.items()
     }
     return replace(

@@ -126,6 +126,7 @@ CHANGED = {
     "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
     "friction on the disc": ("friction: 0.2", "friction: 0.200002"),
     "limit": ("limit: 1.5", "limit: 1.500005"),
+    "static and dynamic friction": ("dynamic: 0.9", "dynamic: 0.900005"),
     "freewheel": ("3*cos(3*t)", "3.00003*cos(3*t)"),
     "when": ("t < 0.6", "t < 0.600005"),
     "holonomic": ("1.3", "1.300005"),
@@ -140,7 +141,8 @@ CHANGED = {
 # Where another tolerance is the same means, as of linear motion: another method.
 _LINEAR = (
     "smooth", "ignorable", "until", "event", "contact", "friction on one slip", "limit",
-    "freewheel", "when", "singular M", "many coordinates",
+    "static and dynamic friction", "freewheel", "when", "singular M",
+    "many coordinates",
 )  # fmt: skip
 OTHER = dict.fromkeys(_LINEAR, "method: rk4, step: 0.0005")
 _BEAT = (2j, -2j)
@@ -173,6 +175,7 @@ OUTSIDE: dict[tuple[str, float], tuple[dict[str, float], bool]] = {
         True,
     ),
     ("limit", 1.2): ({"x1": -1.5}, False),
+    ("static and dynamic friction", 0.3): ({"x1": -0.9}, False),
     ("freewheel", 0.3): ({}, False),
     ("when", 1.2): ({}, False),
 }

@@ -113,6 +113,15 @@ def _brake(t, v, a):
     return v * s - a * s * s / 2
 
 
+def _stick_slip(t):
+    """Give the motion from 0.3 by 1.2*t - 0.9, at rest from 0.5 to 1.25."""
+    v, s, h = np.array([0.3, -0.9, 0.6]), np.minimum(t, 0.5), 1.25
+    whole = np.polynomial.Polynomial(v).integ()
+    later = np.maximum(t, h)
+    again = 0.2 * (later**3 - h**3) - 0.6 * h**2 * (later - h)
+    return whole(s) + again - 0.45 * (later - h) ** 2
+
+
 def _freewheel(t):
     free, again = np.pi / 3, np.pi / 2
     s = np.minimum(t, free)
@@ -211,6 +220,13 @@ FRAGMENTS = (
         "limit", ("0.4", "0"), lambda t: {"x$": 0.4 + np.maximum(0, t - 0.75) ** 3 / 3},
         forces={"x$": "2*t"},
         constraints={"brake$": "{relation: x$_dot = 0, limit: 1.5}"},
+    ),
+    Fragment(
+        "static and dynamic friction", ("0.4", "0.3"),
+        lambda t: {"x$": 0.4 + _stick_slip(t)}, forces={"x$": "1.2*t"},
+        constraints={
+            "rub$": "{relation: x$_dot = 0, limit: {static: 1.5, dynamic: 0.9}}"
+        },
     ),
     Fragment(
         "freewheel", ("0", "0"), lambda t: {"x$": _freewheel(t)},

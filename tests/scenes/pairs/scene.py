@@ -13,8 +13,8 @@ from tests.scenes.pairs.physical import FRAGMENTS
 
 STEP = 0.05
 HOLDS_AT_TIMES = (
-    "contact", "friction on one slip", "friction on the disc", "limit", "freewheel",
-    "when",
+    "contact", "friction on one slip", "friction on the disc", "limit",
+    "static and dynamic friction", "freewheel", "when",
 )  # fmt: skip
 PAIRS = tuple(
     (a.name, b.name) for a, b in itertools.combinations_with_replacement(FRAGMENTS, 2)

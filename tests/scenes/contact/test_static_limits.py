@@ -1,0 +1,358 @@
+"""Limits and friction that are larger at rest: `{static: , dynamic: }`, and switches.
+
+Closed forms: pieces under forces that are constant, grow with t, or are springs'.
+"""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import lagsim
+from lagsim.errors import InputError
+from tests.scenes.contact.motions import GLOBAL, G, contact, play, scene
+
+F0, F1 = 3.0, 1.0
+# Spellings of the same bound, of the slip `s`.
+SPELLINGS = (
+    "if(abs(s) > 0, F1, F0)", "F0 - (F0 - F1)*sign(abs(s))", "if(s^2 > 0, F1, F0)",
+    "if(abs(s) <= 0, F0, F1)", "F0 - (F0 - F1)*sign(s)^2", "if(max(s, -s) > 0, F1, F0)",
+    "if(s > 0 or s < 0, F1, F0)", "if(not (s >= 0 and s <= 0), F1, F0)",
+    "F1 + (F0 - F1)*heaviside(-abs(s))", "if(sqrt(s^2) > 0, F1, F0)",
+    "F0 - (F0 - F1)*abs(sign(s))", "if(hypot(s, 0) > 0, F1, F0)",
+    "if(min(abs(s), 1) > 0, F1, F0)", "if(0 < 2*abs(-s), F1, F0)",
+    "if(s > 0, F1, if(s < 0, F1, F0))", "if(sign(abs(s)) > 0.5, F1, F0)",
+    "if(abs(s)*(1 + x^2) > 0, F1, F0)",
+)  # fmt: skip
+MAPPING = {"static": "F0", "dynamic": "F1"}
+
+
+def stick_slip(t, k, v):
+    """Give the motion of a mass 1 by a spring whose end moves, and its events."""
+    w = math.sqrt(k)
+    last = 2 / w * (math.pi - math.atan(w * (F0 - F1) / (k * v)))
+    at, x, found, events = 0.0, 0.0, np.full(len(t), np.nan), []
+    while at <= t[-1]:
+        slips = (F0 / k + x) / v
+        found[(t >= at) & (t <= slips)] = x
+        s = np.where((t > slips) & (t <= slips + last), t - slips, np.nan)
+        u = -(F0 - F1) / k
+        moved = u * np.cos(w * s) - v / w * np.sin(w * s) + v * (slips + s) - F1 / k
+        found = np.where(np.isnan(s), found, moved)
+        at = slips + last
+        x = v * at - F1 / k - u
+        events += [("slip", slips), ("stick", at)]
+    return found, [(kind, time) for kind, time in events if time <= t[-1]]
+
+
+def pulled(limit, *, slip="x_dot", far=0.0, speed=0.0, **words):
+    """Write a block that a spring pulls; the floor moves at `speed`."""
+    end = f"x - ({far!r}) - ({speed!r})*t - v*t"
+    law = {"relation": f"{slip} = 0", "limit": limit}
+    return scene(
+        "x", "x_dot^2/2", f"k*({end})^2/2", {"rub": law}, {"x": far, "x_dot": speed},
+        parameters={"F0": F0, "F1": F1, "k": 10.0, "v": 0.5, "floor": speed},
+        **{"duration": 4, "output_step": 0.05, **words},
+    )  # fmt: skip
+
+
+def holds(found, far=0.0, speed=0.0, bound=GLOBAL):
+    x, events = stick_slip(found.t, 10.0, 0.5)
+    assert found["x"] == pytest.approx(far + speed * found.t + x, abs=bound)
+    told = [(e.kind, e.time) for e in found.result.events]
+    assert [kind for kind, _ in told] == [kind for kind, _ in events]
+    times = [time for _, time in events]
+    assert [time for _, time in told] == pytest.approx(times, abs=bound)
+    balance = found["energy"] - found["work"]
+    assert np.ptp(balance) < bound * max(1.0, speed**2)
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "rk4"])
+def test_a_block_on_a_spring_sticks_and_slips(method):
+    more = {"step": 0.001} if method == "rk4" else {}
+    holds(play(pulled(MAPPING), method=method, **more))
+
+
+def spelled(text, slip):
+    """Put a slip in the place of `s`."""
+    return re.sub(r"\bs\b", f"({slip})", text)
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_a_switch_at_slip_0_is_static_friction(spelling):
+    holds(play(pulled(spelled(spelling, "x_dot"))))
+
+
+@pytest.mark.parametrize("limit", [MAPPING, SPELLINGS[0], SPELLINGS[1], SPELLINGS[5]])
+@pytest.mark.parametrize(
+    ("far", "speed", "slip"),
+    [
+        (1e4, 0.0, "x_dot"), (0.0, 3.0, "x_dot - floor"), (-7.0, 0.7, "floor - x_dot"),
+        (0.0, -2.0, "2*(x_dot - floor)/2"),
+    ],
+)  # fmt: skip
+def test_static_friction_elsewhere(limit, far, speed, slip):
+    own = "x_dot - floor" if speed else "x_dot"
+    text = limit if isinstance(limit, dict) else spelled(limit, own)
+    found = play(pulled(text, slip=slip, far=far, speed=speed))
+    holds(found, far, speed, GLOBAL + 1e-13 * (abs(far) + abs(4 * speed)))
+
+
+def test_a_definition_may_stand_for_the_slip():
+    text = pulled("if(abs(glide) > 0, F1, F0)", slip="x_dot - floor", speed=3.0)
+    text += "definitions: {glide: x_dot - floor}\n"
+    holds(play(text), speed=3.0)
+
+
+def test_a_family_of_blocks_has_a_limit_of_its_own_each():
+    text = """
+coordinates: {x(1..3): {}}
+parameters: {F0: 3, F1: 1}
+energy: {kinetic: "sum(i = 1..3, x_dot(i)^2)/2",
+         potential: "sum(i = 1..3, 10*(x(i) - t/2)^2)/2"}
+constraints:
+  rub(i = 1..3): {relation: x_dot(i) = 0, limit: "if(abs(x_dot(i)) > 0, F1, F0)"}
+initial: {x(1..3): 0}
+simulation: {duration: 4, output_step: 0.05}
+"""
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    x, events = stick_slip(result.t, 10.0, 0.5)
+    for i in (1, 2, 3):
+        assert result[f"x.{i}"] == pytest.approx(x, abs=GLOBAL)
+    assert len(result.events) == 3 * len(events)
+
+
+@pytest.mark.parametrize("limit", [MAPPING, "if(hypot(x_dot, y_dot) > 0, F1, F0)"])
+def test_a_disc_has_static_friction_in_the_plane(limit):
+    """Along (0.6, 0.8) the motion is that on one slip."""
+    text = scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "5*((x - 0.3*t)^2 + (y - 0.4*t)^2)",
+        {"rub": {"relation": ["x_dot = 0", "y_dot = 0"], "limit": limit}},
+        {"x": 0, "y": 0}, parameters={"F0": F0, "F1": F1}, duration=4,
+        output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    x, events = stick_slip(found.t, 10.0, 0.5)
+    assert found["x"] == pytest.approx(0.6 * x, abs=GLOBAL)
+    assert found["y"] == pytest.approx(0.8 * x, abs=GLOBAL)
+    assert [e.kind for e in found.result.events] == [kind for kind, _ in events]
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        {"static": 0.5, "dynamic": 0.2}, "if(slip_speed > 0, 0.2, 0.5)",
+        "0.5 - 0.3*sign(slip_speed)", "0.2 + 0.3*heaviside(-slip_speed)",
+        "if(abs(x_dot) > 0, 0.2, 0.5)", "0.5 - 0.3*min(1, sign(slip_speed^2))",
+    ],
+)  # fmt: skip
+def test_friction_of_a_contact_that_is_pressed_ever_more(friction):
+    """N = 9.81 + 2 t, pulled by 8 t: slips where 8 t = 0.5 N."""
+    law = contact("y >= 0", 0, friction=friction, slip="x_dot")
+    text = scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "g*y + 2*t*y", {"floor": law}, {"x": 0, "y": 0},
+        forces={"x": "8*t"}, duration=2, output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    loose = 0.5 * G / (8 - 2 * 0.5)
+    later = np.maximum(found.t, loose)
+    v = (8 - 0.4) / 2 * (later**2 - loose**2) - 0.2 * G * (later - loose)
+    assert found["x_dot"] == pytest.approx(v, abs=GLOBAL)
+    assert found.times("slip", "floor") == pytest.approx([loose], abs=GLOBAL)
+
+
+@pytest.mark.parametrize(("static", "stays"), [(2.0, True), (1.1, False)])
+def test_a_slip_that_comes_to_0_holds_where_static_friction_can(static, stays):
+    """From x = 2, k = 1: at rest at -1.4 the spring pulls with 1.4."""
+    text = scene(
+        "x", "x_dot^2/2", "x^2/2",
+        {"rub": {"relation": "x_dot = 0", "limit": {"static": static, "dynamic": 0.3}}},
+        {"x": 2.0001, "x_dot": 0}, duration=7, output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    turn = -(2.0001 - 2 * 0.3)
+    half = found.t <= math.pi
+    first = 0.3 + 1.7001 * np.cos(found.t)
+    assert found["x"][half] == pytest.approx(first[half], abs=GLOBAL)
+    if stays:
+        assert found["x"][~half] == pytest.approx(turn, abs=GLOBAL)
+    else:
+        back = -0.3 + (turn + 0.3) * np.cos(found.t - math.pi)
+        second = ~half & (found.t < 2 * math.pi)
+        assert found["x"][second] == pytest.approx(back[second], abs=GLOBAL)
+
+
+def test_a_brake_holds_a_shaft_until_static_friction_gives_way():
+    """J = 2, from 3 rad/s against 1.5 + 0.5; a load that grows turns it back."""
+    text = scene(
+        "w", "w_dot^2", "0",
+        {"brake": {"relation": "w_dot = 0", "limit": {"static": 4, "dynamic": 1.5}}},
+        {"w": 0, "w_dot": 3}, forces={"w": "if(t < 4, -0.5, -2*(t - 4) - 0.5)"},
+        duration=8, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    assert found.times("stick", "brake") == pytest.approx([3.0], abs=GLOBAL)
+    assert found.times("slip", "brake") == pytest.approx([5.75], abs=GLOBAL)
+    s = np.maximum(found.t - 5.75, 0.0)
+    stop = np.minimum(found.t, 3.0)
+    v = 3 - stop - (2.5 * s + s**2) / 2
+    assert found["w_dot"] == pytest.approx(v, abs=GLOBAL)
+    held = (found.t > 3.0) & (found.t < 5.75)
+    load = 0.5 + 2 * np.maximum(found.t - 4, 0.0)
+    assert found["lambda_brake"][held] == pytest.approx(load[held], abs=GLOBAL)
+
+
+def test_several_rows_hold_within_all_of_their_static_limits():
+    """Blocks 1 and 2 on a floor, coupled: the load is shared until both give way."""
+    limits = {
+        "a": {"relation": "x_dot = 0", "limit": {"static": 1, "dynamic": 0.3}},
+        "b": {"relation": "x_dot = 0", "limit": {"static": 2, "dynamic": 1}},
+    }
+    for order in ("ab", "ba"):
+        text = scene(
+            "x", "x_dot^2/2", "0", {k: limits[k] for k in order}, {"x": 0},
+            forces={"x": "2*t"}, duration=2, output_step=0.05,
+        )  # fmt: skip
+        found = play(text)
+        s = np.maximum(found.t - 1.5, 0.0)
+        assert found["x"] == pytest.approx(0.85 * s**2 + s**3 / 3, abs=GLOBAL)
+        for k in order:
+            assert found.times("slip", k) == pytest.approx([1.5], abs=GLOBAL)
+        held = found.t < 1.5
+        half = np.minimum(found.t[held], 1.0)
+        assert found["lambda_a"][held] == pytest.approx(-half, abs=GLOBAL)
+        rest = -(2 * found.t[held] - half)
+        assert found["lambda_b"][held] == pytest.approx(rest, abs=GLOBAL)
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [
+        "5 - 4*sign(x*abs(x_dot))", "if(x_dot*(x_dot - 1) > 0, 1, 5)",
+        "5 - 4*min(1, ceil(abs(x_dot)))", "if(abs(x_dot - two) > 0, 1, 5)",
+    ],
+)  # fmt: skip
+def test_a_switch_that_is_not_clear_is_refused(limit):
+    text = scene(
+        "x", "x_dot^2/2", "0", {"rub": {"relation": "x_dot = 2", "limit": limit}}
+        if "two" in limit
+        else {"rub": {"relation": "x_dot = 0", "limit": limit}},
+        {"x": 0.1, "x_dot": 2}, parameters={"two": 2}, duration=1,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="switch at slip 0") as caught:
+        lagsim.load(text)
+    assert {p.code for p in caught.value.problems} == {"switch-at-rest"}
+
+
+@pytest.mark.parametrize("part", ["abs(x_dot)", "abs(x_dot - y_dot)", "x_dot"])
+def test_a_switch_on_a_part_of_two_slips_is_refused(part):
+    law = {"relation": ["x_dot = 0", "y_dot = 0"], "limit": f"if({part} > 0, 1, 5)"}
+    text = scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "0", {"rub": law}, {"x": 0, "y": 0}, duration=1
+    )
+    with pytest.raises(InputError, match="has a switch at slip 0"):
+        lagsim.load(text)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"static": 1, "dynamic": 2}, "less than the dynamic one, 2"),
+        ({"static": -1, "dynamic": -2}, "must not be negative"),
+        ({"static": "F1", "dynamic": "F0"}, "less than the dynamic one, 3"),
+        ("1 + 4*sign(abs(x_dot))", "less than the dynamic one, 5"),
+        ("if(abs(x_dot) > 0, -1, 5)", "is -1; it must not be negative"),
+        ({"static": 1}, "has no `dynamic`"),
+    ],
+)
+def test_static_limits_below_dynamic_ones_are_refused(limit, words):
+    with pytest.raises(InputError, match=words):
+        lagsim.load(pulled(limit))
+
+
+@pytest.mark.parametrize(
+    ("limit", "at", "words"),
+    [
+        ({"static": 2, "dynamic": "1 + t"}, 1.0, "falls to 2"),
+        ({"static": "2 - t", "dynamic": "1.5 - t/2"}, 1.0, "falls to 1"),
+        ({"static": "1 + x", "dynamic": "1 + 0.5*t"}, 0.0, "falls to 1"),
+    ],
+)
+def test_a_static_limit_that_falls_below_the_dynamic_one_ends_the_run(limit, at, words):
+    text = scene(
+        "x", "x_dot^2/2", "0", {"rub": {"relation": "x_dot = 0", "limit": limit}},
+        {"x": 0}, forces={"x": "0.1"}, duration=2, output_step=0.05,
+    )  # fmt: skip
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert result.outcome == "failed"
+    assert words in result.reason
+    assert "static limit of `rub`" in result.reason
+    assert result.t[-1] == pytest.approx(at, abs=0.1)
+
+
+def test_a_slider_without_mass_has_one_limit():
+    text = """
+coordinates: {x: {}, s: {}}
+energy: {kinetic: x_dot^2/2, potential: (x - s)^2/2}
+constraints: {slider: {relation: s_dot = 0, limit: {static: 2, dynamic: 1}}}
+initial: {x: 0, s: 0}
+simulation: {duration: 1}
+"""
+    with pytest.raises(InputError, match="has no inertia") as caught:
+        lagsim.check(lagsim.load(text))
+    assert "one limit" in caught.value.problems[0].hint
+
+
+def least(F, discs, A):
+    """Give multipliers of least norm within discs, by scipy."""
+    bounds = [
+        {"type": "ineq", "fun": lambda x, i=i, L=L: L**2 - np.sum(x[i] ** 2)}
+        for i, L in discs
+    ]
+    equal = {"type": "eq", "fun": lambda x: A.T @ x - F}
+    return minimize(
+        lambda x: x @ x, np.linalg.lstsq(A.T, F, rcond=None)[0], jac=lambda x: 2 * x,
+        constraints=[equal, *bounds], method="SLSQP",
+        options={"ftol": 1e-15, "maxiter": 1000},
+    ).x  # fmt: skip
+
+
+SHARED = (
+    (("x", 1.0), ("x", 2.0)), (("x", 0.5), ("x", 1.0), ("x", 1.0)),
+    (("xy", 2.0), ("x", 0.5)), (("xy", 1.0), ("xy", 2.0)),
+    (("x", 0.4), ("y", 0.7), ("2*x", 1.0), ("xy", 1.0)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("rows", SHARED)
+@pytest.mark.parametrize("turned", [False, True])
+def test_redundant_limits_share_with_least_norm(rows, turned):
+    """In either order of the file, and none slips while the others hold."""
+    given, limits, discs, slopes = [], {}, [], []
+    for k, (on, limit) in enumerate(rows):
+        relation = [f"{q}_dot = 0" for q in on] if on == "xy" else f"{on}_dot = 0"
+        limits[f"c{k}"] = {"relation": relation, "limit": limit}
+        first = len(slopes)
+        factor = 2.0 if on[0] == "2" else 1.0
+        slopes += [[factor * (q == "x"), factor * (q == "y")] for q in on.strip("2*")]
+        discs.append((list(range(first, len(slopes))), limit))
+        ends = [".1", ".2"] if on == "xy" else [""]
+        given += [f"lambda_c{k}{end}" for end in ends]
+    names = sorted(limits, reverse=turned)
+    text = scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "0",
+        {name: limits[name] for name in names}, {"x": 0, "y": 0},
+        forces={"x": "1.1*t", "y": "0.3*t^2" if "y" in str(rows) else "0"},
+        duration=1.2, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    assert not found.result.events
+    A = np.array(slopes)
+    for i, t in enumerate(found.t):
+        F = np.array([-1.1 * t, -0.3 * t * t if "y" in str(rows) else 0.0])
+        lam = np.array([found[name][i] for name in given])
+        assert A.T @ lam == pytest.approx(F, abs=1e-10)
+        # SLSQP ends within the root of rounding of its optimum.
+        assert lam == pytest.approx(least(F, discs, A), abs=1e-6)
