@@ -35,7 +35,7 @@ from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import Clock, StartError, open_case, wanted
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
-from lagsim.studies.sections import rows_at
+from lagsim.studies.moments import rows_at
 from lagsim.studies.spectrum import Spectrum, spectrum
 
 if TYPE_CHECKING:

@@ -195,6 +195,8 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
         felt = max(forced, SLIP_AT_REST * p.reaches[i])
         if p.row_kind[k] == CONTACT and -before > felt:
             s.struck = 1.0
+            s.coarse = h
+    s.leap = 0.5 * s.struck
     sweeps = relax(p, count, h, s.z[s.velocities], s.w)
     for i in range(count):
         s.new[first + int(p.acting[i])] = p.struck[i] / h

@@ -566,7 +566,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
     ]
     choices += found.choices
-    choices += [_apart(parts)] if parts else []
+    choices += _of_parts(parts, settings)
     switches = model_switches(equations, located=locates(settings.method))
     if switches.sides:
         reason = "forces jump or have a kink there: each is located, and the "
@@ -640,11 +640,23 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
         raise unusable("formulation-refused", text, settings.formulation_place)
     if why:
         return ()
+    if equations.model.output.sections:  # whose rows show all of them
+        return ()
     found = subsystems(equations, start)
     if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:
         return ()
     own = settings._replace(formulation="auto")
     return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
+
+
+def _of_parts(parts: tuple[Part, ...], settings: Settings) -> list[Choice]:
+    """Say which subsystems there are, or why there are none that are asked for."""
+    if parts:
+        return [_apart(parts)]
+    if settings.formulation == "apart":
+        reason = "a section shows all coordinates at one time"
+        return [Choice("subsystems: together", reason)]
+    return []
 
 
 def _apart(parts: tuple[Part, ...]) -> Choice:

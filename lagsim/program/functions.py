@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, slopes, tangent
+from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind, scale_of
@@ -49,6 +49,10 @@ class Columns:
         are integrated: what a reduction leaves out is `recovered`.
     table : int
         How many of them the table shows.
+    sections : list of int
+        The relations of sections, by the state that is integrated.
+    wants_sections : bool
+        There are such, or strobes.
     """
 
     def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
@@ -83,10 +87,6 @@ class Columns:
                 nodes[f"point.{name}.{k}"] = node
         for k, plot in enumerate(model.output.plots):
             nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
-        for section in model.output.sections:
-            if section.at is not None:
-                nodes[f"section.{section.name}"] = section.at
-                nodes[f"section.{section.name}.terms"] = _terms(equations, section.at)
         new = {g.variable("energy"): equations.energy}
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
@@ -99,6 +99,9 @@ class Columns:
         }
         written = g.substitute(written, {**recovered, **known})
         self.nodes = dict(zip(nodes, written, strict=True))
+        relations = [x.at for x in model.output.sections if x.at is not None]
+        self.wants_sections = bool(model.output.sections)
+        self.sections = list(g.substitute(relations, recovered))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -109,14 +112,6 @@ class Columns:
     def of_table(self) -> tuple[str, ...]:
         """The names of those that the table shows."""
         return self.names[: self.table]
-
-
-def _terms(equations: Equations, node: int) -> int:
-    """Return the largest of the terms of a node, and of |q_i d/dq_i| and such of it."""
-    g = equations.graph
-    moving = frozenset(map(g.variable, (*equations.q, *equations.velocities)))
-    found = slopes(g, node, frozenset(g.cone([node])) & moving)
-    return scale_of(g, node, [*found], dict(enumerate(found.values())))
 
 
 def _in_order(equations: Equations) -> dict[str, Row]:
@@ -432,7 +427,8 @@ def functions(
         found["located"] = [x.node for x in located]
     if events := equations.model.events:
         found["sets"] = [node for event in events for _, node in event.sets]
-        found["located_slopes"] = _slopes(equations, [x.node for x in located])
+        moving = equations.moving[:-1]
+        found["located_slopes"] = _slopes(equations, [x.node for x in located], moving)
     if moreau is not None:
         found |= stepping_functions(equations, columns, moreau)
     elif equations.laws or plan.elimination is None:
@@ -450,9 +446,17 @@ def functions(
     return found
 
 
-def _slopes(e: Equations, nodes: Sequence[int]) -> list[int]:
-    """Sizes of the terms of conditions (C,), then their slopes (C, 2 n + l)."""
-    g, variables = e.graph, [e.graph.variable(name) for name in e.moving]
+def section_functions(
+    e: Equations, relations: list[int], state: Sequence[str]
+) -> dict[str, list[int]]:
+    """Relations of sections, and what tells how exactly they are known."""
+    return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
+
+
+def _slopes(e: Equations, nodes: Sequence[int], state: Sequence[str]) -> list[int]:
+    """Sizes of the terms of conditions (C,), then their slopes (C, state)."""
+    g = e.graph
+    variables = [g.variable(name) for name in (*state, "t")]
     rows = [gradient(g, node, variables) for node in nodes]
     scales = [
         scale_of(g, node, variables, dict(enumerate(row)))

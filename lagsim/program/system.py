@@ -18,7 +18,7 @@ from lagsim.language import tables
 from lagsim.language.sparse import joined
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.methods import method, moreau
-from lagsim.methods.parts import driver
+from lagsim.methods.parts import crossings, driver
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop, Manner
@@ -34,6 +34,7 @@ from lagsim.program.functions import (
     fill,
     functions,
     pattern,
+    section_functions,
     surface_functions,
     varying_inertias,
 )
@@ -55,6 +56,8 @@ if TYPE_CHECKING:
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
 MOST_NUMBERS = 2**20
+# Numbers in a block of states of sections.
+STATES = 2**14
 # Points of tables that the kernel knows ahead.
 KNOTS = 256
 _POINTER = ctypes.c_void_p
@@ -65,6 +68,7 @@ _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
 )
+_FINISH = (None, (_POINTER, _POINTER, ctypes.c_double))
 _TABULATE = (
     None,
     (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
@@ -171,9 +175,15 @@ class System:
             equations, plan, self.columns, needs, self.moreau,
             switching=self.watched > 0,
         )  # fmt: skip
+        if self.columns.wants_sections:
+            relations = self.columns.sections
+            nodes_of |= section_functions(equations, relations, self.state)
         self.has_energies = "energies" in nodes_of
         # Rows show the expressions as written; the method sees the arc's branches.
-        shown = ("observe", "columns", "energies", "located", "sets", "located_slopes")
+        shown = (
+            "observe", "columns", "energies", "located", "sets", "located_slopes",
+            "sections", "section_slopes",
+        )  # fmt: skip
         nodes_of = {
             name: self.switches.shown(nodes)
             if name in shown
@@ -182,7 +192,7 @@ class System:
         }
         self.indicators: list[Indicator] = []
         if self.moreau is None:
-            self.indicators = self.watched_for(equations, plan)
+            self.indicators = self.watched_for(plan)
         if self.indicators:
             nodes_of["signals"] = [x.node for x in self.indicators]
         found, *self.pattern = surface_functions(equations, self.switches)
@@ -233,21 +243,20 @@ class System:
         depends = self.equations.graph.depends
         return [x for x in self.indicators if depends([x.node]) <= known]
 
-    @staticmethod
-    def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
-        """Find what is localized in the motion, or in what ends it."""
-        switches = plan.switches
+    def watched_for(self, plan: Plan) -> list[Indicator]:
+        """Find what is localized in the motion, in what ends it, or in sections."""
+        equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
         ends += switches.shown([x.node for x in equations.model.located])
+        ends += switches.shown(self.columns.sections)
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
         """Whether the functions are those of a plan for other values, too."""
-        equations = plan.reduction.equations
         if plan.form != self.plan.form:
             return False
-        if self.moreau is None and self.indicators != self.watched_for(equations, plan):
+        if self.moreau is None and self.indicators != self.watched_for(plan):
             return False
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
@@ -480,7 +489,9 @@ class Runner:
     """
 
     def __init__(self, system: System, name: str) -> None:
-        around = kernel_part([driver.advance, driver.tabulate], _statics(system, name))
+        statics = _statics(system, name)
+        ends = [crossings.finish] if statics["SECTIONS"] else []
+        around = kernel_part([driver.advance, driver.tabulate, *ends], statics)
         method_part = kernel_part(*of_method(system, name))
         self.program = [*system.program, method_part, around]
         self.system = system
@@ -494,6 +505,8 @@ class Runner:
         if system.watched > 0:
             self._project = self.engine.function("project_sliding", *_PROJECTION)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
+        if ends:
+            self._finish = self.engine.function("finish", *_FINISH)
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
         self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
@@ -504,11 +517,19 @@ class Runner:
         """A state that nothing has been put into: for copies, of all bindings."""
         system = self.system
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
+        located = len(system.columns.sections)
+        strobes = len(system.model.output.sections) - located
+        room = 0
+        if located or strobes:
+            room = max(2 * (located + strobes), min(BLOCK, STATES // (2 + system.size)))
         state: State = self.method.STATE.made(
             n=system.n,
             states=len(system.equations.states),
             size=system.size,
             signals=len(system.indicators),
+            sections=located,
+            strobes=strobes,
+            states_room=room,
             surfaces=system.watched,
             inertias=len(system.inertias),
             conditions=len(system.equations.model.located),
@@ -516,7 +537,7 @@ class Runner:
             **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
         ends = bool(system.equations.model.located) or system.watched > 0
-        state.located = float(ends)
+        state.located = float(ends or room > 0)
         state.kinds[:] = [x.kind for x in system.indicators]
         state.powers[:] = [x.power for x in system.indicators]
         rows = system.equations.rows
@@ -583,6 +604,10 @@ class Runner:
         )
         return code
 
+    def finish(self, state: State, *, whole: bool) -> None:
+        """Write the states of sections at the end of a run, see `crossings.finish`."""
+        self._finish(state.address, self.system.p.address, float(whole))
+
     def shown(self, count: int) -> Floats:
         """Columns (count, columns) of the first rows of the block."""
         return self._columns_of(self._rows, count, self._width - 1)
@@ -620,5 +645,6 @@ def _statics(system: System, name: str) -> dict[str, object]:
         "UNTIL": bool(system.equations.model.located),
         "SWITCHES": system.watched > 0,
         "LOCALIZED": bool(system.indicators),
+        "SECTIONS": bool(system.columns.wants_sections),
         "ADAPTIVE": method(name).ADAPTIVE,
     }

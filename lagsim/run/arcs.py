@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from lagsim.plan.formulation import Subsystem
     from lagsim.run.arc import Arc
     from lagsim.run.events.constraints import Before
+    from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.trajectory import Source
@@ -202,6 +203,7 @@ class Run:
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
+        sections: Sections | None = None,
     ) -> None:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
@@ -209,7 +211,9 @@ class Run:
         # Called between two calls of the kernel.
         self.tick: Callable[[Run], None] | None = None
         self.interrupt, self.progress = interrupt, progress
-        self.corners = corners
+        self.corners, self.sections = corners, sections
+        if sections is not None:
+            sections.begin(first)
         self.shown = first.row()[0]  # the time and the state of the last row
         self.instant = self.arc.t  # the time of the last instant
         # The row after an impact waits until time passes: what is due there acts first.
@@ -237,6 +241,8 @@ class Run:
                 self.progress((self.t - settings.start) / settings.duration)
         if ending.outcome is Outcome.UNTIL:
             self.recorder.keep(Decision(events=(Event(self.t, "until"),)))
+        if self.sections is not None and self.cut is None:
+            self.sections.finish(self.arc, whole=ending.outcome is Outcome.DONE)
         self.show_last()
         return self.trajectory(ending)
 
@@ -293,8 +299,12 @@ class Run:
         """Hand on the rows that the kernel has written, as far as they are finite."""
         arc = self.arc
         emitted = int(arc.state.emitted)
+        if self.sections is not None and self.after is not None:
+            self.sections.take(arc, self.after[0, 0])  # with its impulses
         if self.after is not None and (emitted or arc.t > self.after[0, 0]):
             self._pass_impact()
+        if self.sections is not None:
+            self.sections.take(arc)
         if not emitted:
             return None
         rows = arc.runner.shown(emitted)

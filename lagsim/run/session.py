@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lagsim.program.system import System
     from lagsim.run.arc import Arc
     from lagsim.run.arcs import Apart, Run
+    from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.trajectory import Trajectory
@@ -213,6 +214,7 @@ class Session(NamedTuple):
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
+        sections: Sections | None = None,
         joined: Callable[[Run | Apart], None] | None = None,
     ) -> Trajectory:
         """Integrate, handing every row to the observers.
@@ -221,6 +223,8 @@ class Session(NamedTuple):
         ----------
         corners
             Gets what happens at events between rows.
+        sections
+            Gets the rows of sections.
         progress
             Called with the fraction of the run that is done.
         joined
@@ -234,7 +238,7 @@ class Session(NamedTuple):
         if self.plan.parts:
             run = Apart(first, observers, **keywords)
         else:
-            run = Run(first, observers, corners=corners, **keywords)
+            run = Run(first, observers, corners=corners, sections=sections, **keywords)
         if joined is not None:
             joined(run)
         import numpy as np
@@ -354,6 +358,15 @@ def wanted(
 
 def too_frequent(model: Model, settings: Settings) -> list[Problem]:
     """Faults of periods that are too short for the run."""
+    from lagsim.run.events.sections import too_many_strobes
+
+    return [
+        *too_many_strobes(model, settings),
+        *_too_frequent_events(model, settings),
+    ]
+
+
+def _too_frequent_events(model: Model, settings: Settings) -> list[Problem]:
     return [
         Problem(
             "out-of-range",

@@ -31,7 +31,7 @@ import contextlib
 import math
 from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
-from functools import cached_property, partial
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -51,8 +51,9 @@ from lagsim.run.error import (
     in_groups,
     largest_beside,
 )
+from lagsim.run.events.sections import Sections
 from lagsim.run.interrupt import MOST_STEPS, Interrupt
-from lagsim.run.observers import Corners, Observer, Relay, Store
+from lagsim.run.observers import Corners, Extremes, Observer, Relay, Store
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import Frames, picture_thinning
 from lagsim.run.trajectory import Outcome, Trajectory
@@ -398,6 +399,10 @@ class Attempt(Evidence):
     thin, corners, frames
         Those for pictures, those at events, and those of a page; None where they are
         not wanted.
+    found : Sections or None
+        Its sections; None where there are none.
+    extremes : Extremes or None
+        The ranges of columns, for pictures of these.
     fault : OSError or None
         Why not all of them could be stored.
     """
@@ -410,20 +415,24 @@ class Attempt(Evidence):
         self.checkpoints = Checkpoints(self.equations, session.case.settings)
         self.corners = Corners() if wish.cornered or wish.thinned else None
         self.thin = picture_thinning(model, names) if wish.thinned else None
+        self.found: Sections | None = None
+        if model.output.sections:
+            self.found = Sections(model, session.columns.table)
+        self.extremes: Extremes | None = None
+        if self.found is not None and wish.thinned:
+            self.extremes = Extremes(session.columns.table)
         self.frames: Frames | None = None
         if wish.animated:
             from lagsim.outputs.animation import frames_of
 
             self.frames = frames_of(self.equations, names)
 
-    @cached_property
+    @property
     def sections(self) -> dict[str, Floats]:
         """Rows (k, columns) of the sections that are asked for."""
-        if not self.equations.model.output.sections:
+        if self.found is None:
             return {}
-        from lagsim.studies.sections import sections
-
-        return sections(self.session, self.trajectory)
+        return self.found.tables([x.name for x in self.equations.model.output.sections])
 
     def cautions(self) -> list[Caution]:
         """Return all warnings on it."""
@@ -528,6 +537,7 @@ class Attempts:
         for store in (self.store, *self.followers) if self.store.rows else ():
             store.begin_anew()
         kept: list[Observer | None] = [made, *self.followers, made.thin, made.frames]
+        kept.append(made.extremes)
         kept += [] if self.error_bars is ErrorBars.NEVER else [made.checkpoints]
         others: list[Observer] = [x for x in kept if x is not None]
         relay = Relay(self.store, others, self.interrupt)
@@ -539,7 +549,7 @@ class Attempts:
         with self.progress("run") as progress:
             trajectory = session.run(
                 [relay], interrupt=self.interrupt, progress=progress,
-                corners=made.corners,
+                corners=made.corners, sections=made.found,
                 joined=joined and partial(joined, relay=relay, session=session),
             )  # fmt: skip
             if progress is not None and trajectory.outcome.complete:

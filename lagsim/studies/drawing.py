@@ -37,9 +37,9 @@ def events(made: Attempt) -> Iterator[Made]:
         named = bool(made.session.case.model.events)
         yield "events.csv", events_table(made.trajectory.events, named=named)
     if made.sections:
-        from lagsim.studies.sections import tables
+        from lagsim.outputs.sections import Found, tables
 
-        yield from tables(made.session, made.sections)
+        yield from tables(Found(made.session.columns.of_table, made.sections))
 
 
 def drawings(
@@ -63,10 +63,12 @@ def drawings(
         yield "pictures", record
     else:
         yield from (draw or drawn)(record, model)
-    if made.sections:
-        from lagsim.studies.sections import pictures
+    if made.extremes is not None:
+        from lagsim.outputs.sections import Found, pictures
 
-        yield from pictures(made.session, made.sections, form)
+        found = Found(made.session.columns.of_table, made.sections)
+        ranges = made.extremes.stacked[1:]
+        yield from pictures(made.session.equations, found, ranges, form)
 
 
 def beside(made: Attempt) -> Iterator[Made]:

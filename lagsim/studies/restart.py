@@ -69,7 +69,8 @@ _BLOCK = 1 << 20
 _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.events.constraints",
-    "run.events.contacts", "run.events.filippov", "run.events.sequence",
+    "run.events.contacts", "run.events.filippov", "run.events.sections",
+    "run.events.sequence",
     "run.events.switching", "run.events.times", "run.events.transitions",
     "run.failures", "run.interrupt",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
@@ -326,9 +327,9 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
 
 
 def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
-    """Give what has taken rows, and what a run has noted at events."""
-    corners = getattr(run, "corners", None)
-    return [*relay.others, *([] if corners is None else [corners])]
+    """Give what has taken rows, and what a run has noted at events and sections."""
+    noted = getattr(run, "corners", None), getattr(run, "sections", None)
+    return [*relay.others, *(x for x in noted if x is not None)]
 
 
 # What is the same in each run of a session: of a run, of one that is integrated apart.

@@ -267,3 +267,201 @@ output:
     found = simulate(load(text), error_bar="never").sections
     assert len(found["cut"]["t"]) == 0
     assert found["swing"]["t"] == pytest.approx([0.75 * math.pi], abs=1e-10)
+
+
+# Several sections of one motion: x = cos t, and a mode z that events set.
+TIMES = """
+coordinates: {x: {}}
+modes: {z: 0}
+energy: {kinetic: x_dot^2/2, potential: x^2/2}
+events: {EVENTS}
+initial: {x: 1}
+simulation: {RUN}
+output:
+  sections:
+"""
+
+
+def several(run, events, asked, text=TIMES, **options):
+    """Give the rows of some sections, which are given by number."""
+    lines = "".join(f"    s{k}: {{{section}}}\n" for k, section in enumerate(asked))
+    text = text.replace("RUN", run).replace("EVENTS", events) + lines
+    result = simulate(load(text), error_bar="never", **options)
+    assert result.complete, result.reason
+    return list(result.sections.values())
+
+
+def halves(*numbers):
+    return pytest.approx(math.pi * np.array(numbers), abs=1e-10)
+
+
+NO_EVENT = "none: {at: x >= 2, set: {z: 1}}"
+
+
+@pytest.mark.parametrize("name", ["taylor", "dop853", "radau", "exponential"])
+def test_touches_and_jumps_of_the_relation_cross_nothing(name):
+    asked = [
+        "at: x = 1",  # touched at the start, and every period
+        "at: x = -1",
+        "at: x_dot = 1",
+        "at: abs(x) = 0",
+        "at: x^2 = 0",
+        "at: max(x, 0) = 0",  # on it for half of the time
+        "at: sign(x) = 0",
+        "at: 1/x = 0",
+        'at: "mod(x, 0.5) = 0"',  # jumps from it and to it
+        'at: "if(x > 0.3, x, -1) = 0"',
+        "at: x^2 = 1e-8",  # dips by 1e-8
+        "at: cbrt(x) = 0, direction: down",
+        "at: x_dot/x = 0, direction: up",
+        'at: "min(x + 0.5, 0) + max(x - 0.5, 0) = 0, direction: up"'.replace(
+            ', direction: up"', '", direction: up'
+        ),
+    ]
+    events = "{}" if name == "exponential" else f"{{{NO_EVENT}}}"
+    text = TIMES.replace("{EVENTS}", events)
+    found = [x["t"] for x in several("duration: 12", "", asked, text, method=name)]
+    assert [len(x) for x in found[:10]] == 10 * [0]
+    near = np.array(
+        [k * math.pi + math.pi / 2 + d for k in range(4)[:4] for d in (-1e-4, 1e-4)]
+    )
+    assert found[10] == pytest.approx(near[near < 12.0], abs=1e-9)
+    assert found[11] == halves(0.5, 2.5)
+    assert found[12] == halves(1.0, 2.0, 3.0)
+    # It is 0 between -0.5 and 0.5, and left upwards at 0.5.
+    assert found[13] == halves(5.0 / 3.0, 11.0 / 3.0)
+
+
+def test_until_the_end_and_events_at_a_section():
+    asked = ["at: x = 0", "at: x = -0.5", "at: x_dot = 0", "every: pi/3"]
+    found = several('duration: 9, until: "x <= -0.5"', NO_EVENT, asked)
+    assert found[0]["t"] == halves(0.5)
+    assert found[1]["t"] == halves(2.0 / 3.0)  # at the time of `until`
+    assert len(found[2]["t"]) == 0
+    assert found[3]["t"] == halves(0.0, 1.0 / 3.0, 2.0 / 3.0)
+    found = several("duration: 5*pi/2", NO_EVENT, ["at: x = 0", "at: x_dot = 1"])
+    assert found[0]["t"] == halves(0.5, 1.5, 2.5)
+    assert len(found[1]["t"]) == 0
+    found = several("duration: 3*pi/2", NO_EVENT, ["at: x_dot = 1", "at: x = 0"])
+    assert len(found[0]["t"]) == 0  # it is touched at the end
+    assert found[1]["t"] == halves(0.5, 1.5)
+    # An event at the section sets z to 1, ...: rows show what holds after it.
+    asked = ["at: x = 0", "at: z = 0.5, direction: up", "at: x + z = 1.5"]
+    found = several("duration: 9", 'e: {at: "x <= 0", set: {z: 1 - z}}', asked)
+    assert found[0]["t"] == halves(0.5, 1.5, 2.5)
+    assert list(found[0]["z"]) == [1.0, 1.0, 0.0]
+    assert found[1]["t"] == halves(0.5)
+    assert list(found[1]["z"]) == [1.0]
+    assert found[2]["t"] == halves(5.0 / 3.0, 7.0 / 3.0)
+
+
+@pytest.mark.parametrize("start", [0.0, -3.0, 1e6])
+def test_strobes_and_events_at_one_time_show_the_state_after_all_acts(start):
+    run = f"start: {start!r}, duration: 0.7, output_step: 0.1"
+    events = "one: {every: 0.1, set: {z: z + 1}}, two: {every: 0.1, set: {z: 3 - z}}"
+    asked = ["every: 0.1", "at: z = 1.5", "at: z = 0.5", "at: z = 2.5"]
+    found = several(run, events, asked)
+    times = start + 0.1 * np.arange(8)
+    assert found[0]["t"] == pytest.approx(times, abs=1e-9)
+    # z is 2, 0, 2, ...: 3 - (z + 1).
+    assert list(found[0]["z"]) == [2.0, 0.0] * 4
+    for x in found[1:3]:
+        assert list(x["t"]) == list(found[0]["t"][1:])
+        assert list(x["z"]) == [0.0, 2.0, 0.0, 2.0, 0.0, 2.0, 0.0]
+    assert len(found[3]["t"]) == 0
+
+
+def test_acts_that_undo_each_other_cross_nothing():
+    events = "one: {every: 1, set: {z: z + 1}}, two: {every: 1, set: {z: z - 1}}"
+    found = several("duration: 5", events, ["at: z = 0.5", "at: z = -0.5"])
+    assert [len(x["t"]) for x in found] == [0, 0]
+
+
+BOUNCES = """
+coordinates: {y: {}}
+energy: {kinetic: y_dot^2/2, potential: 10*y}
+constraints: {floor: {relation: "y >= 0", restitution: EVENTS}}
+initial: {y: 1}
+simulation: {RUN}
+output:
+  sections:
+"""
+
+
+@pytest.mark.parametrize("name", ["auto", "rk4"])
+def test_impacts_on_a_section_and_past_it(name):
+    fall = 1.0 / math.sqrt(5.0)
+    steps = {} if name != "rk4" else {"step": 0.01}
+    asked = [
+        "at: y = 0",  # it turns back there
+        "at: y_dot = 0, direction: up",
+        "at: y_dot = 0, direction: down",
+        "at: y_dot = 3",
+        "every: 1/sqrt(5)",
+    ]
+    found = several("duration: 6", "0.5", asked, BOUNCES, method=name, **steps)
+    assert len(found[0]["t"]) == 0
+    count = len(found[1]["t"])
+    assert count > 15  # they accumulate
+    left = 0.5 ** np.arange(count)
+    times = fall + 2.0 * fall * (1.0 - left)
+    assert found[1]["t"] == pytest.approx(times, abs=1e-9)
+    assert found[1]["y_dot"] == pytest.approx(math.sqrt(5.0) * left, abs=1e-9)
+    falls = 2.0 * math.sqrt(5.0) * np.append(1.0, left[:-1] / 2.0)
+    impulses = found[1]["impulse.floor"]
+    assert impulses == pytest.approx(falls + found[1]["y_dot"], abs=1e-9)
+    apart = times[:-1] + fall * left[:-1] / 2.0
+    assert found[2]["t"][: count - 1] == pytest.approx(apart, abs=1e-9)
+    assert len(found[3]["t"]) == 0
+    strobes = found[4]
+    assert strobes["t"] == pytest.approx(fall * np.arange(14), abs=1e-12)
+    assert strobes["y_dot"][:3] == pytest.approx([0.0, *found[1]["y_dot"][:2]])
+    assert strobes["impulse.floor"][:3] == pytest.approx([0.0, *impulses[:2]])
+    (found,) = several(
+        "duration: 1", "0", ["at: y_dot = -1"], BOUNCES, method=name, **steps
+    )
+    assert found["t"] == pytest.approx([0.1, fall], abs=1e-9)
+    assert found["y_dot"] == pytest.approx([-1.0, 0.0], abs=1e-9)
+
+
+def test_impacts_within_the_steps_of_moreau():
+    asked = ["at: y = 0", "at: y_dot = 0, direction: up", "at: y = 0.1"]
+    found = several("duration: 1.4", "0.5", asked, BOUNCES, method="moreau", step=1e-3)
+    fall = 1.0 / math.sqrt(5.0)
+    assert len(found[0]["t"]) == 0
+    times = fall * (3.0 - 2.0 * 0.5 ** np.arange(5))
+    assert found[1]["t"][:5] == pytest.approx(times, abs=5e-3)
+    assert (found[1]["y_dot"] > 0.0).all()
+    assert len(found[2]["t"]) == 3
+
+
+SEVERAL = """
+coordinates: {a: {}, b: {}}
+states: {w: {rate: -w + a}}
+definitions: {r(i = 1..2): a + i*b}
+energy: {kinetic: (a_dot^2 + b_dot^2)/2, potential: (a^2 + 4*b^2)/2}
+initial: {a: 1, b: 0, b_dot: 2, w: 0.5}
+simulation: {RUN}
+output:
+  sections:
+"""
+
+
+def test_relations_of_states_rates_and_members():
+    asked = ["at: w = 0", "at: r(2) = 0, direction: up", "at: a_dot + b_dot = 0"]
+    found = several("duration: 6", "", asked, SEVERAL)
+    # a = cos t, b = sin 2t, w = (cos t + sin t)/2.
+    assert found[0]["t"] == halves(0.75, 1.75)
+    rises = [brentq(lambda t: math.cos(t) + 2.0 * math.sin(2.0 * t), *x)
+             for x in [(3.0, 3.5), (4.5, 4.9)]]  # fmt: skip
+    signs = [math.cos(t + 0.1) + 2.0 * math.sin(2.0 * t + 0.2) for t in rises]
+    assert found[1]["t"] == pytest.approx(
+        [t for t, x in zip(rises, signs, strict=True) if x > 0.0], abs=1e-10
+    )
+    grid = np.linspace(0.0, 6.0, 601)
+    speed = 2.0 * np.cos(2.0 * grid) - np.sin(grid)
+    turns = [
+        brentq(lambda t: 2.0 * math.cos(2.0 * t) - math.sin(t), grid[k], grid[k + 1])
+        for k in np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    ]
+    assert found[2]["t"] == pytest.approx(turns, abs=1e-10)

@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, conditions, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, LOCALIZED and
-ADAPTIVE; what a model does not need is left out.
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS
+and ADAPTIVE; what a model does not need is left out.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts import missed, search
+from lagsim.methods.parts import crossings, missed, search
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
+from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.parameters import REDUNDANT, Parameters
-from lagsim.methods.parts.search import Events
 from lagsim.methods.parts.state import (
     event_functions,
     inertias,
@@ -38,6 +38,7 @@ CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
 LOCALIZED = True
+SECTIONS = True
 ADAPTIVE = True
 
 # By then the first steps, which are guessed, have grown to what the motion needs.
@@ -45,8 +46,8 @@ SETTLING = 10.0
 NOWHERE = -1
 
 
-class State(Events):
-    """State of every method: the above, events, and bounds of a step."""
+class State(Crossings):
+    """State of every method: the above, and bounds of a step."""
 
     inertias: int  # which are followed, whether they vanish on the way
     noted: int  # room for so many levels of tables that have been passed
@@ -82,9 +83,9 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
     begin(s, p)
     made = 0
     while True:
-        if emit(s, p, out, rows) == 0:
+        if show(s, p, out, rows) == 0:
             return at.BLOCK_FULL
-        code = arrived(s, p)
+        code = ended(s, p)
         if code != NOWHERE:
             return code
         if s.ask_at > 0.0 and s.at_bound >= s.ask_at:
@@ -102,9 +103,25 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             begin(s, p)
             continue
         made += 1
+        s.searched = 0.0
         inspect(s, p)
         if CONSTRAINED and search.loses_rank(s, p):
             return at.RANK_LOST
+
+
+def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
+    """Write what the last step shows: sections, then rows; return 0 without room."""
+    if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
+        return 0
+    return emit(s, p, out, rows)
+
+
+def ended(s: State, p: Parameters) -> int:
+    """Code of the end that has been reached, if any, before anything acts there."""
+    code = arrived(s, p)
+    if SECTIONS and code != NOWHERE and s.sought > 0.0:
+        crossings.meet_instant(s, p)
+    return code
 
 
 def arrived(s: State, p: Parameters) -> int:

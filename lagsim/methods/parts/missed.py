@@ -66,12 +66,14 @@ class Table(Rank):
     """Rows, functions that a step is searched for, at its points; sizes before it.
 
     Event functions of surfaces and laws, then those of conditions, then signals, the
-    arguments of localized terms; the last is the smallest singular value.
+    arguments of localized terms, then the relations of sections; the last is the
+    smallest singular value.
     """
 
     surfaces: int  # that switches are located on, and laws whose modes end
     conditions: int  # of events and `until`, which are located when they become true
     signals: int
+    sections: int  # relations whose crossings are shown
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
     defect_row: float  # the row at which the last defect was found
     most_step: float  # no step is longer until one has been made; 0: no such limit
@@ -82,10 +84,10 @@ class Table(Rank):
     farthest: Floats = array("signals")
     # Rows at a point; their values, then slopes, at the start of a stretch, within it,
     # and at its end.
-    values: Floats = array(lambda s: s.surfaces + s.conditions + s.signals + 1)
-    starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
-    middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
-    ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions + s.signals + 1))
+    values: Floats = array(lambda s: relations(s) + s.sections + 1)
+    starts: Floats = array(lambda s: 2 * rows(s))
+    middles: Floats = array(lambda s: 2 * rows(s))
+    ends: Floats = array(lambda s: 2 * rows(s))
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
@@ -97,9 +99,14 @@ def events(s: Table) -> int:
     return s.surfaces + s.conditions
 
 
+def relations(s: Table) -> int:
+    """Return the number of the first row that is the relation of a section."""
+    return s.surfaces + s.conditions + s.signals
+
+
 def rows(s: Table) -> int:
     """Count of all rows."""
-    return s.surfaces + s.conditions + s.signals + 1
+    return relations(s) + s.sections + 1
 
 
 def next_end(s: Table, p: Parameters) -> float:

@@ -11,6 +11,8 @@ dense output:
              output does not show it
     RANK     the smallest singular value of the constraint rows, where it may vanish. A
              loss is noted
+    CROSSING the relation of a section, on the side that the motion comes from: it falls
+             below 0 where the section is crossed. It ends nothing, see `crossings`
 
 Values and slopes of rows are taken at several points, and once more between each two:
 where a row there does not follow from values and slopes at both, the points come closer
@@ -36,6 +38,7 @@ from lagsim.methods.parts.missed import (
     GOLDEN,
     Table,
     events,
+    relations,
     rows,
 )
 from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
@@ -44,6 +47,7 @@ from lagsim.methods.parts.state import (
     event_functions,
     interpolate,
     located,
+    sections,
     signals,
 )
 from lagsim.native.layout import array
@@ -55,9 +59,10 @@ if TYPE_CHECKING:
 UNTIL = True
 SWITCHES = True
 LOCALIZED = True
+SECTIONS = True
 ADAPTIVE = True
 
-EVENT, SIGNAL, RANK = 0, 1, 2
+EVENT, SIGNAL, RANK, CROSSING = 0, 1, 2, 3
 
 
 class Events(Table):
@@ -72,6 +77,11 @@ class Events(Table):
     equation: Floats = array("conditions")  # 1 of an equation
     leeway: Floats = array("conditions")
 
+    # Of each section: the sign that its relation had last, 0 before the motion has left
+    # it; and what its relation may be on it, see `crossings.measure_bands`.
+    sides: Floats = array("sections")
+    bands: Floats = array("sections")
+
 
 # --- the table, and the one loop over stretches of a step -----------------------------
 
@@ -79,10 +89,11 @@ class Events(Table):
 POINTS = 8
 # An event function is known where it is off by no more than this part of its least.
 CLEAR = 0.25
-# Points come no closer than this: for events, and where features are looked for; and
-# there are so many in a step.
+# Points come no closer than this: for events, where features are looked for, and for
+# sections, beside a jump of the relation; and there are so many in a step.
 FINEST = 2.0**-14
 FINEST_SIGNALS = 2.0**-12
+FINEST_CROSSINGS = 2.0**-30
 MOST_POINTS = 2000
 MOST_SIGNALS = 400
 # A step that is rejected with too many is not made shorter than by this part.
@@ -180,6 +191,8 @@ def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
     interpolate(s, p, x, z)
     if LOCALIZED:
         signals(t, z, p, now[events(s) :])
+    if SECTIONS and kind == CROSSING:
+        sections(t, z, p, now[relations(s) :])
     if SWITCHES and kind == EVENT:
         event_functions(t, z, p, now)
     if UNTIL and kind == EVENT:
@@ -216,20 +229,24 @@ def unknown_up_to(
     at every point. The stretch ends at the closest approach then.
     """
     width, near = x - low, x
-    divisible = width >= (FINEST if kind == EVENT else FINEST_SIGNALS)
+    finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
+    divisible = width >= (FINEST_CROSSINGS if kind == CROSSING else finest)
     if kind == EVENT and divisible and not events_are_known(s, p, width):
         return 0.5 * width
+    if kind == CROSSING and divisible and not sections_are_known(s, width):
+        return 0.5 * width
+    divisible = width >= finest
     if LOCALIZED:
         for k in range(events(s), events(s) + s.signals):
             if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
                 continue
             if divisible and not missed.signal_is_known(s, k, width):
                 return 0.5 * width
-            if kind == EVENT:
+            if kind != SIGNAL:
                 least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
                 if AT_END * width < least - low < (1.0 - AT_END) * width:
                     near = min(near, least)
-    if LOCALIZED and kind == EVENT:
+    if LOCALIZED and kind != SIGNAL:
         near = min(near, one_sided_up_to(s, p, low, x))
     return near - low if near < x else 0.0
 
@@ -240,6 +257,20 @@ def events_are_known(s: Events, p: Parameters, width: float) -> bool:
     for k in range(events(s)):
         known = known and event_is_known(s, p, k, width)
     return known
+
+
+def sections_are_known(s: Events, width: float) -> bool:
+    """Whether the relations of all sections on a stretch follow from its ends."""
+    for j in range(s.sections):
+        k = relations(s) + j
+        a = s.sides[j] * s.starts[k]
+        m = s.sides[j] * s.middles[k]
+        b = s.sides[j] * s.ends[k]
+        enough = max(missed.KNOWN * missed.variation(s, k), CLEAR * min(a, m, b))
+        enough = max(enough, float(s.bands[j]))
+        if max(missed.off(s, k, width), missed.turned(s, k, width)) > enough:
+            return False
+    return True
 
 
 def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
@@ -276,7 +307,7 @@ def falls_at(s: Events, p: Parameters, k: int, low: float, x: float) -> float:
             high = least_of(EVENT, NARROW, s, p, k, half, x)
     if not value_at(EVENT, s, p, k, high) < 0.0:
         return x
-    return end_of(s, p, k, 0.0, low, high)
+    return end_of(EVENT, s, p, k, 0.0, low, high)
 
 
 def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
@@ -312,6 +343,8 @@ def value_at(kind: Static, s: Events, p: Parameters, k: int, x: float) -> float:
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
         return missed.away(s, k, s.values)
+    if kind == CROSSING:
+        return float(s.sides[k - relations(s)] * s.values[k])
     return float(s.values[k])
 
 
@@ -539,12 +572,12 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
             if value_at(EVENT, s, p, k, low) >= 0.0:
                 least = 0.0
             if errs_until(s, p, k, value_at(EVENT, s, p, k, high)) == 0.0:
-                high = end_of(s, p, k, least, low, high)
+                high = end_of(EVENT, s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began a rounding below ends where it is over.
                 middle = 0.5 * (low + high)
                 if value_at(EVENT, s, p, k, middle) > p.slack[k]:
-                    high = end_of(s, p, k, -float(p.band[k]), middle, high)
+                    high = end_of(EVENT, s, p, k, -float(p.band[k]), middle, high)
     if UNTIL and first >= s.surfaces:
         s.event = first - s.surfaces + 1.0
     else:
@@ -563,12 +596,18 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
 
 
 def end_of(
-    s: Events, p: Parameters, k: int, least: float, low: float, high: float
+    kind: Static,
+    s: Events,
+    p: Parameters,
+    k: int,
+    least: float,
+    low: float,
+    high: float,
 ) -> float:
-    """Return the first point in (low, high] at which function k is below `least`."""
+    """Return the first point in (low, high] at which row k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
-        if value_at(EVENT, s, p, k, middle) >= least:
+        if value_at(kind, s, p, k, middle) >= least:
             low = middle
         else:
             high = middle

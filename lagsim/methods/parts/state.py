@@ -143,6 +143,10 @@ observe = of_model("observe")
 inertias = of_model("inertias")
 # The residuals or gaps of conditions: of those of events, then of `until`.
 located = of_model("located")
+# The relations (K,) of sections, left side less right; how large their terms are (K,),
+# then their slopes (K, size).
+sections = of_model("sections")
+section_slopes = of_model("section_slopes")
 # Expressions (K,) of the surfaces.
 surfaces = of_model("surfaces")
 # Residuals (K,), rates (K,), b (K,), scales (K,), and what J has. One on the level of

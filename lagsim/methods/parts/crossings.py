@@ -1,0 +1,524 @@
+"""Sections of the motion: crossings of relations, and strobes, which end no step.
+
+The relation of a section is a row of the table that a step is searched for (`search`),
+on the side that the motion comes from: a crossing is where it falls below 0. The state
+there, on the dense output, is written beside the rows, and the motion goes on as it
+would without.
+
+A relation counts as past 0 where it is so by more than its band: rounding, and what the
+tolerances leave of the state. So a touch is no crossing, and what a constraint holds on
+a section does not cross it. The crossing itself is located where the relation passes 0,
+which may be before that; until then it waits.
+
+Between two neighbouring fractions of a step a continuous relation changes by rounding.
+One that changes by more has jumped itself (`mod`, `if`), which is no crossing. Before
+anything acts at an instant (an impact, an event) the sides are those of the relation
+there; where it is on the other side after all acts, they have crossed the section. A
+crossing so near the end of a step that it is at the same time is located at the start
+of the next one, after all acts.
+"""
+
+from __future__ import annotations
+
+from math import floor, inf
+
+from lagsim.language.arrays import Floats
+from lagsim.methods.parts import missed
+from lagsim.methods.parts.constraints import project
+from lagsim.methods.parts.missed import BESIDE, BETWEEN, relations, rows
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.search import (
+    CROSSING,
+    FARTHER,
+    MOST_POINTS,
+    NARROW,
+    NEXT,
+    POINTS,
+    Events,
+    end_of,
+    least_of,
+    rows_at,
+    sample,
+    unknown_up_to,
+    value_at,
+)
+from lagsim.methods.parts.state import (
+    interpolate,
+    project_sliding,
+    section_slopes,
+    sections,
+)
+from lagsim.native.kernels.words import bits, from_bits
+from lagsim.native.layout import array
+from lagsim.tolerances import (
+    OVERFLOW,
+    SAME_TIME,
+    SUM_ROUNDOFF,
+    UNIT_ROUNDOFF,
+)
+
+CONSTRAINED = True
+SWITCHES = True
+
+# The state is known to so many tolerances of a step, and no better than to this part of
+# the range of a component.
+ERRED = 30.0
+PLACES = 2.0**-40
+# A relation jumps where it changes at one fraction by more than this part of what it
+# does within this part of the step around it; beside a pole it is all of that.
+AROUND = 2.0**-30
+JUMP = 0.25
+# Where a run ends on a section, its relation was not 0 this part of a step ago: half of
+# what it was twice as long ago where it is crossed, a quarter where it is touched.
+AGO = 2.0**-10
+TURNS = 0.375
+# Of a period: what the end of the run may be short of.
+SHORT = 1e-9
+
+
+class Crossings(Events):
+    """Sections of a run, and what has been found of them."""
+
+    strobes: int
+    states_room: int  # for so many states of sections, until they are taken
+    sought: float  # 1 where sections are asked for
+    states_found: float  # so many states have been written
+    searched: float = 1.0  # up to this fraction the last step has been searched
+    banded: float  # 1 once the bands of the last step are known
+    # By methods that step over impacts: the fraction of the last step at which the
+    # state jumps, or 0; the time by which such impacts are late or early.
+    leap: float
+    coarse: float
+    instant: float = -inf  # the time at which sides were those before the first act
+    # Where the row of each relation falls below 0 on a stretch, and a point past it.
+    roots: Floats = array("sections")
+    beyond: Floats = array("sections")
+    # 1: crossings that rise count, -1: that fall, 0: both.
+    ways: Floats = array("sections")
+    # 1 where a crossing waits: until it is past its band, or the next step.
+    waits: Floats = array("sections")
+    postponed: Floats = array("sections")
+    relation_slopes: Floats = array(lambda s: s.sections * (1 + s.size))
+    # The time and the state of each that waits.
+    waiting: Floats = array(lambda s: s.sections * (1 + s.size))
+    periods: Floats = array("strobes")
+    passed: Floats = array("strobes")  # the number of the next
+    # Of each state found the number of its section, the time, and the state.
+    crossed_states: Floats = array(lambda s: s.states_room * (2 + s.size))
+
+
+def find_crossings(s: Crossings, p: Parameters) -> int:
+    """Write the states of sections in the last step; return 0 without room."""
+    evaluations = s.evaluations
+    complete = find_located(s, p) * find_strobes(s, p)
+    s.evaluations = evaluations  # nothing that is decided by them depends on it
+    return complete
+
+
+def same_time(s: Crossings, t: float) -> float:
+    """Difference of times that are one."""
+    return 2.0 * SAME_TIME * UNIT_ROUNDOFF * max(abs(t), abs(s.row_start))
+
+
+def find_located(s: Crossings, p: Parameters) -> int:
+    """Search the last step for crossings; return 0 where there is no room."""
+    if s.sections == 0 or s.searched >= 1.0:
+        return 1
+    end = s.cut if s.cut > 0.0 else 1.0
+    if s.t - s.step_t <= same_time(s, s.t):
+        s.searched = 1.0
+        return 1
+    if s.searched == 0.0:
+        if s.states_found + s.sections > s.states_room:
+            return 0
+        begin_search(s, p)
+    low = s.searched
+    while low < end:
+        if s.states_found + s.sections > s.states_room:
+            s.searched = low
+            return 0
+        low = next_crossing(s, p, low, end)
+    s.searched = 1.0
+    return 1
+
+
+def begin_search(s: Crossings, p: Parameters) -> None:
+    """Take what the acts at the start of the last step have crossed."""
+    s.banded = 0.0
+    for j in range(s.sections):
+        acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
+        s.postponed[j] = 0.0
+        side = s.sides[j]
+        if not acted or side * relation_at(s, p, j, 0.0) >= 0.0:
+            continue
+        if is_past(s, p, j, 0.0, side):
+            cross(s, p, j, 0.0)
+
+
+def know_bands(s: Crossings, p: Parameters) -> None:
+    """Set the bands of the last step, once."""
+    if s.banded == 0.0:
+        s.banded = 1.0
+        x = s.cut if s.cut > 0.0 else 1.0
+        interpolate(s, p, x, s.point)
+        measure_bands(s, p, s.step_t + x * s.step_h, s.point)
+
+
+def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
+    """Return the fraction of the step past the next crossing, or its end."""
+    first, last, count = s.starts, s.ends, 2 * rows(s)
+    widest = 2.0 / POINTS
+    width = widest
+    points = 0
+    sample(CROSSING, s, p, low, BESIDE * width, first)
+    while low < end:
+        x = min(low + width, end)
+        half = low + BETWEEN * (x - low)
+        sample(CROSSING, s, p, half, -BESIDE * width, s.middles)
+        sample(CROSSING, s, p, x, -BESIDE * width, last)
+        points += 2
+        narrower = 0.0
+        if points < MOST_POINTS:
+            narrower = unknown_up_to(CROSSING, s, p, low, x)
+        if narrower > 0.0 and s.banded == 0.0:
+            know_bands(s, p)
+            narrower = unknown_up_to(CROSSING, s, p, low, x)
+        if narrower > 0.0:
+            width = narrower
+            sample(CROSSING, s, p, low, BESIDE * width, first)
+            continue
+        past = crossed_within(s, p, low, half, first, s.middles)
+        if past == 0.0:
+            past = crossed_within(s, p, half, x, s.middles, last)
+        if past > 0.0:
+            return past
+        first[:count] = last[:count]
+        low = x
+        width = min(2.0 * width, widest)
+    return end
+
+
+def crossed_within(
+    s: Crossings, p: Parameters, low: float, x: float, before: Floats, after: Floats
+) -> float:
+    """Take the first crossing in (low, x], and return the fraction past it; or 0.
+
+    before, after : (2 R,), rows and slopes there. The end of the last step where a
+    crossing is at the same time: it is postponed.
+    """
+    for j in range(s.sections):
+        s.roots[j] = inf
+        if s.sides[j] == 0.0:
+            s.roots[j] = leave(s, p, j, low, x)
+        else:
+            bracket(s, p, j, low, x, before, after)
+    while True:
+        root = inf
+        for j in range(s.sections):
+            root = min(root, s.roots[j])
+        if root == inf:
+            return 0.0
+        past = take_crossings(s, p, root, x)
+        if past > 0.0:
+            return past
+
+
+def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
+    """Value of the relation of section j at the fraction x of the last step."""
+    rows_at(CROSSING, s, p, x)
+    return float(s.values[relations(s) + j])
+
+
+def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
+    """Return the fraction in (low, x] at which section j has been left, or inf.
+
+    The motion may return very soon: the start of an arc is looked at closely.
+    """
+    know_bands(s, p)
+    near = x
+    if low == 0.0 and s.step_t == s.arc_start:
+        near = NEXT * BESIDE / POINTS
+    while True:
+        near = min(near, x)
+        value = relation_at(s, p, j, near)
+        side = 1.0 if value > 0.0 else -1.0
+        if abs(value) > s.bands[j] and is_past(s, p, j, near, -side):
+            return near
+        if near >= x:
+            return inf
+        near = FARTHER * near
+
+
+def bracket(
+    s: Crossings,
+    p: Parameters,
+    j: int,
+    low: float,
+    x: float,
+    before: Floats,
+    after: Floats,
+) -> None:
+    """Set `roots` and `beyond` of section j, if its row falls below 0 on a stretch.
+
+    Where it already has at its start, that is where. After a touch none waits.
+    """
+    k = relations(s) + j
+    a = s.sides[j] * before[k]
+    b = s.sides[j] * after[k]
+    s.beyond[j] = x
+    if missed.lowest(float(s.sides[j]), s, k, before, after, x - low) < min(a, b, 0.0):
+        least = least_of(CROSSING, NARROW, s, p, k, low, x)
+        if value_at(CROSSING, s, p, k, least) < min(b, 0.0):
+            s.beyond[j] = least
+    if b >= 0.0 and s.beyond[j] == x:
+        s.waits[j] = 0.0
+        return
+    s.roots[j] = low
+    if a >= 0.0:
+        s.roots[j] = end_of(CROSSING, s, p, k, 0.0, low, s.beyond[j])
+
+
+def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
+    """Take what sections cross at a root, or postpone it; return a fraction past it.
+
+    0 where none has: it is a touch, or waits at the end x of the stretch.
+    """
+    end = s.cut if s.cut > 0.0 else 1.0
+    late = s.t - (s.step_t + root * s.step_h) <= same_time(s, s.t)
+    past = 0.0
+    for j in range(s.sections):
+        if s.roots[j] != root:
+            continue
+        s.roots[j] = inf
+        side = s.sides[j]
+        if side == 0.0:
+            s.sides[j] = 1.0 if relation_at(s, p, j, root) > 0.0 else -1.0
+            past = root
+        elif jumps(s, p, j, root):
+            s.waits[j] = 0.0
+            s.sides[j] = -side
+            past = root
+        elif late and s.waits[j] == 0.0:
+            s.postponed[j] = 1.0
+            return end
+        elif is_past(s, p, j, s.beyond[j], side):
+            cross(s, p, j, root)
+            past = root
+        elif s.beyond[j] == x and s.waits[j] == 0.0:
+            s.waits[j] = 1.0
+            at_root = s.waiting[j * (1 + s.size) :]
+            locate(s, p, root_of(s, p, j, root), at_root)
+    return past
+
+
+def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
+    """Whether the relation of section j itself jumps at a fraction of the step."""
+    if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
+        return False
+    know_bands(s, p)
+    k = relations(s) + j
+    last = value_at(CROSSING, s, p, k, from_bits(bits(root) - 1))
+    first = value_at(CROSSING, s, p, k, root)
+    change = last - first
+    if last < 0.0 or change <= 2.0 * s.bands[j]:
+        return False
+    before = value_at(CROSSING, s, p, k, max(0.0, root - AROUND))
+    after = value_at(CROSSING, s, p, k, min(1.0, root + AROUND))
+    return not change < JUMP * (abs(before - last) + abs(first - after))
+
+
+def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
+    """Return the fraction at which the relation of section j is 0, or has just been."""
+    if root == 0.0:
+        return root
+    last = from_bits(bits(root) - 1)
+    if value_at(CROSSING, s, p, relations(s) + j, last) == 0.0:
+        return last
+    return root
+
+
+def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
+    """Take it that section j is crossed at a fraction of the step, or where it waits.
+
+    One that waits at the time of an instant is shown after all acts.
+    """
+    x = root_of(s, p, j, root)
+    waits = s.waits[j] > 0.0
+    s.sides[j] = -s.sides[j]
+    s.waits[j] = 0.0
+    if s.ways[j] * s.sides[j] < 0.0:
+        return
+    width = 1 + s.size
+    kept = s.waiting[j * width :]
+    out = s.crossed_states[next_state(s, j) :]
+    if waits and not (s.step_t == s.arc_start and is_same(s, kept[0], s.step_t)):
+        out[:width] = kept[:width]
+    else:
+        locate(s, p, 0.0 if waits else x, out)
+
+
+def is_same(s: Crossings, t: float, other: float) -> bool:
+    """Whether two times are one."""
+    return abs(t - other) <= same_time(s, t)
+
+
+def next_state(s: Crossings, number: int) -> int:
+    """Begin a state of a section; return where its time and its state go."""
+    place = int(s.states_found) * (2 + s.size)
+    s.crossed_states[place] = float(number)
+    s.states_found += 1.0
+    return place + 1
+
+
+def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
+    """Write the time and the state (1 + size,) at a fraction of the last step."""
+    t = s.step_t + x * s.step_h
+    interpolate(s, p, x, out[1:])
+    if CONSTRAINED and x > s.satisfied:
+        project(s, p, t, s.step_h, out[1:], s.work)
+    if SWITCHES:
+        project_sliding(t, out[1:], p)
+    out[0] = shown_time(s, t)
+
+
+def shown_time(s: Crossings, t: float) -> float:
+    """Return a time, or that of an instant or a row which is the same."""
+    if is_same(s, t, s.arc_start):
+        return float(s.arc_start)
+    if is_same(s, t, s.end):
+        return float(s.end)
+    return row_time(s, t)
+
+
+def row_time(s: Crossings, t: float) -> float:
+    """Return a time, or that of a row which is the same."""
+    row = s.row_start + floor((t - s.row_start) / s.row_step + 0.5) * s.row_step
+    return row if is_same(s, t, row) else t
+
+
+def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
+    """Whether the relation of section j is past 0, seen from a side, by its band at x.
+
+    In the state as it would be shown.
+    """
+    t, z = s.step_t + x * s.step_h, s.point
+    interpolate(s, p, x, z)
+    if CONSTRAINED and x > s.satisfied:
+        project(s, p, t, s.step_h, z, s.work)
+    if SWITCHES:
+        project_sliding(t, z, p)
+    measure_bands(s, p, t, z)
+    sections(t, z, p, s.values[relations(s) :])
+    return float(side * s.values[relations(s) + j]) < -float(s.bands[j])
+
+
+def measure_bands(s: Crossings, p: Parameters, t: float, y: Floats) -> None:
+    """Set what the relation of each section may be at a state on it.
+
+    That is what rounding makes of its terms, and what the error of the state does.
+    """
+    section_slopes(t, y, p, s.relation_slopes)
+    for j in range(s.sections):
+        band = SUM_ROUNDOFF * abs(s.relation_slopes[j])
+        slopes = s.relation_slopes[s.sections + j * s.size :]
+        for i in range(s.size):
+            error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+            if i < s.n:
+                error = max(error, s.coarse * s.sizes[s.n + i])
+            band += abs(slopes[i]) * max(error, 0.0)
+        s.bands[j] = band if band < OVERFLOW else 0.0
+
+
+def meet_instant(s: Crossings, p: Parameters) -> None:
+    """Take the sides that relations have before anything acts at the time reached.
+
+    What has jumped itself is no crossing. Acts at one time count together.
+    """
+    if s.sections == 0 or is_same(s, s.t, s.instant):
+        return
+    s.instant = s.t
+    t = row_time(s, s.t)
+    values = s.values[relations(s) :]
+    measured = False
+    sections(t, s.y, p, values)
+    for j in range(s.sections):
+        if s.sides[j] * values[j] < 0.0 and s.waits[j] + s.postponed[j] == 0.0:
+            if not measured:
+                measure_bands(s, p, t, s.y)
+                measured = True
+            if abs(values[j]) > s.bands[j]:
+                s.sides[j] = -s.sides[j]
+
+
+def find_strobes(s: Crossings, p: Parameters) -> int:
+    """Write the states at the times of strobes; return 0 where there is no room.
+
+    One at the time reached waits for what acts there.
+    """
+    same = same_time(s, s.t)
+    for j in range(s.strobes):
+        while strobe_time(s, j) < s.t - same:
+            if s.states_found >= s.states_room:
+                return 0
+            t = strobe_time(s, j)
+            out = s.crossed_states[next_state(s, s.sections + j) :]
+            locate(s, p, max(0.0, (t - s.step_t) / s.step_h), out)
+            out[0] = shown_time(s, t)
+            s.passed[j] += 1.0
+    return 1
+
+
+def strobe_time(s: Crossings, j: int) -> float:
+    """Time of the next strobe of one section."""
+    return float(s.row_start + s.passed[j] * s.periods[j])
+
+
+def finish(s: Crossings, p: Parameters, whole: float) -> None:
+    """Write the states of sections at the end of a run; there is room for one of each.
+
+    What acts there may have crossed a section. A motion that comes to one and does not
+    turn crosses it. whole : 1 where the run has come to its end.
+    """
+    if s.sections > 0:
+        finish_located(s, p)
+    short = SHORT if whole > 0.0 else 0.0
+    for j in range(s.strobes):
+        if strobe_time(s, j) <= s.t + max(same_time(s, s.t), short * s.periods[j]):
+            out = s.crossed_states[next_state(s, s.sections + j) :]
+            out[0] = s.t
+            out[1 : 1 + s.size] = s.y
+            s.passed[j] += 1.0
+
+
+def finish_located(s: Crossings, p: Parameters) -> None:
+    """Write the sections that the end of a run has crossed, or comes to."""
+    measure_bands(s, p, s.t, s.y)
+    sections(s.t, s.y, p, s.values[relations(s) :])
+    for j in range(s.sections):
+        s.roots[j] = s.sides[j] * s.values[relations(s) + j]
+    width = 1 + s.size
+    for j in range(s.sections):
+        way = -s.sides[j]
+        crossed = s.roots[j] < -s.bands[j]
+        if way != 0.0 and not crossed and s.roots[j] <= s.bands[j]:
+            crossed = comes_to(s, p, j)
+        if crossed and s.ways[j] * way >= 0.0:
+            kept = s.waiting[j * width :]
+            out = s.crossed_states[next_state(s, j) :]
+            if s.waits[j] > 0.0 and not is_same(s, kept[0], s.t):
+                out[:width] = kept[:width]
+            else:
+                out[0] = s.t
+                out[1:width] = s.y
+    s.sides[:] = 0.0
+
+
+def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
+    """Whether the last step comes to section j and does not turn there."""
+    if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
+        return float(s.postponed[j]) > 0.0
+    x = (s.t - s.step_t) / s.step_h
+    side = s.sides[j]
+    near = side * relation_at(s, p, j, x - AGO * x)
+    far = side * relation_at(s, p, j, x - 2.0 * AGO * x)
+    return float(near) > max(float(s.bands[j]), float(TURNS * far))

@@ -1,0 +1,94 @@
+"""Rows of sections, as a run finds them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.errors import Problem
+from lagsim.language.evaluate import evaluate
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model, Settings
+    from lagsim.run.arc import Arc
+
+# Rows of a strobe at most.
+STROBES = 1_000_000
+DIRECTIONS = {"both": 0.0, "up": 1.0, "down": -1.0}
+
+
+class Sections:
+    """Keeps the rows of the sections of a run, which its kernels find on the way.
+
+    Attributes
+    ----------
+    names : list of str
+        Of located sections, then of strobes: by the numbers that kernels give them.
+    """
+
+    def __init__(self, model: Model, columns: int) -> None:
+        asked = sorted(model.output.sections, key=lambda x: x.at is None)
+        self.names = [x.name for x in asked]
+        self._columns = columns
+        self._blocks: list[list[Floats]] = [[] for _ in asked]
+
+    def begin(self, arc: Arc) -> None:
+        """Ask the kernels for sections."""
+        state, model = arc.state, arc.equations.model
+        asked = model.output.sections
+        state.sought = 1.0
+        state.ways[:] = [DIRECTIONS[x.direction] for x in asked if x.at is not None]
+        state.periods[:] = periods(model)
+
+    def take(self, arc: Arc, until: float = np.inf) -> None:
+        """Take the rows that kernels have found up to a time, in the arc's modes."""
+        state = arc.state
+        found, width = int(state.states_found), 2 + arc.system.size
+        if not found:
+            return
+        states = state.crossed_states[: found * width].reshape(found, width)
+        now = states[:, 1] <= until
+        rows = arc.runner.tabulate(states[now, 1:])[:, : self._columns]
+        numbers = states[now, 0]
+        for number in np.unique(numbers):
+            self._blocks[int(number)].append(rows[numbers == number])
+        later = states[~now].copy()
+        state.crossed_states[: later.size] = later.ravel()
+        state.states_found = float(len(later))
+
+    def finish(self, arc: Arc, *, whole: bool) -> None:
+        """Take what the end of a run crosses; `whole` if it has come to its end."""
+        self.take(arc)
+        arc.runner.finish(arc.state, whole=whole)
+        self.take(arc)
+
+    def tables(self, order: list[str]) -> dict[str, Floats]:
+        """Rows (k, columns) of each section, by name."""
+        nothing = np.empty((0, self._columns))
+        return {
+            name: np.concatenate([nothing, *self._blocks[self.names.index(name)]])
+            for name in order
+        }
+
+
+def periods(model: Model) -> list[float]:
+    """Periods of the strobes of a model."""
+    nodes = [x.every for x in model.output.sections if x.every is not None]
+    return evaluate(model.graph, nodes, model.parameter_values)
+
+
+def too_many_strobes(model: Model, settings: Settings) -> list[Problem]:
+    """Faults of periods of strobes that a run has too many of, or that are none."""
+    strobes = [x for x in model.output.sections if x.every is not None]
+    return [
+        Problem(
+            "out-of-range",
+            f"`every` of the section `{x.name}` is {period:g}; a run has at most "
+            f"{STROBES:,} of its periods",
+            x.place,
+        )
+        for x, period in zip(strobes, periods(model), strict=True)
+        if not (period > 0.0 and settings.duration / period < STROBES)
+    ]
