@@ -68,6 +68,7 @@ _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
 )
+_MEET = (None, (_POINTER, _POINTER))
 _FINISH = (None, (_POINTER, _POINTER, ctypes.c_double))
 _TABULATE = (
     None,
@@ -490,7 +491,9 @@ class Runner:
 
     def __init__(self, system: System, name: str) -> None:
         statics = _statics(system, name)
-        ends = [crossings.finish] if statics["SECTIONS"] else []
+        ends: list[Callable[..., Any]] = []
+        if statics["SECTIONS"]:
+            ends = [crossings.meet_instant, crossings.finish]
         around = kernel_part([driver.advance, driver.tabulate, *ends], statics)
         method_part = kernel_part(*of_method(system, name))
         self.program = [*system.program, method_part, around]
@@ -506,6 +509,7 @@ class Runner:
             self._project = self.engine.function("project_sliding", *_PROJECTION)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         if ends:
+            self._meet = self.engine.function("meet_instant", *_MEET)
             self._finish = self.engine.function("finish", *_FINISH)
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
@@ -603,6 +607,10 @@ class Runner:
             state.address, self.system.p.address, self._rows, rows, budget
         )
         return code
+
+    def meet_instant(self, state: State) -> None:
+        """Let sections see the time reached before anything acts there."""
+        self._meet(state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the states of sections at the end of a run, see `crossings.finish`."""

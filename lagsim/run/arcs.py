@@ -345,6 +345,8 @@ class Run:
         arc = self.arc
         if code in (at.EVENT_FOUND, at.SWITCH_FOUND):
             self._meet()
+        if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
+            arc.runner.meet_instant(arc.state)
         before = self._before(code)
         corner = self._corner(code)
         for source in self.sources:

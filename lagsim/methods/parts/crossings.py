@@ -52,9 +52,8 @@ from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
 from lagsim.tolerances import (
     OVERFLOW,
-    SAME_TIME,
+    SAME_INSTANT,
     SUM_ROUNDOFF,
-    UNIT_ROUNDOFF,
 )
 
 CONSTRAINED = True
@@ -116,8 +115,8 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
 
 
 def same_time(s: Crossings, t: float) -> float:
-    """Difference of times that are one."""
-    return 2.0 * SAME_TIME * UNIT_ROUNDOFF * max(abs(t), abs(s.row_start))
+    """Difference of times that are one instant."""
+    return SAME_INSTANT * max(abs(t), abs(s.row_start))
 
 
 def find_located(s: Crossings, p: Parameters) -> int:
@@ -387,11 +386,6 @@ def shown_time(s: Crossings, t: float) -> float:
         return float(s.arc_start)
     if is_same(s, t, s.end):
         return float(s.end)
-    return row_time(s, t)
-
-
-def row_time(s: Crossings, t: float) -> float:
-    """Return a time, or that of a row which is the same."""
     row = s.row_start + floor((t - s.row_start) / s.row_step + 0.5) * s.row_step
     return row if is_same(s, t, row) else t
 
@@ -434,17 +428,16 @@ def meet_instant(s: Crossings, p: Parameters) -> None:
 
     What has jumped itself is no crossing. Acts at one time count together.
     """
-    if s.sections == 0 or is_same(s, s.t, s.instant):
+    if is_same(s, s.t, s.instant):
         return
     s.instant = s.t
-    t = row_time(s, s.t)
     values = s.values[relations(s) :]
     measured = False
-    sections(t, s.y, p, values)
+    sections(s.t, s.y, p, values)
     for j in range(s.sections):
         if s.sides[j] * values[j] < 0.0 and s.waits[j] + s.postponed[j] == 0.0:
             if not measured:
-                measure_bands(s, p, t, s.y)
+                measure_bands(s, p, s.t, s.y)
                 measured = True
             if abs(values[j]) > s.bands[j]:
                 s.sides[j] = -s.sides[j]

@@ -85,7 +85,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
     while True:
         if show(s, p, out, rows) == 0:
             return at.BLOCK_FULL
-        code = ended(s, p)
+        code = arrived(s, p)
         if code != NOWHERE:
             return code
         if s.ask_at > 0.0 and s.at_bound >= s.ask_at:
@@ -114,14 +114,6 @@ def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
     if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
         return 0
     return emit(s, p, out, rows)
-
-
-def ended(s: State, p: Parameters) -> int:
-    """Code of the end that has been reached, if any, before anything acts there."""
-    code = arrived(s, p)
-    if SECTIONS and code != NOWHERE and s.sought > 0.0:
-        crossings.meet_instant(s, p)
-    return code
 
 
 def arrived(s: State, p: Parameters) -> int:
