@@ -27,7 +27,9 @@ _HELD = {
     "nonlinear velocity constraint": BETWEEN_VELOCITIES,
 }
 _LAWS = dict.fromkeys(HOLDS_AT_TIMES, ALONE)
-_SWITCHES = ("switch in the state", "two switches", "sliding")
+_SWITCHES = (
+    "switch in the state", "two switches", "switch within a switch", "sliding"
+)  # fmt: skip
 _POSITIONS = ("holonomic", "rheonomic", "redundant", "singular M")
 _VELOCITIES = ("Pfaffian", "nonlinear velocity constraint")
 _EXPLICIT = {**_LAWS, **_HELD, "sliding": OF_VELOCITIES}
@@ -119,6 +121,7 @@ CHANGED = {
     "switch in t": ("t < 0.37", "t < 0.370003"),
     "switch in the state": ("-16*x1", "-16.0001*x1"),
     "two switches": ("x1 - 0.4", "x1 - 0.400005"),
+    "switch within a switch": ("mod(x1, 0.4)", "mod(x1, 0.400002)"),
     "sliding": ("0.5*sign", "0.500005*sign"),
     "until": ("x1 <= 0", "x1 <= 0.000005"),
     "event": ("x1 <= 0.2", "x1 <= 0.200002"),

@@ -99,6 +99,16 @@ def _two_switches(x, v):
 _two_switches.levels = (0.0, 0.4)
 
 
+def _nested(x, v):
+    """Give the force of `switch within a switch`: the side it moves to."""
+    x += 1e-6 * np.sign(v)
+    wide = 0.25 if x >= 0.6 else 0.15
+    return 2.0 if x - 0.4 * np.floor(x / 0.4) < wide else -1.0
+
+
+_nested.levels = (0.6, *(0.4 * k + c for k in range(-9, 9) for c in (0.0, 0.15, 0.25)))
+
+
 def _bent(t):
     first, second = np.pi / 4, np.pi / 2
     return np.where(
@@ -176,6 +186,11 @@ FRAGMENTS = (
         "two switches", ("1", "0"),
         lambda t: {"x$": _steps(t, 1.0, 0.0, _two_switches)},
         forces={"x$": "-sign(x$) - 0.5*sign(x$ - 0.4)"},
+    ),
+    Fragment(
+        "switch within a switch", ("0.9", "-1.3"),
+        lambda t: {"x$": _steps(t, 0.9, -1.3, _nested)},
+        forces={"x$": "if(mod(x$, 0.4) < 0.15 + 0.1*heaviside(x$ - 0.6), 2, -1)"},
     ),
     Fragment(
         "sliding", ("0.2", "0.45"), lambda t: {"x$": 0.2 + _brake(t, 0.45, 0.3)},
