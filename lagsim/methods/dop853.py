@@ -141,6 +141,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
         new[i] = s.y[i]
         s.remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
     control.add_change(s, p, k, h, new)
+    s.balanced_alone = 0.0
     control.set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
     for i in apart(size):
@@ -154,12 +155,11 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
-    s.balanced_alone = 0.0
     if not doubtful and error >= SLOWING and s.balanced > 0.0:
         doubtful = True
         s.balanced_alone = 1.0
     if doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
-        error = error_norm(s, h, errors)
+        error = min(error, error_norm(s, h, errors))
     if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
         constraints.note_directions(s, p, t + h, new)
         removed = h * h * constraints.forget_removed(s, p, h, errors)

@@ -379,7 +379,7 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
             if hopeless and (iteration > 1 or rate >= 0.99):
-                if is_rounding(s, p, size):
+                if is_rounding(s, p, h):
                     apply_step(s)
                     s.iterations = iteration + 1
                     return 1
@@ -395,28 +395,28 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
             s.iterations = iteration + 1
             return 1
     s.iterations = MOST
-    return 1 if is_rounding(s, p, previous) else 0
+    return 1 if is_rounding(s, p, h) else 0
 
 
-def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
-    """Whether a change of T^-1 Z is no larger than roundoff: of rates, or of the state.
+def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
+    """Whether the last change of T^-1 Z is roundoff: of the rates, or of the state.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
-    comes no closer. What the estimate would not let pass is too large for that. In a
-    step of a few units in the last place of the time, as to an end just ahead, the
-    tolerance of a velocity is the rounding of its value, to which it is solved.
+    comes no closer. The tolerances allow for roundoff from here on. What the estimate
+    would not let pass is too large for that. In a step of a few units in the last place
+    of the time, as to an end just ahead, the tolerance of a velocity is the rounding of
+    its value, to which it is solved.
     """
     errors = s.errors
-    if change * s.rtol**0.2 >= 1.0:
-        return False
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
-    if s.rounding_known == 0.0:
-        control.bound_roundoff(s, p, s.t, s.y, s.slope, 1.0)
+    s.new[:] = s.y + h * s.slope  # the stages may lead anywhere
+    control.allow_roundoff(s, p, h, s.new, s.slope, 1.0)
+    change = size_of_change(s)
+    if change * s.rtol**0.2 >= 1.0:
+        return False
     for i in range(s.size):
         errors[i] = s.roundoff[i] if i >= s.n else 0.0
-        if s.rounding_known == 0.0:
-            s.roundoff[i] = 0.0
     solve(1, s, p, errors)
     for i in range(s.size):
         errors[i] = abs(errors[i]) + 3.0 * ROUNDING * abs(s.y[i])  # of three parts
@@ -452,6 +452,12 @@ def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
         W[size + 2 * i + 1] = imaginary - BETA / h * b - ALPHA / h * c
     solve(1, s, p, W)
     solve(2, s, p, W[size:])
+    return size_of_change(s)
+
+
+def size_of_change(s: Radau) -> float:
+    """Size of the change of T^-1 Z, which is in W, against the tolerance."""
+    size, W = s.size, s.W
     real = norm(2, size, W[size:], s.tolerances)
     imaginary = norm(2, size, W[size + 1 :], s.tolerances)
     return norm(1, size, W, s.tolerances) + real + imaginary

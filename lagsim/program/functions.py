@@ -23,6 +23,7 @@ from lagsim.mechanics.equations import (
 from lagsim.mechanics.ldl import without_rows
 from lagsim.mechanics.motion_series import linear_form, motion_rates
 from lagsim.mechanics.reduction import with_lengths
+from lagsim.methods.parts.control import scattered
 from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
 from lagsim.plan.plan import coupled
@@ -399,8 +400,6 @@ def surface_functions(
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
 # the time that it takes to compile.
 SHORT_PIVOTS = 300
-# Multiples of it, less their whole parts, are spread evenly.
-GOLDEN = 0.618033988749895
 
 
 def functions(
@@ -579,7 +578,8 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
     """Assign the rounding of each force its sign, and a part."""
     parts = (
-        (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2)) for k in range(len(sizes))
+        (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
+        for k in range(len(sizes))
     )
     return [
         g.call("mul", g.constant(part), x) for part, x in zip(parts, sizes, strict=True)

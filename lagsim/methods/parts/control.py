@@ -82,6 +82,7 @@ class Control(Output):
     parts: Floats = array("size")
     roundoff: Floats = array("size")
     foreseen: Floats = array("size")
+    reach: Floats = array("size")  # the largest size in the step that is bounded
     # The compensation term of y, and that of the new state.
     compensation: Floats = array("size")
     remainder: Floats = array("size")
@@ -264,7 +265,7 @@ def allow_roundoff(
     if s.rounding_known > 0.0:
         return False
     t = s.t
-    bound_roundoff(s, p, t, s.y, k, sigma)
+    bound_roundoff(s, p, t, s.y, k, sigma, h)
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
@@ -348,7 +349,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     against that change, is within the tolerance.
     """
     z, slopes = s.work, s.spare
-    bound_roundoff(s, p, s.t, s.y, k, 1.0)
+    bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0)
     foresee(s, p, k)
     span = s.end - s.t
     h = min(EULER * s.row_step, span)
@@ -411,6 +412,10 @@ PROBED = 0.5
 TIME_PART = 2.0
 # Of what that does, what rounding leaves in the error estimate.
 PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
+# What spreads the parts by which components are moved, see `scattered`.
+GOLDEN = 0.6180339887498949
+SILVER = 0.4142135623730951
+SCRAMBLED = 1e4
 # A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
@@ -444,7 +449,7 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
     lead_positions(s, 0.5 * h, k)
     derivative(t, s.point, p, s.point_rates)
     s.evaluations += 3.0
-    perturb(s, p, t, s.point, s.point_rates, s.far_before)
+    perturb(s, p, t, s.point, s.point_rates, TERM_ROUNDOFF, 2, s.far_before)
     for i in range(s.n, s.size):
         s.roundoff[i] = max(s.roundoff[i], PERTURBED * s.far_before[i])
 
@@ -468,32 +473,54 @@ def add_bound(
             s.roundoff[i] = max(s.roundoff[i], VALUE_ROUNDOFF * found)
 
 
-def perturb(
-    s: Control, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
-) -> None:
-    """Change of the rates (size,) by some last places of y, to both sides.
+def set_reach(s: Control, y: Floats, k: Floats, h: float) -> None:
+    """Set the largest size of each component in a step h from y, with y' = k there."""
+    accelerations = k[s.velocities]
+    for i in range(s.size):
+        after = y[i] + h * k[i]
+        if i < s.n:
+            after += 0.5 * h * h * accelerations[i]
+        s.reach[i] = abs(y[i])
+        if abs(after) < OVERFLOW:
+            s.reach[i] = max(s.reach[i], abs(after))
 
-    What has no value there counts as nothing.
+
+def perturb(
+    s: Control,
+    p: Parameters,
+    t: float,
+    y: Floats,
+    rates: Floats,
+    change: float,
+    ways: int,
+    out: Floats,
+) -> None:
+    """Change of the rates (size,) by a part `change` of the reach and of the time.
+
+    In two ways to both sides, in other directions: in one alone some sum may cancel by
+    chance. What has no value there counts as nothing.
     """
     size = s.size
     out[:size] = 0.0
-    for way in range(2):
-        move_aside(size, y, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, s.work)
-        derivative(t, s.work, p, s.spare)
+    for way in range(ways):
+        part = change if way == 0 else -change
+        move_aside(size, y, s.reach, part, way, s.work)
+        derivative(t * (1.0 + TIME_PART * part), s.work, p, s.spare)
         for i in range(size):
-            change = abs(s.spare[i] - rates[i])
-            if change < OVERFLOW:
-                out[i] = max(out[i], change)
+            moved = abs(s.spare[i] - rates[i])
+            if moved < OVERFLOW:
+                out[i] = max(out[i], moved)
 
 
 def bound_roundoff(
-    s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float
+    s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float, h: float
 ) -> None:
-    """Bound the roundoff of the rates k (size,) at y, for this step.
+    """Bound the roundoff of the rates k (size,) at y, for a step h from there.
 
     From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
     that of rows close to a loss of rank, which enlarges the former; y' off the
-    constraints says nothing there.
+    constraints says nothing there. A start, h = 0, is bounded again with its first
+    step.
     """
     n, roundoff = s.n, s.roundoff
     rounding(t, y, p, s.work)
@@ -501,26 +528,39 @@ def bound_roundoff(
     for i in range(n, s.size):
         roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
-        move_aside(s.size, y, PROBE, s.work)
-        derivative(t * (1.0 + TIME_PART * PROBE), s.work, p, s.spare)
-        s.evaluations += 1.0
+        set_reach(s, y, k, h)
+        ways = 2 if h > 0.0 else 1
+        perturb(s, p, t, y, k, PROBE, ways, s.far_before)
+        s.evaluations += ways
         for i in range(n, s.size):
-            roundoff[i] += PROBED * abs(s.spare[i] - k[i]) / PROBE
+            roundoff[i] += PROBED * s.far_before[i] / PROBE
     for i in range(n, s.size):
         if not roundoff[i] < OVERFLOW:
             roundoff[i] = 0.0
         roundoff[i] = VALUE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
 
 
-def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
-    """Write y with a relative change.
+def move_aside(
+    size: int, y: Floats, sizes: Floats, change: float, way: int, out: Floats
+) -> None:
+    """Write y moved by a part `change` of `sizes` (size,), in one of many directions.
 
     Components change by different parts, or a change of the whole scene's size or
     place would hide what cancels.
     """
     for i in range(size):
-        part = 0.618033988749895 * (i + 1)
-        out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
+        out[i] = y[i] + change * sizes[i] * (0.5 + scattered(i, way))
+
+
+def scattered(i: int, way: int) -> float:
+    """Pseudorandom number from 0 to 1 of component i, one sequence for each `way`.
+
+    Multiples of an irrational number will not do: their second differences are whole
+    numbers or 0, so that forces between neighbours would often seem to have no error.
+    """
+    part = GOLDEN * (i + 1) + SILVER * way
+    part = SCRAMBLED / (1.0 + part - int(part))
+    return part - int(part)
 
 
 def add_exactly(

@@ -18,7 +18,13 @@ from math import log
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import Rank
-from lagsim.methods.parts.control import PERTURBED, move_aside, perturb
+from lagsim.methods.parts.control import (
+    PERTURBED,
+    move_aside,
+    perturb,
+    scattered,
+    set_reach,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     derivative,
@@ -379,7 +385,9 @@ def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
     Beside a root no slope tells what that does. most : as there; rounding itself leaves
     no more than it does.
     """
-    perturb(s, p, s.step_t + x * s.step_h, s.point, s.exact_rates, s.far_before)
+    set_reach(s, s.point, s.exact_rates, 0.0)
+    t = s.step_t + x * s.step_h
+    perturb(s, p, t, s.point, s.exact_rates, TERM_ROUNDOFF, 2, s.far_before)
     for i in range(s.n, s.size):
         s.far_before[i] *= PERTURBED
     return not exceeds(s, most, s.far_before)
@@ -397,7 +405,8 @@ def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
     most = 0.0
     for way in range(2):
         interpolate(s, p, x, z)
-        move_aside(s.size, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
+        part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
+        move_aside(s.size, z, z, part, way, z)
         move_within(s, 1.0 if way == 0 else -1.0, z)
         signals(s.step_t + x * s.step_h, z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
@@ -437,8 +446,8 @@ def move_within(s: Table, tolerances: float, z: Floats) -> None:
     By parts and signs of each component's own: what is alike in two may cancel.
     """
     for i in range(s.size):
-        part = GOLDEN * (i + 1)
-        part = (0.5 + part - int(part)) * (1.0 - 2.0 * (i % 2))
+        part = 2.0 * scattered(i, 0) - 1.0
+        part += 0.5 if part > 0.0 else -0.5
         z[i] += part * tolerances * s.tolerances[i]
 
 

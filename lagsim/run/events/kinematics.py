@@ -16,6 +16,7 @@ from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
+from lagsim.methods.parts.control import scattered
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
@@ -30,9 +31,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
 
-# How far a state is moved, by parts, to see what its rounding does; and these parts.
+# How far a state is moved, by parts, to see what its rounding does.
 PROBE = 2.0**-26
-APART = 0.618033988749895
 
 
 class Shape:
@@ -176,8 +176,8 @@ class Kinematics:
     def roundoff(self) -> Floats:
         """Rounding bounds of `accelerations` (L,): by their terms, and by the state."""
         # Each component moves by another part, or what cancels would stay hidden.
-        parts = PROBE * (0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0])
-        free, b, *_ = self._free(self.t, self.y + parts * self._known())
+        parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
+        free, b, *_ = self._free(self.t, self.y + np.array(parts) * self._known())
         a = self.rows @ free[self.levels[1]] - b
         stirred = np.abs(a - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
