@@ -270,7 +270,7 @@ def jumps(case: Case, base: Motion, near: Near) -> Floats:
     it: a kink is no jump.
     """
     # Only goldens that are stored anew need it.
-    from lagsim.studies.sections import rows_at
+    from lagsim.studies.moments import rows_at
 
     found = np.zeros((len(near.rows), len(base.columns)))
     if near.events:

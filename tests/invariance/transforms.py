@@ -29,7 +29,7 @@ class Document:
 
     laws : what constraints have besides their relations: texts, or numbers' texts
     states : the rate of each first-order state
-    events : of each what the file has, in times of the model it came from
+    events, sections : of each what the file has, in times of the model it came from
     scale : columns of t times this are the times of the model it came from
     shift : ... after this was taken off
     """
@@ -54,6 +54,7 @@ class Document:
     modes: dict[str, str] = field(default_factory=dict)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
     tables: dict[str, Any] = field(default_factory=dict)
+    sections: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def text(self):
         """Write the model file."""
@@ -83,14 +84,19 @@ class Document:
         if self.tables:
             document["tables"] = self.tables
         if self.events:
-            events = {
-                name: {**x, "every": f"({x['every']})/({self.scale!r})"}
-                if "every" in x
-                else x
-                for name, x in self.events.items()
-            }
-            document |= {"modes": self.modes, "events": events}
+            document |= {"modes": self.modes, "events": self._in_time(self.events)}
+        if self.sections:
+            document["output"] = {"sections": self._in_time(self.sections)}
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
+
+    def _in_time(self, asked):
+        """Give events or sections in this document's times."""
+        return {
+            name: {**x, "every": f"({x['every']})/({self.scale!r})"}
+            if "every" in x
+            else x
+            for name, x in asked.items()
+        }
 
     def everywhere(self, change):
         """Give the document with all texts of the motion changed."""
@@ -107,6 +113,12 @@ class Document:
                 name: {key: x if key == "every" else _in_all(change, x)
                        for key, x in event.items()}
                 for name, event in self.events.items()
+            },
+            sections={
+                name: {**section, "at": change(section["at"])}
+                if "at" in section
+                else section
+                for name, section in self.sections.items()
             },
         )  # fmt: skip
 
@@ -161,6 +173,11 @@ def document(given, keep=()):
     used.append(simulation.get("until", ""))
     modes, events = raw.get("modes") or {}, raw.get("events") or {}
     used += [x for e in events.values() for x in (e.get("at", ""), *e["set"].values())]
+    sections = {
+        name: {key: x for key, x in section.items() if key != "plot"}
+        for name, section in (raw.get("output") or {}).get("sections", {}).items()
+    }
+    used += [section.get("at", "") for section in sections.values()]
     duration = number(simulation["duration"])
     asked = ("method", "rtol", "step", "formulation")
     kept = {k: v for k, v in simulation.items() if k in asked}
@@ -171,7 +188,7 @@ def document(given, keep=()):
         number(simulation.get("start", "0")), duration,
         number(simulation.get("output_step", repr(duration / 1000))),
         simulation.get("until", ""), laws, kept, states=states, modes=modes,
-        events=events, tables=raw.get("tables") or {},
+        events=events, tables=raw.get("tables") or {}, sections=sections,
     )  # fmt: skip
 
 

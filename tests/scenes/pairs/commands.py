@@ -68,7 +68,7 @@ FREEDOM = {
 }  # fmt: skip
 
 _FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "event")
-_FREE += ("many coordinates",)
+_FREE += ("sections and strobes", "many coordinates")
 NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
 AT_TIMES = "the model has constraints that come and go"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
@@ -125,6 +125,7 @@ CHANGED = {
     "sliding": ("0.5*sign", "0.500005*sign"),
     "until": ("x1 <= 0", "x1 <= 0.000005"),
     "event": ("x1 <= 0.2", "x1 <= 0.200002"),
+    "sections and strobes": ("2*x1^2", "2.00001*x1^2"),
     "contact": ("restitution: 0.5", "restitution: 0.500005"),
     "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
     "friction on the disc": ("friction: 0.2", "friction: 0.200002"),
@@ -143,7 +144,8 @@ CHANGED = {
 }
 # Where another tolerance is the same means, as of linear motion: another method.
 _LINEAR = (
-    "smooth", "ignorable", "until", "event", "contact", "friction on one slip", "limit",
+    "smooth", "ignorable", "until", "event", "sections and strobes", "contact",
+    "friction on one slip", "limit",
     "static and dynamic friction", "freewheel", "when", "singular M",
     "many coordinates",
 )  # fmt: skip
@@ -154,6 +156,7 @@ EIGENVALUES = {
     **dict.fromkeys(("ignorable", "switch in t", *_SWITCHES[1:]), (0.0, 0.0)),
     **dict.fromkeys(("until", "event", "holonomic"), (0.0, 0.0)),
     **dict.fromkeys(("smooth", "switch in the state", "elimination"), _BEAT),
+    "sections and strobes": _BEAT,
     **dict.fromkeys(("redundant", "singular M"), _BEAT),
     "rheonomic": (),
     # Two directions and a place across; two speeds.

@@ -27,6 +27,7 @@ class Fragment(NamedTuple):
     `more` : name -> (start, rate) of the other coordinates.
     `motion` : t (rows,) -> name -> positions (rows,), by closed form.
     `sections` : of the file, what else they have: name -> text.
+    `crossed` : sections of the motion: name -> text, and the times of their rows.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Fragment(NamedTuple):
     formulation: str = ""
     end: float = DURATION
     sections: dict[str, dict[str, str]] = {}  # noqa: RUF012
+    crossed: dict[str, tuple[str, Any]] = {}  # noqa: RUF012
 
     def written(self, k):
         """Give sections of the file, with names and texts of the k-th fragment."""
@@ -206,6 +208,14 @@ FRAGMENTS = (
         events={
             "hit$": "{at: x$ <= 0.2, set: {push$: 2}}",
             "beat$": "{every: 1.3, set: {push$: push$ - 3}}",
+        },
+    ),
+    Fragment(
+        "sections and strobes", ("1", "0"), lambda t: {"x$": np.cos(2 * t)}, "2*x$^2",
+        crossed={
+            "down$": ("{at: x$ = 0.2, direction: down}", [np.arccos(0.2) / 2]),
+            "turn$": ("{at: x$_dot = 0}", [np.pi / 2]),  # and at the start
+            "beat$": ("{every: 0.4}", [0.0, 0.4, 0.8, 1.2, 1.6, 2.0]),
         },
     ),
     Fragment(

@@ -9,6 +9,8 @@ import itertools
 import re
 import zlib
 
+import pytest
+
 from tests.scenes.pairs.physical import FRAGMENTS
 
 STEP = 0.05
@@ -87,6 +89,17 @@ def scene(
     settings.pop(", formulation: ", None)
     untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
     more = "".join([*(f', until: "{u}"' for u in untils if u), *settings])
+    crossed = {
+        name.replace("$", str(k)): text.replace("$", str(k))
+        for k, f in enumerate(fragments, 1)
+        for name, (text, _) in f.crossed.items()
+    }
+    if crossed:
+        asked = ", ".join(f"{name}: {text}" for name, text in crossed.items())
+        sections["output"] = {"sections": f"{{{asked}}}"}
+        if found := re.fullmatch(r"output: {(\w+): (.*)}", extra):
+            sections["output"][found[1]] = found[2]
+            extra = ""
     lines = [
         f"{name}:\n" + "".join(f"  {key}: {text}\n" for key, text in entries.items())
         for name, entries in sections.items()
@@ -109,6 +122,27 @@ def motion(*fragments, t):
         for k, f in enumerate(fragments, 1)
         for name, x in f.motion(t).items()
     }
+
+
+def crossings(*fragments):
+    """Give the times of the rows of each section, by its name."""
+    end = min(f.end for f in fragments) + 1e-6
+    return {
+        name.replace("$", str(k)): [t for t in times if t <= end]
+        for k, f in enumerate(fragments, 1)
+        for name, (_, times) in f.crossed.items()
+    }
+
+
+def holds_sections(result, *fragments, bound, scale=1.0, shift=0.0):
+    """Hold the rows of all sections against the closed forms."""
+    assert result.sections.keys() == crossings(*fragments).keys()
+    for name, times in crossings(*fragments).items():
+        rows = result.sections[name]
+        t = (rows["t"] - shift) * scale
+        assert t == pytest.approx(times, abs=bound), name
+        for q, x in motion(*fragments, t=t).items():
+            assert rows[q] == pytest.approx(x, abs=bound), (name, q)
 
 
 def part_of(name, parts):

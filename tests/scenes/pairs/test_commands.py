@@ -9,7 +9,7 @@ from lagsim.methods import method, names
 from lagsim.plan.formulation import formulations
 from tests.scenes.pairs.commands import COMMANDS, FORMULATIONS, FREEDOM, METHODS
 from tests.scenes.pairs.physical import BY_NAME
-from tests.scenes.pairs.scene import PAIRS, motion, part_of, scene
+from tests.scenes.pairs.scene import PAIRS, holds_sections, motion, part_of, scene
 
 STEP = 0.001
 # By the order of the method: what its error is at STEP, for motions of size 1.
@@ -49,6 +49,7 @@ def test_methods(m, name):
     assert result.t[-1] == pytest.approx(fragment.end, abs=max(bound, 1e-9))
     for q, x in motion(fragment, t=result.t).items():
         assert result[q] == pytest.approx(x, abs=bound), q
+    holds_sections(result, fragment, bound=bound)
 
 
 def _posed():
@@ -74,6 +75,7 @@ def test_formulations(formulation, name):
     result = asked(*pair, formulation=formulation)
     for q, x in motion(*pair, t=result.t).items():
         assert result[q] == pytest.approx(x, abs=1e-9), q
+    holds_sections(result, *pair, bound=1e-9)
 
 
 @pytest.mark.parametrize("name", FREE)

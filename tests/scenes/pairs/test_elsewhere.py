@@ -10,7 +10,15 @@ from tests.choosing import tonight, turn
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
 from tests.scenes.pairs.physical import BY_NAME
-from tests.scenes.pairs.scene import PAIRS, REFUSED, WAYS, motion, part_of, scene
+from tests.scenes.pairs.scene import (
+    PAIRS,
+    REFUSED,
+    WAYS,
+    holds_sections,
+    motion,
+    part_of,
+    scene,
+)
 from tests.scenes.pairs.test_physical import BOUND, TOLD
 
 SIZES = Sizes(length=1.0, speed=2.0, time=2.0)
@@ -55,6 +63,8 @@ def moves(first, second, way, change):
     assert t[-1] == pytest.approx(min(f.end for f in pair), abs=bound)
     for name, x in motion(*pair, t=t).items():
         assert result[name] == pytest.approx(x, abs=bound), name
+    shown = {"scale": changed.scale, "shift": changed.shift}
+    holds_sections(result, *pair, bound=bound, **shown)
 
 
 @pytest.mark.parametrize(("first", "second", "way", "change"), list(_cases()))

@@ -6,7 +6,15 @@ import pytest
 import lagsim
 from lagsim.errors import InputError
 from tests.scenes.pairs.physical import BY_NAME
-from tests.scenes.pairs.scene import PAIRS, REFUSED, WAYS, motion, part_of, scene
+from tests.scenes.pairs.scene import (
+    PAIRS,
+    REFUSED,
+    WAYS,
+    holds_sections,
+    motion,
+    part_of,
+    scene,
+)
 
 BOUND = 1e-9
 # Of places and times that are so much larger than the motion.
@@ -38,6 +46,7 @@ def moves(*fragments, **words):
     assert t[-1] == pytest.approx(end, abs=bound)
     for name, x in motion(*fragments, t=t).items():
         assert result[name] == pytest.approx(x, abs=bound), name
+    holds_sections(result, *fragments, bound=bound, shift=later)
     work = result["work"] if "work" in result.columns else 0.0
     size = 10.0 * max(1.0, float(np.max(result["kinetic"]))) if three else 1.0
     assert np.ptp(result["energy"] - work) < bound * size
