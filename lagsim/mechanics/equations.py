@@ -178,6 +178,21 @@ class Quadrature(NamedTuple):
     mass: int
 
 
+class Begun(NamedTuple):
+    """What events have done at a start, before the first row.
+
+    acts : names of the events that have acted, in this order; chatter : of those that
+    undo each other; is_over : whether `until` has become true by that.
+    """
+
+    acts: tuple[str, ...] = ()
+    chatter: tuple[str, ...] = ()
+    is_over: bool = False
+
+
+NOT_BEGUN = Begun()
+
+
 @dataclass(frozen=True, slots=True)
 class Equations:
     """Everything a run needs, as nodes of `graph`.
@@ -211,6 +226,8 @@ class Equations:
         and coordinates, see `reduction`.
     states : tuple of State
         The first-order states, with rates in the variables of these equations.
+    begun_by : Begun
+        What events have done at the start.
     """
 
     model: Model
@@ -229,6 +246,7 @@ class Equations:
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
     states: tuple[State, ...] = ()
+    begun_by: Begun = NOT_BEGUN
 
     def of(self, model: Model) -> Equations:
         """Return the same equations of the model bound to other values."""
@@ -236,20 +254,21 @@ class Equations:
         laws = self.laws
         if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
             laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
-        return replace(self, model=model, laws=laws)
+        return replace(self, model=model, laws=laws, begun_by=NOT_BEGUN)
 
     def begun(self, state: Instant) -> Equations:
-        """Return the equations with what periodic events set at a start."""
+        """Return the equations with what events set at a start.
+
+        Periodic events act there, then those whose conditions become true by that.
+        """
         model, numbers = self.model, [state.t, *state.q, *state.v, *state.s]
         values = {p.name: p.value for p in model.parameters}
         values |= zip(("t", *self.state), map(float, numbers), strict=True)
-        for event in (x for x in model.events if x.at is None):
-            found = evaluate(self.graph, [node for _, node in event.sets], values)
-            values |= zip((mode for mode, _ in event.sets), found, strict=True)
+        begun = _begin(self.graph, model, values)
         new = tuple(x._replace(value=values[x.name]) for x in model.parameters)
-        if new == model.parameters:
+        if not begun.acts:
             return self
-        return self.of(replace(model, parameters=new))
+        return replace(self.of(replace(model, parameters=new)), begun_by=begun)
 
     @property
     def nodes(self) -> tuple[object, ...]:
@@ -812,3 +831,49 @@ def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> i
             term = g.call("mul", g.variable(law.multiplier), law.moved(g, rates))
             power = g.call("add", power, term)
     return power
+
+
+# A condition that is false by less than this part of what an act changes it by is true
+# but for rounding.
+FALSE = 1e-9
+# So often events act at a start at most.
+MOST_ACTS = 1000
+
+
+def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
+    """Let events act at a start; values : of all names there, changed by that."""
+    located = [k for k, x in enumerate(model.events) if x.at is not None]
+    due = [k for k, x in enumerate(model.events) if x.at is None]
+    modes = {mode for x in model.events for mode, _ in x.sets}
+    acts: list[str] = []
+    seen: list[tuple[str, dict[str, float]]] = []
+    is_over = False
+    while due:
+        before = evaluate(g, [x.node for x in model.located], values)
+        for k in due:
+            event, former = model.events[k], {mode: values[mode] for mode in modes}
+            found = evaluate(g, [node for _, node in event.sets], values)
+            values |= zip((mode for mode, _ in event.sets), found, strict=True)
+            acts.append(event.name)
+            if event.at is None:
+                continue
+            seen.append((event.name, former))
+            now = {mode: values[mode] for mode in modes}
+            known = [x for _, x in seen]
+            if (now != former and now in known) or len(seen) > MOST_ACTS:
+                first = known.index(now) if now in known else 0
+                return Begun(tuple(acts), tuple(x for x, _ in seen[first:]))
+        after = evaluate(g, [x.node for x in model.located], values)
+        rows = zip(model.located, before, after, strict=True)
+        true = [k for k, (x, a, b) in enumerate(rows) if _comes(x.equality, a, b)]
+        is_over |= len(located) in true
+        due = [located[k] for k in true if k < len(located)]
+    return Begun(tuple(acts), is_over=is_over)
+
+
+def _comes(equality: bool, before: float, after: float) -> bool:
+    """Whether a condition that was false is true, by its values."""
+    least = FALSE * abs(after - before)
+    if equality and before > 0.0:
+        before, after = -before, -after
+    return before < -least and after >= -least

@@ -424,10 +424,10 @@ def functions(
     }
     if located := equations.model.located:
         found["located"] = [x.node for x in located]
+        nodes, state = [x.node for x in located], equations.moving[:-1]
+        found["located_slopes"] = _slopes(equations, nodes, state)
     if events := equations.model.events:
         found["sets"] = [node for event in events for _, node in event.sets]
-        moving = equations.moving[:-1]
-        found["located_slopes"] = _slopes(equations, [x.node for x in located], moving)
     if moreau is not None:
         found |= stepping_functions(equations, columns, moreau)
     elif equations.laws or plan.elimination is None:
@@ -461,7 +461,7 @@ def _slopes(e: Equations, nodes: Sequence[int], state: Sequence[str]) -> list[in
         scale_of(g, node, variables, dict(enumerate(row)))
         for node, row in zip(nodes, rows, strict=True)
     ]
-    return [*scales, *(slope for row in rows for slope in row[:-1])]
+    return [*scales, *(slope for row in rows for slope in row)]
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:

@@ -27,6 +27,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.program.system import BLOCK
 from lagsim.run.arc import first_arc, largest_shift
+from lagsim.run.events.conditions import located_within
 from lagsim.run.events.constraints import (
     Dependence,
     RankLosses,
@@ -38,7 +39,7 @@ from lagsim.run.events.constraints import (
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Knots, Pulses, TimeBreaks, clocks
-from lagsim.run.events.transitions import Transitions, give_leeway
+from lagsim.run.events.transitions import NOTHING, Transitions
 from lagsim.run.failures import (
     FAILED,
     Fallback,
@@ -59,6 +60,7 @@ from lagsim.run.trajectory import (
     Trajectory,
     Turn,
 )
+from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -69,6 +71,7 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.events.constraints import Before
     from lagsim.run.events.sections import Sections
+    from lagsim.run.events.transitions import Due
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.trajectory import Source
@@ -185,6 +188,9 @@ class Recorder:
             observer.add(rows)
 
 
+# What ends an arc within a step, and all that ends one at an instant.
+LOCATED = (at.EVENT_FOUND, at.SWITCH_FOUND)
+INSTANTS = (at.DONE, *LOCATED)
 # Of the range of each component, and of what tells numbers of its size apart: nothing
 # in a picture, and clear of rounding.
 ASIDE, SPACINGS = 1e-9, 64
@@ -207,6 +213,8 @@ class Run:
     ) -> None:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
+        found = (x for x in self.sources if isinstance(x, Transitions))
+        self.transitions = next(found, None)
         self.recorder = Recorder(observers)
         # Called between two calls of the kernel.
         self.tick: Callable[[Run], None] | None = None
@@ -218,6 +226,8 @@ class Run:
         self.instant = self.arc.t  # the time of the last instant
         # The row after an impact waits until time passes: what is due there acts first.
         self.after: Floats | None = None
+        self.former: Floats | None = None  # the columns before events acted
+        self.impacts = 0
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -254,10 +264,10 @@ class Run:
         before = (
             at_start(self.arc) if self._may_jump and system.switches.modes else None
         )
-        self._set_modes()
-        ending = self._past_table() or self._strike(before)
+        ending = self._set_modes() or self._past_table() or self._strike(before)
         if ending is None:
-            give_leeway(self.arc)
+            if self.transitions is not None:
+                self.transitions.look_at_start(self.arc)
             self._set_out(self.arc.settings.end)
         return ending
 
@@ -336,38 +346,81 @@ class Run:
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant
             return
-        known = (time for source in self.sources for time in source.times(arc))
-        soon = arc.t + width(settings, arc.t)
-        arc.state.t = instant(settings, [*(t for t in known if t <= soon), arc.t])
+        known = [time for source in self.sources for time in source.times(arc)]
+        soon, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
+        if soon < ahead <= SAME_STEP * settings.duration:
+            soon = max(soon, located_within(arc))
+        arc.state.t = instant(
+            settings, [t for t in known if t <= arc.t + soon] or [arc.t]
+        )
 
     def _decide(self, code: int) -> Ending | None:
         """Apply the decision of the first source that has an answer to the kernel."""
         arc = self.arc
-        if code in (at.EVENT_FOUND, at.SWITCH_FOUND):
+        if code in LOCATED:
             self._meet()
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
             arc.runner.meet_instant(arc.state)
         before = self._before(code)
         corner = self._corner(code)
-        for source in self.sources:
-            decision = source.decide(arc, code)
-            if decision is not None:
-                shown = self.recorder.rows
-                ending = self._act(source, decision, before)
-                # An impact has rows of its own.
-                struck = self.after is not None or shown != self.recorder.rows
-                if corner is not None and self.corners and not struck:
-                    within = ASIDE * arc.settings.duration
-                    self.corners.add(corner, self._seen(), within)
+        due = NOTHING
+        if code in INSTANTS and self.transitions is not None:
+            due = self.transitions.due(arc)
+            ending = self._let_act(due)
+            if ending is not None:
                 return ending
+        source, decision = self._decision(code)
+        if due != NOTHING and (decision is None or decision.turn is not Turn.NONE):
+            source, decision = None, (decision or Decision())._replace(turn=Turn.MODES)
+        if decision is not None:
+            return self._act_and_show(source, decision, before, corner)
+        return self._end_of(code)
+
+    def _decision(self, code: int) -> tuple[Source | None, Decision | None]:
+        """Ask the sources for an answer to the kernel; the first has the first word."""
+        for source in self.sources:
+            decision = source.decide(self.arc, code)
+            if decision is not None:
+                return source, decision
+        return None, None
+
+    def _end_of(self, code: int) -> Ending | None:
+        """How the run ends by a code that no source answers; None if it goes on."""
         if code == at.DONE:
             return Ending(Outcome.DONE)
-        if code == at.EVENT_FOUND:
-            return Ending(Outcome.UNTIL)
         if code == at.STEP_TOO_SMALL:
-            finite = np.isfinite(arc.rates(arc.t, arc.y)).all()
+            finite = np.isfinite(self.arc.rates(self.arc.t, self.arc.y)).all()
             code = code if finite else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
+
+    def _act_and_show(
+        self,
+        source: Source | None,
+        decision: Decision,
+        before: Before | None,
+        corner: Floats | None,
+    ) -> Ending | None:
+        """Do what has been decided, and note the corner that curves have there."""
+        shown = self.recorder.rows
+        ending = self._act(source, decision, before)
+        # An impact has rows of its own.
+        struck = self.after is not None or shown != self.recorder.rows
+        if corner is not None and self.corners and not struck:
+            within = ASIDE * self.arc.settings.duration
+            self.corners.add(corner, self._seen(), within)
+        return ending
+
+    def _let_act(self, due: Due) -> Ending | None:
+        """Let the events of the file act that are due."""
+        assert self.transitions is not None
+        if due == NOTHING:
+            return None
+        arc = self.arc
+        # What strikes then has a row with the modes that there were.
+        self.former = arc.observed() if arc.system.laws else None
+        acted = self.transitions.act(arc, due)
+        self._take(acted)
+        return acted.ending
 
     def _before(self, code: int) -> Before | None:
         """Look at the state just before an event that may jerk constraints."""
@@ -413,25 +466,51 @@ class Run:
         return arc.runner.tabulate(states)
 
     def _act(
-        self, source: Source, decision: Decision, before: Before | None
+        self, source: Source | None, decision: Decision, before: Before | None
     ) -> Ending | None:
-        """Do what a source has decided."""
+        """Do what a source has decided, and what becomes due by that."""
         self._take(decision)
         turn = decision.turn
         if decision.ending is not None or turn is Turn.NONE:
             return decision.ending
-        if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
-            ending = self._set_modes(source if turn is Turn.MODE else None)
-            if ending is not None:
-                return ending
-        if turn is not Turn.ARC:
-            ending = self._past_table() or self._strike(before)
-            if ending is not None:
-                return ending
+        ending = self._settle(source, turn, before)
+        if self.transitions is not None and self.transitions.is_over:
+            return Ending(Outcome.UNTIL)
+        if ending is not None:
+            return ending
         if self.after is not None:
             self.after = self._row()
         self._set_out(decision.ahead)
         return None
+
+    def _settle(
+        self, source: Source | None, turn: Turn, before: Before | None
+    ) -> Ending | None:
+        """Let modes be set, impacts take place, and events act, until none is due.
+
+        source : which has set its own mode if the turn is MODE.
+        """
+        while True:
+            impacts = self.impacts
+            if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
+                ending = self._set_modes(source if turn is Turn.MODE else None)
+                if ending is not None:
+                    return ending
+            if turn is not Turn.ARC:
+                ending = self._past_table() or self._strike(before)
+                if ending is not None:
+                    return ending
+            if self.transitions is None or self.transitions.is_over:
+                return None
+            struck = self.impacts != impacts
+            due = self.transitions.due_after(self.arc, struck=struck)
+            if due == NOTHING:
+                return None
+            before = before_event(self.arc) if self._may_jump else None
+            ending = self._let_act(due)
+            if ending is not None:
+                return ending
+            source, turn = None, Turn.MODES
 
     def _past_table(self) -> Ending | None:
         """End the run past the points of a table, where rows have no values."""
@@ -479,10 +558,13 @@ class Run:
         if decision.sizes is not None:
             arc.sizes[:] = decision.sizes
         if decision.rows is not None:
+            self.impacts += 1
+            rows = decision.rows if self.former is None else self.former[None]
+            self.former = None
             if self.after is not None:
                 self.recorder.hand_on(self.after)
             if arc.row_time(-1) < arc.t:
-                self.recorder.hand_on(decision.rows)
+                self.recorder.hand_on(rows)
         if decision.y is not None:
             arc.put(decision.y)
         if decision.rows is not None:
@@ -494,7 +576,7 @@ class Run:
         arc = self.arc
         known = (time for source in self.sources for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
-        self.instant = arc.t
+        self.instant, self.former = arc.t, None
         self.arc = arc.next(end, ahead)
         self.arcs += 1
         for source in self.sources:
@@ -561,7 +643,7 @@ def _sources(arc: Arc) -> Iterator[Source]:
     if clocks(arc):
         yield Knots(arc)
     yield TimeBreaks(arc)
-    if arc.equations.model.events:
+    if arc.equations.model.events or arc.equations.model.located:
         yield Transitions(arc)
     contacts = Contacts(arc) if arc.system.laws else None
     if arc.system.surfaces:

@@ -355,8 +355,6 @@ def begin(s: State, p: Parameters) -> None:
     if s.fresh > 0.0:
         drop_compensation(s)
         start(s, p)
-        if UNTIL:
-            search.orient(s, p, s.t, s.y, inf)
         s.fresh = 0.0
 
 

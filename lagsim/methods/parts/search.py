@@ -76,6 +76,7 @@ class Events(Table):
     orientation: Floats = array("conditions")
     equation: Floats = array("conditions")  # 1 of an equation
     leeway: Floats = array("conditions")
+    zero: Floats = array("conditions")  # sizes up to which a value is 0
 
     # Of each section: the sign that its relation had last, 0 before the motion has left
     # it; and what its relation may be on it, see `crossings.measure_bands`.
@@ -106,6 +107,10 @@ AT_END = 1e-9
 # each so much farther.
 NEXT = 2.0**-26
 FARTHER = 4.0
+# A function that changes as much over the first part of the time as over the second
+# jumps; it is continuous if it changes by no more than the second part of what it does
+# over half of the time, or than so many times what counts as 0.
+JUST, SOON, JUMP = 2.0**-50, 2.0**-12, 64.0
 # The error of a minimum is of the square of the part of a stretch, 1e-8, that it is
 # located to by so many golden sections.
 NARROW = 39
@@ -389,15 +394,10 @@ def find_end(s: Events, p: Parameters) -> None:
     """
     t = s.t
     if UNTIL:
-        if s.step_t == s.arc_start and true_at_once(s, p):
-            cut(s, p, 0.0, TINY)
-            return
         follow_true(s, p)
     search(EVENT, s, p, 0.0)
-    while UNTIL and s.event > 0.0 and follows(s, int(s.event) - 1):
+    while UNTIL and s.event > 0.0 and goes_on(s, p, int(s.event) - 1):
         low = s.cut
-        s.orientation[int(s.event) - 1] = -1.0
-        s.leeway[int(s.event) - 1] = 0.0
         s.event = 0.0
         s.cut = 0.0
         s.t = t
@@ -408,20 +408,40 @@ def find_end(s: Events, p: Parameters) -> None:
             if follows(s, k):
                 s.orientation[k] = 0.0
             elif s.orientation[k] != 0.0 and s.cut == 0.0:
-                s.leeway[k] = 0.0
+                # One that is off 0 by more than its leeway needs none.
+                clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
+                s.leeway[k] = 0.0 if clear else s.leeway[k]
 
 
-def true_at_once(s: Events, p: Parameters) -> bool:
-    """Whether a condition that was false is true at the start: a velocity has jumped.
+def goes_on(s: Events, p: Parameters, k: int) -> bool:
+    """Whether the step goes on past a place where condition k has been located.
 
-    Or a mode has been set. It need not be true for long, and be false at all points of
-    the step. Asked of the first step of an arc.
+    One that was true is false from there on, and counts; an equation is past a jump of
+    itself, which is no passage of 0.
     """
-    rows_at(EVENT, s, p, 0.0)
-    true = False
-    for k in range(s.surfaces, events(s)):
-        true = true or not s.values[k] >= 0.0
-    return true
+    if follows(s, k):
+        s.orientation[k] = -1.0
+    elif s.equation[k] > 0.0 and jumps(s, p, s.surfaces + k):
+        s.orientation[k] = -s.orientation[k]
+    else:
+        return False
+    s.leeway[k] = 0.0
+    return True
+
+
+def jumps(s: Events, p: Parameters, k: int) -> bool:
+    """Whether event function k jumps where the step has been cut, by the double.
+
+    What is continuous changes by a small part of its change in the time before.
+    """
+    x = s.cut
+    now = value_at(EVENT, s, p, k, x)
+    jump = value_at(EVENT, s, p, k, x * (1.0 - JUST)) - now
+    soon = abs(value_at(EVENT, s, p, k, x * (1.0 - SOON)) - now)
+    before = abs(value_at(EVENT, s, p, k, 0.5 * x) - now)
+    after = abs(value_at(EVENT, s, p, k, 0.5 * (1.0 + x)) - now)
+    least = JUMP * float(s.zero[k - s.surfaces])
+    return jump > 0.5 * soon and jump > max(SOON * max(before, after), least)
 
 
 def follow_true(s: Events, p: Parameters) -> None:

@@ -21,11 +21,11 @@ from lagsim.mechanics.contact import impact, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
+from lagsim.run.events.conditions import count_closed
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.sliders import at_edge, settle
 from lagsim.run.events.slips import begin_slips
-from lagsim.run.events.transitions import count_closed
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
