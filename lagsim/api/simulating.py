@@ -194,6 +194,9 @@ def data_frame(columns: Mapping[str, Any]) -> Any:
     return pd.DataFrame(columns)
 
 
+# Points of a curve of one column against another, at least; for which a run of so many
+# steps or fewer is repeated.
+SMOOTH, MOST_REPEATED = 2000, 200_000
 # Pixels of an animation: tall enough for a scene, its panel and the controls.
 HEIGHT = 640
 
@@ -358,7 +361,8 @@ class Result:
         columns
             Those of one unit share a panel. By default all coordinates.
         against
-            What runs to the right; at equal scales where the units are the same.
+            What runs to the right; at equal scales where the units are the same. Where
+            the rows are few the curve between them is that of `at`.
 
         Raises
         ------
@@ -371,12 +375,28 @@ class Result:
         letters = letters_of(model)
         shown = columns or [x.name for x in model.variables]
         values = {name: self[name] for name in (against, *shown)}
+        if against != "t":
+            values = self._closer(values)
         drawn = {
             name: Column(letters.name(name), raised(self.units[name]), column)
             for name, column in values.items()
         }
         others = [drawn[name] for name in shown]
         return figure(model.name, drawn[against], others)
+
+    def _closer(self, columns: dict[str, Floats]) -> dict[str, Floats]:
+        """Return columns with some values between the rows, where rows are few."""
+        t = self.t
+        more = -(-SMOOTH // max(len(t), 1))
+        if more < 2 or len(t) < 2 or self.record["steps"] > MOST_REPEATED:
+            return columns
+        parts = np.arange(1, more)[:, np.newaxis] / more
+        between = t[:-1] + parts * np.diff(t)
+        # Nothing lies between the two rows of an impact.
+        apart = np.flatnonzero(np.diff(t) > 0.0)
+        found = self.at(between[:, apart].T.ravel())
+        places = np.repeat(apart + 1, more - 1)
+        return {x: np.insert(own, places, found[x]) for x, own in columns.items()}
 
     def animate(self, *, height: int = 640) -> Animation:
         """Return the page that plays the motion, as `lagsim run --animate` writes it.
@@ -410,7 +430,8 @@ class Result:
         InputError
             Where the rows are too few, or not equally spaced.
         """
-        return spectrum(self.t, self[column], column, self.units[column])
+        found = spectrum(self.t, self[column], column, self.units[column])
+        return found._replace(model=self._name)
 
     def __repr__(self) -> str:
         outcome, span, *_ = (text for _, text in self._summary())

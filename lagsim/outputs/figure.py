@@ -28,9 +28,12 @@ from lagsim.outputs.scale import (
     OF_LABELS,
     SPARE,
     extent,
+    greatest,
+    is_level,
     name_axis,
     read_off,
     size_of,
+    value_scale,
 )
 
 if TYPE_CHECKING:
@@ -214,7 +217,7 @@ class Picture(Figure):
     ) -> None:
         self.adjust: list[Callable[[], None]] = []
         self._drawing: list[Callable[[], None]] = []
-        text = f"{title}: {subject}" if subject else title
+        text = ": ".join(filter(None, (title, subject)))
         lines = textwrap.wrap(text, int(OF_TITLE * width), break_on_hyphens=False)
         below = "\n".join(notes)
         counted = -(-len(below) // int(OF_SMALL_PRINT * width)) + below.count("\n")
@@ -320,8 +323,9 @@ MARKS = {
     "rank": Mark("loss of rank", mark("D", 2.8, GREY)),
 }
 OTHERS = Mark("event", mark("|", 5.0, "#888888"))
-# Points from one mark to the next of its kind, beside its own width.
-TICKS_APART = 2.0
+# Points from one tick to the next of its kind, so that thousands are no black band; and
+# from one other mark to the next, beside its own width.
+TICKS_APART, MARKS_APART = 5.0, 2.0
 # Single values more than these have no dots.
 MOST_DOTS = 40
 # What lies past the horizon, where a row is no longer a forecast.
@@ -441,7 +445,7 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
     across = axes.get_xaxis_transform()
     at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
     size = float(look.top["markersize"])
-    apart = TICKS_APART if look.top["marker"] == "|" else size + TICKS_APART
+    apart = TICKS_APART if look.top["marker"] == "|" else size + MARKS_APART
     shown = inside[_spaced(at / axes.figure.dpi, apart / 72)]
     inch = axes.figure.dpi_scale_trans
     at_top = across + ScaledTranslation(0.0, -size / 144, inch)
@@ -608,9 +612,13 @@ def map_figure(
 ) -> Picture:
     """Draw maps, values (rows, columns), over two others: borders of their cells.
 
-    So many beside each other; of what is nan the ground is seen. `header` are what else
-    a `Picture` is made of.
+    So many beside each other; of what is nan the ground is seen, and what differs by
+    rounding errors is of one colour. `header` are what else a `Picture` is made of.
     """
+    sizes: dict[str, float] = {}
+    for column in maps:
+        largest = greatest(column.values) if column.unit else 0.0
+        sizes[column.unit] = max(sizes.get(column.unit, 0.0), largest)
     rows = -(-len(maps) // abreast)
     found = Picture(stack_height(rows, MAP), title, subject, **header)
     panels = found.subplots(
@@ -622,7 +630,13 @@ def map_figure(
         axes.set_xscale("log" if across.log else "linear")
         axes.set_yscale("log" if up.log else "linear")
         cells = np.ma.masked_invalid(column.values)
-        drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
+        scale = value_scale(column.values, margin=0.0, size=sizes[column.unit])
+        if is_level(column.values):
+            cells[~cells.mask] = 0.5 * (scale.low + scale.high)
+        drawn = axes.pcolormesh(
+            across.values, up.values, cells, cmap=COLOURS,
+            vmin=scale.low, vmax=scale.high,
+        )  # fmt: skip
         bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
         column.stand_at(bar.ax.yaxis)
         axes.tick_params(length=2.0, labelbottom=k + abreast >= len(maps))
@@ -650,6 +664,9 @@ def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     for column, pen in zip(group, PENS, strict=False):
         axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
     axes.margins(x=0.0 if against.name == "t" else 0.03)
+    values = [column.values for column in group]
+    if is_level(*values) and not group[0].log:
+        value_scale(*values).put(axes, "y")
     # Before the labels, which have the powers of ten of linear scales.
     if against.log:
         axes.set_xscale("log")

@@ -25,7 +25,7 @@ PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
 BELOW, END = "\x0e", "\x0f"
 ELLIPSIS = "…"
 _DIGITS = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
-_SUBSCRIPT = re.compile(f"{BELOW}([\\w,.]*){END}")
+_SUBSCRIPT = re.compile(f"{BELOW}([\\w,.+−]*){END}")
 _MARKS = re.compile(f"[{BELOW}{END}]")
 _DOTTED = re.compile("(\\w+)([\u0307\u0308])")
 _COMMANDS = {"\u0307": "dot", "\u0308": "ddot"}
@@ -33,8 +33,14 @@ _COMMANDS = {"\u0307": "dot", "\u0308": "ddot"}
 _FORMULA = re.compile(f"{BELOW}|\\w\\w[\u0307\u0308]")
 
 _POWER = re.compile(r"(?:\^|\*\*)(-?\d+)")
-# A name that stands alone or in an expression, and is no function.
-_NAME = re.compile(r"[^\W\d]\w*(?!\w|\s*\()")
+# A member of a family or a function of a simple argument, with a component; or a name
+# that stands alone or in an expression, and is no function.
+_NAME = re.compile(
+    r"(?P<head>[^\W\d]\w*)\((?P<at>[\w\s,+-]*)\)(?P<component>\.[^\W\d]\w*)?"
+    r"|[^\W\d]\w*(?!\w|\s*\()"
+)
+# What stands before the name of a constraint or a quantity in the name of a column.
+_HEADS = frozenset({"friction", "impulse", "gauss", "action", "reaction", "d", "sd"})
 
 
 class PictureNames(UnicodeNames):
@@ -61,7 +67,11 @@ class Letters:
     """Typeset names of one model; the names that come first look best."""
 
     def __init__(self, names: Iterable[str] = ()) -> None:
+        names = list(names)
         self._typeset = PictureNames(names)
+        self._families = {
+            head for head, _, rest in (x.partition(".") for x in names) if rest
+        }
 
     def name(self, name: str) -> str:
         """Return a name, or a column's: θ̇ for `theta_dot`, Qc with θ for `Qc_theta`."""
@@ -71,22 +81,36 @@ class Letters:
                 below = _SUBSCRIPT.sub(r",\1", rest)
                 return f"{written}{BELOW}{below}{END}"
         base, order = rated(name)
-        if "." not in name or self._typeset.knows(base):
-            return self._typeset.show(Name(base, order))
-        head, point, rest = name.partition(".")
-        if point:
-            return f"{head}.{'.'.join(self.name(part) for part in rest.split('.'))}"
-        return self._typeset.show(Name(name))
+        head, point, rest = base.partition(".")
+        of_constraint = head in _HEADS and not rest[:1].isdigit()
+        if point and of_constraint and not self._typeset.knows(base):
+            return f"{head}.{self.name(name.partition('.')[2])}"
+        return self._typeset.show(Name(base, order))
 
     def text(self, text: str) -> str:
-        """Return an expression with its names written so."""
-        return _NAME.sub(lambda found: self.name(found[0]), text).replace("-", "−")
+        """Return an expression with its names written so: q₁ for `q(1)`."""
+        return _NAME.sub(self._written, text).replace("-", "−")
+
+    def _written(self, found: re.Match[str]) -> str:
+        """Return a name in an expression, with its subscripts and its component."""
+        head, at, component = found["head"], found["at"], found["component"] or ""
+        if head is None:
+            return self.name(found[0])
+        base, order = rated(head)
+        if base not in self._families:
+            return f"{head}({self.text(at)}){component}"
+        parts = ["".join(part.split()) for part in at.split(",")]
+        if all(part.isdigit() for part in parts):
+            return self.name(".".join([head, *parts]) + component)
+        letter, below = self._typeset.split(base)
+        below += f"{BELOW}{','.join(parts).replace('-', '−')}{END}"
+        return self._typeset.joined(letter, below, order) + component
 
 
 def letters_of(model: Model) -> Letters:
     """Return how a model's names are written."""
-    names = [x.name for x in model.variables]
-    return Letters([*names, *(d.name for d in model.definitions)])
+    parts = (model.variables, model.definitions, model.parameters)
+    return Letters([x.name for part in parts for x in part])
 
 
 def mathtext(text: str) -> str:

@@ -418,6 +418,9 @@ def _path(record: Record, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
 
 # --- The pictures
 
+# An energy that stays so many times as far from 0 as any of them changes is drawn about
+# its start.
+FAR = 10.0
 # The panels of the energies and of their drift, in inches.
 TALL, LOW = 2.2, 1.1
 # The picture that takes longest.
@@ -440,12 +443,20 @@ def energy(record: Record) -> Picture:
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
     names = [name for name in named if name in record.rows]
+    starts = _far_starts(record, names)
+    unit = record.unit("energy")
+    for name, start in starts.items():
+        if start:
+            named[name] += f" less {read_off(start)} {unit}".rstrip()
     whole = BLACK | {"linewidth": 1.8}
     pens = dict(zip(names, (*PENS[: len(names) - 1], whole), strict=True))
     # A part that is the whole is seen upon it.
-    drawn = {name: record.rows.series(name) for name in reversed(names)}
+    drawn = {}
+    for name in reversed(names):
+        t, energies = record.rows.series(name)
+        drawn[name] = t, energies - starts[name]
     values = spread_scale(*drawn.values())
-    frame(axes, time_of(record), values, up=("energy", record.unit("energy")))
+    frame(axes, time_of(record), values, up=("energy", unit))
     looks = [pens[name] for name in drawn]
     picture.when_placed(against_time, record, axes, drawn.values(), looks)
     label_greatest(axes, values, list(drawn.values()))
@@ -453,6 +464,24 @@ def energy(record: Record) -> Picture:
     _drift(picture, lower, record)
     picture.align_ylabels()
     return picture
+
+
+def _far_starts(record: Record, names: Sequence[str]) -> dict[str, float]:
+    """Return what each energy is drawn less: its start where that is far from 0.
+
+    What is added to T or V is added to T + V.
+    """
+    series = {name: record.rows.series(name)[1] for name in names}
+    ends = {name: extent(values) for name, values in series.items()}
+    moving = max((high - low for low, high in ends.values()), default=0.0)
+    starts = dict.fromkeys(names, 0.0)
+    for name in names:
+        nearest = min(map(abs, ends[name]))
+        if moving and nearest > FAR * moving and len(series[name]):
+            starts[name] = float(series[name][0])
+    if record.is_sum and {"kinetic", "potential"} <= set(names):
+        starts["energy"] = starts["kinetic"] + starts["potential"]
+    return starts
 
 
 def _drift(picture: Picture, axes: Axes, record: Record) -> None:

@@ -245,6 +245,12 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
     return Scale(low - free, high + free)
 
 
+def is_level(*series: Array) -> bool:
+    """Return whether values are constant but for rounding errors."""
+    low, high = extent(*series)
+    return high - low <= COMPUTED_ZERO * max(abs(low), abs(high))
+
+
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
     low, high = extent(t, empty=(0.0, 1.0))

@@ -163,14 +163,14 @@ class Views:
         }
 
     def _names(self) -> Iterator[tuple[str, Pen]]:
-        names = list(self._pens)
+        names, written = list(self._pens), self._written
         if len(names) > MOST_NAMES:
-            yield names[0], self._pens[names[0]]
+            yield written(names[0]), self._pens[names[0]]
             yield f"… {len(names) - 2} more, darker …", {}
             names = names[-1:]
-        yield from ((name, self._pens[name]) for name in names)
+        yield from ((written(name), self._pens[name]) for name in names)
         own: list[Entry] = [
-            (body.shape.name, {"color": colour})
+            (written(body.shape.name), {"color": colour})
             for body, colour in zip(self._bodies, self._colours(), strict=True)
             if body.moves and body.shape.point not in self._pens
         ]
@@ -178,7 +178,7 @@ class Views:
             own[1:-1] = [(f"… {len(own) - 2} more …", {})]
         yield from own
         if fixed := [name for name in self._positions if name not in self._pens]:
-            yield ", ".join(fixed), FIXED_MARK
+            yield ", ".join(map(written, fixed)), FIXED_MARK
         if self._pens:
             yield "start", mark("o", 4.6, fill="white")
             yield "end", mark("o", 2.6)
@@ -187,6 +187,10 @@ class Views:
             yield "links at the end", END_LINK
         if self._pens and (stride := self._record.rows.stride) > 1:
             yield f"one of {stride} rows", {}
+
+    def _written(self, name: str) -> str:
+        """Return the name of a point or a shape; of a member with its subscripts."""
+        return self._record.letters.name(name) if "." in name else name
 
     def draw(self, part: SubFigure, picture: Picture) -> None:
         """Draw them in a part of a picture, when the places of panels are known."""

@@ -36,7 +36,7 @@ RESIDUAL = "residual_"
 # parameters are perturbed, and the methods that are tried besides. Each run at a larger
 # tolerance is one draw of where the steps fall, which says little of others nearby: the
 # largest of a few says what they reach.
-LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
+LOOSER, TIGHTER = tuple(float(x) for x in range(100, 0, -10)), 0.1
 SEEDS = 4
 METHODS = ("dop853", "taylor", "radau")
 

@@ -51,6 +51,8 @@ class Spectrum(NamedTuple):
         In Hz, up to half of 1/step, and in the column's unit.
     peaks : tuple of Peak
         The largest first.
+    model : str
+        Its name, where it is known: the title of a picture.
     """
 
     column: str
@@ -61,6 +63,7 @@ class Spectrum(NamedTuple):
     frequency: Floats
     amplitude: Floats
     peaks: tuple[Peak, ...]
+    model: str = ""
 
     def __repr__(self) -> str:
         from lagsim.outputs.notebook import block
@@ -112,14 +115,20 @@ class Spectrum(NamedTuple):
         }
 
     def plot(self, title: str = "") -> Figure:
-        """Draw the amplitudes against the frequency; nothing is shown."""
+        """Draw the amplitudes against the frequency; nothing is shown.
+
+        Parameters
+        ----------
+        title
+            What stands before the name of the column; by default the model's name.
+        """
         from lagsim.outputs.figure import Column, spectrum_figure
         from lagsim.outputs.letters import Letters, raised
 
         across = Column("frequency", "Hz", self.frequency)
         name = Letters().name(self.column)
         up = Column(f"amplitude of {name}", raised(self.unit), self.amplitude)
-        return spectrum_figure(title, across, up, self.peaks)
+        return spectrum_figure(title or self.model, across, up, self.peaks)
 
 
 def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import lagsim
 from tests.cli.conftest import lagsim as command  # noqa: F401
-from tests.support import MODELS, ROOT
+from tests.support import MODELS, ROOT, simulate
 
 SWING = """
 name: swing <1> & 2
@@ -84,6 +84,57 @@ def test_a_path_is_drawn_at_equal_scales(result):
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
     [axes] = result.plot("y", against="a").axes
     assert axes.get_aspect() == "auto"
+
+
+ORBIT = """
+name: orbit
+coordinates: {x: {unit: m}, y: {unit: m}, z: {}}
+definitions: {r: "hypot(x, y)"}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: (x^2 + y^2)/2 + 10*z}
+constraints: {floor: {relation: z >= 0, restitution: 0.5}}
+initial: {x: 1, y: 0, y_dot: 1, z: 5}
+simulation: {duration: 1.9, output_step: 0.25}
+"""
+
+
+def test_a_path_of_few_rows_is_smooth_and_passes_through_them():
+    orbit = simulate(lagsim.load(ORBIT))
+    [axes] = orbit.plot("y", against="x").axes
+    x, y = axes.lines[0].get_data()
+    # A circle, of which the rows are ten corners.
+    assert len(orbit.t) < 12 < 1500 < len(x)
+    assert np.hypot(x, y) == pytest.approx(1.0, abs=1e-9)
+    assert np.max(np.hypot(np.diff(x), np.diff(y))) < 0.01
+    for a, b in zip(orbit["x"], orbit["y"], strict=True):
+        assert np.any((x == a) & (y == b))
+    # An impact at t = 1 keeps both of its rows, with nothing between them.
+    [axes] = orbit.plot("z_dot", against="z").axes
+    z, speed = axes.lines[0].get_data()
+    (k,) = np.flatnonzero(np.diff(speed) > 5.0)
+    assert (z[k], z[k + 1]) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (speed[k], speed[k + 1]) == pytest.approx((-10.0, 5.0))
+    # Against the time rows are rows.
+    [axes] = orbit.plot("z").axes
+    assert np.array_equal(axes.lines[0].get_data()[1], orbit["z"])
+
+
+def test_a_spectrum_is_titled_by_model_and_column():
+    found = simulate(lagsim.load(ORBIT), output_step=0.01).spectrum("x")
+    for title, wanted in (
+        ("", "orbit: spectrum of x"),
+        ("mine", "mine: spectrum of x"),
+    ):
+        figure = found.plot(title) if title else found.plot()
+        assert figure.legends[0].get_title().get_text() == wanted
+    figure = found._replace(model="").plot()
+    assert figure.legends[0].get_title().get_text() == "spectrum of x"
+
+
+def test_constants_are_level():
+    steady = simulate(lagsim.load(ORBIT))
+    [axes] = steady.plot("r").axes
+    low, high = axes.get_ylim()
+    assert low < 0.95 < 1.05 < high
 
 
 def test_columns_that_are_not_there_are_told(result):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.outputs.figure import Column, map_figure
 from lagsim.outputs.notebook import listed
 from tests.api.test_notebooks import SWING, Texts
 
@@ -190,6 +191,31 @@ def test_a_sweep_over_one_name_is_drawn_as_curves():
     assert len(found.plot().axes) == 2
     with pytest.raises(KeyError, match=r"no column `b\.end`"):
         found.plot("b.end")
+
+
+def test_maps_of_constants_are_of_one_colour():
+    # What a does not depend on: maps of rounding errors would have patterns.
+    text = SWING.replace("name:", "parameters: {u: 1, w: 1}\nname:")
+    values = {"u": [1, 2], "w": [1, 2, 3]}
+    found = lagsim.sweep(lagsim.load(text), values, ends=True, duration=0.1)
+    noise = 1e-13 * np.arange(6)
+    figure = map_figure(
+        "m", Column("u", "", np.arange(3.0)), Column("w", "", np.arange(4.0)),
+        [Column("a", "m", (0.3 + noise).reshape(3, 2)),
+         Column("b", "m", noise.reshape(3, 2) * 1e-3),
+         Column("c", "m", np.arange(6.0).reshape(3, 2))],
+    )  # fmt: skip
+    colours = []
+    for axes in figure.axes[:3]:
+        cells = axes.collections[0]
+        cells.update_scalarmappable()
+        colours.append(len({tuple(c) for c in cells.get_facecolor()}))
+    assert colours == [1, 1, 6]
+    low, high = figure.axes[0].collections[0].get_clim()
+    assert low < 0.28 < 0.32 < high
+    drawn = found.plot("a.end").axes[0].collections[0]
+    drawn.update_scalarmappable()
+    assert len({tuple(c) for c in drawn.get_facecolor()}) == 1
 
 
 def test_a_sweep_over_two_names_is_drawn_as_maps():

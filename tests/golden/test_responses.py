@@ -189,7 +189,7 @@ def changed(name):
         ("initial", {x.name: x.value for x in model.initial}),
     ):
         for number, x in changes[section].items():
-            if "ratio" in x and x["ratio"] > 1.0:
+            if "refused" not in x and "response" not in x:
                 found[number] = repr(values[number] - x["change"])
     return found
 

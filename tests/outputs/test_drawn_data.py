@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lagsim.model.model import Curve, Scene
+from lagsim.model.reader import read
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, PENS
 from lagsim.run.observers.thinning import DRIFT
@@ -146,6 +147,88 @@ def test_energies_and_their_drift():
             if abs(np.mean(line.y) - y) < 12 and 0 < x - np.max(line.x) < 24
         ]
         assert samples == [colour]
+
+
+@pytest.mark.parametrize(
+    ("T0", "V0", "shifted"),
+    [
+        (0.0, 3e6, {"potential": 3e6, "energy": 3e6}),
+        (0.0, -3e6, {"potential": -3e6, "energy": -3e6}),
+        (4e5, 0.0, {"kinetic": 4e5, "energy": 4e5}),
+        (4e5, 3e6, {"kinetic": 4e5, "potential": 3e6, "energy": 3.4e6}),
+        # They cancel in the sum, which is near 0 then.
+        (4e5, -4e5, {"kinetic": 4e5, "potential": -4e5}),
+        # Near enough to 0 to be read.
+        (0.0, 10.0, {}),
+    ],
+)
+def test_energies_far_from_zero_are_drawn_about_their_start(T0, V0, shifted):
+    swing = 1 - np.cos(4 * T)
+    columns = {"t": T, "kinetic": T0 + swing, "potential": V0 - swing}
+    columns["energy"] = columns["kinetic"] + columns["potential"]
+    drawing = drawn(plots.energy, record(columns))
+    upper, _ = panels(drawing)
+    names = ("energy", "potential", "kinetic")
+    assert_drawn(upper, *((T, columns[n] - shifted.get(n, 0.0), 2.0) for n in names))
+    said = " ".join(drawing.written())
+    known = ("energy T + V", "potential V", "kinetic T")
+    for name, written in zip(names, known, strict=True):
+        assert (f"{written} less " in said) == (name in shifted)
+
+
+def test_what_energies_are_drawn_less_is_named():
+    columns = {"t": T, "kinetic": 1 - np.cos(T), "potential": 3e6 + np.cos(T)}
+    columns["energy"] = columns["kinetic"] + columns["potential"]
+    said = drawn(plots.energy, record(columns)).written()
+    for name in ("potential V", "energy T + V"):
+        assert f"{name} less 3 × 10⁶ J" in said
+
+
+def hanging(length, a, b):
+    """Draw a string of a length from a to b, which stay; give the panel of the view."""
+    points = {"a": a, "b": b, "low": (0.0, -2.0)}
+    columns = {"t": T, "q": np.sin(T)}
+    for name, place in points.items():
+        columns |= {f"point.{name}.{k + 1}": x for k, x in enumerate(place)}
+    columns["point.low.1"] = 0.1 * np.sin(T)
+    scene = dict.fromkeys(points, (0, 0))
+    looks, lengths = ("string",), ()
+    model = None
+    if length is not None:
+        text = f"""
+coordinates: {{q: {{}}}}
+energy: {{kinetic: q_dot^2/2, potential: 0}}
+initial: {{q: 0}}
+scene:
+  points: {{a: {list(a)}, b: {list(b)}, low: {list(points["low"])}}}
+  links: [{{points: [a, b], length: {length}}}]
+"""
+        model = read(text, "m.yaml")
+        lengths = model.scene.lengths
+    wanted = Scene(scene, (("a", "b"),), looks, (), lengths)
+    run = record(columns)
+    drawing = drawn(plots.trajectory, run, ["q"], wanted, "coordinates", model)
+    return drawing.panels[1], panels(drawing)[1]
+
+
+@pytest.mark.parametrize(
+    ("length", "sag"),
+    [
+        (None, 0.0),  # as long as its ends are ever apart
+        (0.5, 0.0),
+        (1.0, 0.0),
+        # sqrt(3)/4 of sqrt(l^2 - 1): of a flat parabola that is this long.
+        (1.25, 3**0.5 / 4 * 0.75),
+        (2.0, 0.75),
+    ],
+)
+def test_a_string_sags_where_its_ends_are_nearer_than_it_is_long(length, sag):
+    panel, read_off = hanging(length, (0.0, 0.0), (1.0, 0.0))
+    lines = [(read_off.x(one.x), read_off.y(one.y)) for one in panel.lines]
+    [(x, y), *_] = [line for line in lines if np.ptp(line[0]) > 0.9]
+    assert (x.min(), x.max()) == pytest.approx((0.0, 1.0), abs=1e-3)
+    middle = np.interp(0.5, x, y)
+    assert middle == pytest.approx(-sag, abs=2e-3)
 
 
 def test_events_horizon_and_notes_where_there_are_any():

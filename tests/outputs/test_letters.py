@@ -35,7 +35,21 @@ def below(text):
         ("lambda_path", "λ[path]"),
         ("lambda_c12", "λ[c12]"),
         ("residual_b_x", "residual[b,x]"),
-        ("friction.floor.1", "friction.floor.1"),
+        ("friction.floor.1", "friction.floor₁"),
+        ("friction.floor", "friction.floor"),
+        ("impulse.rod.3", "impulse.rod₃"),
+        ("reaction.q.2", "reaction.q₂"),
+        ("gauss.a_x", "gauss.a[x]"),
+        # Members of families, with components.
+        ("q.1", "q₁"),
+        ("q_dot.12", f"q{DOT}₁₂"),
+        ("theta_ddot.2", f"θ{TWO_DOTS}₂"),
+        ("c.1.20", "c₁,₂₀"),
+        ("r.x", "r.x"),
+        ("r_dot.2.x", f"r{DOT}₂.x"),
+        ("d.1", "d₁"),
+        ("lambda_rod.3", "λ[rod3]"),
+        ("Qc_q.1", "Qc[q1]"),
         ("thetas", "thetas"),
         ("normal_force", "normal_force"),
         ("wheel_x", "wheel[x]"),
@@ -54,6 +68,31 @@ def test_names_in_expressions_but_no_functions():
     text = "beta*sin(alpha_dot) + beta(2) - lambda_c^2"
     expected = f"β*sin(α{DOT}) + beta(2) − λ[c]^2"
     assert Letters().text(text) == below(expected)
+
+
+MEMBERS = Letters(["q.1", "q.2", "r.1.x", "c.1.2", "x.1", "m.1"])
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("q(1)", "q₁"),
+        ("q_dot(2)", f"q{DOT}₂"),
+        ("sin(q(1)) - 2*q( 2 )", "sin(q₁) − 2*q₂"),
+        ("r(1).x", "r₁.x"),
+        ("r_dot(1).x", f"r{DOT}₁.x"),
+        ("c(1, 2)", "c₁,₂"),
+        ("x(n) - x(n-1)", "x[n] − x[n−1]"),
+        ("q_ddot(n)", f"q{TWO_DOTS}[n]"),
+        ("m(1)*q(1)^2", "m₁*q₁^2"),
+        ("max(q(1), 2)", "max(q₁, 2)"),
+        # Functions of simple arguments, also of one letter, are none of these.
+        ("sin(theta)", "sin(θ)"),
+        ("f(2)", "f(2)"),
+    ],
+)
+def test_members_of_families_in_expressions(text, written):
+    assert MEMBERS.text(text) == below(written)
 
 
 @pytest.mark.parametrize(

@@ -376,6 +376,26 @@ def test_spring_and_string():
     assert near([mx, my], [(one[0] + other[0]) / 2, one[1] + sag], 1e-2)
 
 
+@pytest.mark.parametrize("length", [1.5, 2.0, 5.0])
+def test_a_string_has_the_length_that_the_file_gives(length):
+    end = [np.minimum(2.0, 2 + np.sin(T)), 0 * T], [0 * T, 0 * T]
+    tracks = {"a": [0, 0], "b": end, "far": [0, -6]}
+    more = {"looks": ["string"], "lengths": [length], "links": [("a", "b")]}
+    made = page.film(T, tracks, **more)
+    for t in (0.5, 4.7):
+        seen, screen = shown(made, at(t)), Screen(made)
+        [hanging] = [
+            one
+            for one in lines(seen, "rod")
+            if one["path"][-1][0] == "quadraticCurveTo"
+        ]
+        _, _, my, *_ = hanging["path"][1]
+        apart = float(np.interp(t, T, end[0][0]))
+        # Nearer than its length it sags, further apart it is straight.
+        sag = 0.86 * np.sqrt(max(0.0, length**2 - apart**2)) * screen.scale
+        assert my == pytest.approx(screen([0, 0])[1] + sag, abs=2e-2)
+
+
 @pytest.mark.parametrize(("length", "turns"), [(1.0, 5), (4.0, 8), (9.0, 16)])
 def test_springs_have_turns_by_their_usual_length(length, turns):
     """Usual lengths of 29, 120 and 270 pixels or so; another point is far away."""

@@ -98,6 +98,59 @@ def test_bars(t):
         assert (number(digits), unit) == (pytest.approx(value, rel=1e-3), "J")
 
 
+def test_bars_of_energies_far_from_zero_show_their_change_since_the_start():
+    plain, far = energetic(), energetic()
+    for name in ("potential", "energy"):
+        far.energies[name] = far.energies[name] + 4096.0
+    (t,) = T[[34]]
+    seen, wanted = (shown(made, at(t))["bars"] for made in (far, plain))
+    # V starts at V0, and is drawn less V0, T + V too: all between -1/2 and 1/2, where
+    # T goes from cos(2)^2/2 to 1/2 and V - V0 from there down.
+    kinetic, potential = np.cos(T) ** 2 / 2, np.sin(T) ** 2 / 2
+    change = potential - potential[0]
+    low, high = np.min(change), np.max([kinetic, kinetic + change])
+    zero = -100 * low / (high - low)
+    for bar, one, value in zip(
+        seen, wanted, (kinetic[34], change[34], kinetic[34] + change[34]), strict=True
+    ):
+        long = 100 * abs(value) / (high - low)
+        sides = float(bar["--from"][:-1]), float(bar["--long"][:-1])
+        assert sides == pytest.approx((zero - long * (value < 0), long), abs=0.05)
+        # The number is that of the whole energy.
+        digits, _ = bar["value"].split()
+        shift = 4096.0 * (one["label"] != "kinetic")
+        whole = number(one["value"].split()[0]) + shift
+        assert number(digits) == pytest.approx(whole, rel=1e-3)
+
+
+def test_thousands_of_events_are_no_black_band():
+    events = [Event(t, "switch", switch="road") for t in np.linspace(2, 8, 3000)]
+    for kind, least in (("switch", 5), ("impact", 10)):
+        made = energetic(events=[e._replace(kind=kind) for e in events])
+        marks = [
+            one
+            for one in shown(made)["drawn"][1]
+            if one.get("path", [["none"]])[0][0] == "shape"
+        ]
+        gaps = np.diff([one["at"][0] for one in marks])
+        assert gaps.min() >= least
+        # All along the line they are there.
+        assert gaps.max() < 2 * least
+        assert marks[0]["at"][0] == pytest.approx(place(2))
+
+
+def test_events_of_each_run_are_marked_though_one_begins_earlier():
+    first = energetic(events=[Event(7.0, "impact", "a")])
+    other = energetic(events=[Event(3.0, "impact", "a")], name="other")
+    seen = shown([first, other])
+    where = [
+        one["at"][0]
+        for one in seen["drawn"][-1]
+        if one.get("path", [["none"]])[0][0] == "shape"
+    ]
+    assert near(where, [place(3), place(7)])
+
+
 def test_bars_without_any_energy():
     energies = {name: np.zeros(121) for name in ENERGIES}
     seen = shown(energetic(energies=energies))

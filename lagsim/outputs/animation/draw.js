@@ -7,6 +7,12 @@ const COLOURS = {
 };
 const MANY = 12;
 
+// The name of a member as it is written: p₁ for p.1, and p₁,₂ for p.1.2.
+function withSubscripts(name) {
+  return name.replace(/(?:\.\d+)+(?![^.])/g, (found) => found.slice(1).replaceAll(".", ",")
+    .replace(/\d/g, (digit) => "₀₁₂₃₄₅₆₇₈₉"[digit]));
+}
+
 // The area of corners in a plane, of such that go round against the clock where y runs up.
 function area(corners) {
   return corners.reduce((sum, [x, y], k) => {
@@ -561,7 +567,8 @@ class Drawing {
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    const label = (name, x, y) => {
+    const label = (plain, x, y) => {
+      const name = withSubscripts(plain);
       if (!Number.isFinite(x + y)) return;
       pen.lineWidth = 3;
       pen.strokeStyle = ink.card;

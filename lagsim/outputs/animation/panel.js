@@ -18,6 +18,9 @@ const EVENTS = {
   rank: ["M-3.5-3.5L3.5 3.5M3.5-3.5L-3.5 3.5", "force", "loss of rank"],
 };
 const HOLLOW = new Set(["release", "switch", "event", "rank"]);
+// From one mark of a kind to the next, in pixels: of strokes, and of shapes, which are
+// wider. Thousands would be a black band.
+const TICKS_APART = 5, MARKS_APART = 10;
 const eventLook = (kind) => EVENTS[kind] || ["M0-5V5", "dim", kind];
 
 function element(tag, attributes = {}, ...children) {
@@ -27,18 +30,47 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-// The least and the greatest energy of a run, or 0.
+// An energy that stays so many times as far from 0 as any of them changes is shown about
+// its start, as in energy.png.
+const FAR = 10;
+function starts({energies}) {
+  const ends = {};
+  let moving = 0;
+  for (const [name, values] of Object.entries(energies)) {
+    const end = ends[name] = [Infinity, -Infinity];
+    for (const value of values)
+      if (Number.isFinite(value)) { end[0] = Math.min(end[0], value); end[1] = Math.max(end[1], value); }
+    if (end[0] <= end[1]) moving = Math.max(moving, end[1] - end[0]);
+  }
+  const found = {};
+  for (const [name, [low, high]] of Object.entries(ends)) {
+    const far = low <= high && Math.min(Math.abs(low), Math.abs(high)) > FAR * moving;
+    found[name] = far && moving > 0 ? energies[name][0] : 0;
+  }
+  // What is added to T or V is added to T + V.
+  const {kinetic, potential, energy} = energies;
+  if (kinetic && potential && Math.abs(kinetic[0] + potential[0] - energy[0]) <= 1e-5 * Math.abs(energy[0]))
+    found.energy = found.kinetic + found.potential;
+  return found;
+}
+
+// The least and the greatest energy of a run about its start, or 0.
 function reach(run) {
   let low = 0, high = 0;
-  for (const values of Object.values(run.energies))
+  const from = starts(run);
+  for (const [name, values] of Object.entries(run.energies))
     for (const value of values)
-      if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
+      if (Number.isFinite(value)) {
+        low = Math.min(low, value - from[name]);
+        high = Math.max(high, value - from[name]);
+      }
   return [low, high];
 }
 
 class Bars {
   constructor(run, [low, high]) {
     this.run = run;
+    this.starts = starts(run);
     this.box = element("aside", {class: "side", "aria-label": "Energies"});
     [this.low, this.span] = [low, high - low || 1];
     this.bars = Object.keys(run.energies).filter((name) => name in ENERGIES).map((name) => {
@@ -59,7 +91,8 @@ class Bars {
     const unit = this.run.units.energy || "";
     for (const {name, value, bar} of this.bars) {
       const now = this.run.energy(name, moment);
-      const [from, to] = [part(Math.min(0, now)), part(Math.max(0, now))];
+      const above = now - this.starts[name];
+      const [from, to] = [part(Math.min(0, above)), part(Math.max(0, above))];
       bar.style.setProperty("--from", `${from}%`);
       bar.style.setProperty("--long", `${to - from}%`);
       // Of what is rounding beside the others no digit counts.
@@ -86,7 +119,7 @@ class TimeLine {
     this.marks = Object.keys(EVENTS).concat("").flatMap((kind) => {
       const found = runs.flatMap((run) => run.events)
         .filter((e) => kind ? e.kind === kind : !(e.kind in EVENTS));
-      return found.length ? [{kind: kind || found[0].kind, times: found.map((e) => e.t)}] : [];
+      return found.length ? [{kind: kind || found[0].kind, times: found.map((e) => e.t).sort((a, b) => a - b)}] : [];
     });
     canvas.setAttribute("aria-valuemin", this.start);
     canvas.setAttribute("aria-valuemax", this.end);
@@ -224,10 +257,11 @@ class TimeLine {
     const [shape, colour] = eventLook(kind), {pen} = this, path = new Path2D(shape);
     pen.fillStyle = pen.strokeStyle = ink[colour];
     pen.lineWidth = 1.5;
+    const apart = shape === "M0-5V5" ? TICKS_APART : MARKS_APART;
     let before = -Infinity;
     for (const t of times) {
       const x = this.x(t);
-      if (x - before < 1.5) continue;
+      if (x - before < apart) continue;
       before = x;
       pen.save();
       pen.translate(x, level - 11);

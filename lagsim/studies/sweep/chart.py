@@ -24,6 +24,7 @@ from lagsim.outputs.figure import (
     stack_height,
 )
 from lagsim.outputs.letters import letters_of, raised
+from lagsim.outputs.scale import is_level, value_scale
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -136,6 +137,8 @@ def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> P
                 band = {"color": BAND["color"], "linewidth": 0.0}
                 axes.fill_between(x.values, low, high, **band)
             axes.plot(x.values, end, **dots, clip_on=False, zorder=2.2)
+            if axes is row[0] and is_level(cells):
+                value_scale(cells).put(axes, "y")
             none = x.values[np.isnan(end)]
             if len(none):
                 bottom = axes.get_ylim()[0]
