@@ -104,7 +104,7 @@ PART = 0.25
 CLOSEST = 80
 AT_END = 1e-9
 # After a root the next is looked for from this part of the first place on, at places
-# each so much farther.
+# each so much farther; after the end of what is true, from this part of the step on.
 NEXT = 2.0**-26
 FARTHER = 4.0
 # A function that changes as much over the first part of the time as over the second
@@ -397,7 +397,7 @@ def find_end(s: Events, p: Parameters) -> None:
         follow_true(s, p)
     search(EVENT, s, p, 0.0)
     while UNTIL and s.event > 0.0 and goes_on(s, p, int(s.event) - 1):
-        low = s.cut
+        low = min(s.cut + NEXT, 1.0)  # clear of what rounding makes of a jump
         s.event = 0.0
         s.cut = 0.0
         s.t = t

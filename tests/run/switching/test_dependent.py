@@ -189,3 +189,26 @@ def test_both_sides_of_what_it_slides_along_are_watched(name, method):
     rows = np.round(result.t / PIECE).astype(int)
     pushed = np.append(0.0, np.cumsum(PIECE * np.array(each)))[rows]
     assert result["w_dot"] == pytest.approx(pushed, abs=BOUND)
+
+
+# --- conditions -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+def test_what_ends_by_a_jump_is_not_true_again_by_rounding(method):
+    # True at the start, false from the jump on, for the rest of the run;
+    # rounding decides on which side of it a state beside it is.
+    model = lagsim.load(
+        f"""
+coordinates: {{q: {{}}}}
+modes: {{n: 0}}
+parameters: {{a: 1.366, b: 0.756, c: 0.289}}
+events: {{e: {{at: "mod(a*q - b*t + c, 1.818) >= 0.662", set: {{n: n + 1}}}}}}
+energy: {{kinetic: q_dot^2/2, potential: 1.892*q^2/2}}
+initial: {{q: -0.225, q_dot: 2.414}}
+simulation: {{duration: 0.1, output_step: 0.05, {METHODS[method]}}}
+"""
+    )
+    for k in range(24):
+        result = lagsim.simulate(model.bind(q=-0.225 + 1e-4 * k), error_bar="never")
+        assert [e.time for e in result.events if e.name == "e"] == []
