@@ -36,19 +36,19 @@ _SPECIAL = {
     "#": r"\#", "%": r"\%", "_": r"\_", "^": r"\textasciicircum{}",
     "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}",
 }  # fmt: skip
-# What the fonts of TeX have besides letters with accents.
+# Characters in the fonts of TeX besides letters with accents.
 _IN_FONTS = frozenset("ßæÆøØœŒłŁđĐþÞðÐ§°±²³µ·×÷–—‘’“”…")
 
 DOTS = ("", "dot", "ddot")
 
 LETTERS_OF_MEMBERS = "ijkmn"
-"""Of these, one stands for the number of a member: `tip.i-1.x`."""
+"""Letters that denote the index of a family: `tip.i-1.x`."""
 _MEMBER = re.compile(r"([0-9]+|[ijkmn]([+-][0-9]+)?)\Z")
 _ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
 
 
 def called(name: str) -> str:
-    """Give a name with a letter for its member as a file writes it: `tip(i-1).x`."""
+    """Return a name with an index letter in the syntax of files: `tip(i-1).x`."""
     return _ANY_MEMBER.sub(r"(\1)", name)
 
 
@@ -68,7 +68,7 @@ class Name:
 
 @dataclass
 class ModelNames:
-    """The names of one model as its file writes them; other styles derive from this.
+    """Names of one model in the syntax of its file; base class of the other styles.
 
     Attributes
     ----------
@@ -100,11 +100,11 @@ class ModelNames:
             self._shown[name] = parts
 
     def knows(self, name: str) -> bool:
-        """Tell whether it is a name of the file."""
+        """Whether `name` is a name of the file."""
         return name in self._shown
 
     def show(self, name: Name) -> str:
-        """Give `name` typeset."""
+        """Return `name` typeset."""
         if name.kind == "multiplier":
             return called(self.of_multiplier.format(self.verbatim(name.base)[0]))
         if name.kind:
@@ -117,15 +117,15 @@ class ModelNames:
         return self.joined(base, below, name.order)
 
     def split(self, name: str) -> tuple[str, str]:
-        """Give the letter and the subscript of a name."""
+        """Return the letter and the subscript of a name."""
         return self.verbatim(name)
 
     def verbatim(self, name: str) -> tuple[str, str]:
-        """Give a name letter by letter, and no subscript."""
+        """Return a name letter by letter, and an empty subscript."""
         return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Put letter, subscript and derivative together: `q`, `q_dot`, `q_ddot`."""
+        """Join letter, subscript and order of differentiation: `q_dot`, `q_ddot`."""
         return called(rate_of(f"{base}{below}", order))
 
 
@@ -139,7 +139,7 @@ class UnicodeNames(ModelNames):
     }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
-        """Give θ, ₁ for `theta1`, q, ₁,₂ for `q.1.2`, and r, .x for `r.x`."""
+        """Return θ, ₁ for `theta1`, q, ₁,₂ for `q.1.2`, and r, .x for `r.x`."""
         head, *member = name.split(".")
         match = _PARTS.match(head)
         if match is None:
@@ -152,7 +152,7 @@ class UnicodeNames(ModelNames):
         return GREEK.get(word, word), below
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Put dots over a letter; of a word they would be those of its first letter."""
+        """Join with dots over a single letter, and with `_dot` after a longer word."""
         if len(base) > 1 and order:
             return f"{base}{below}_{DOTS[order]}"
         return base + ("", "\u0307", "\u0308")[order] + below
@@ -168,7 +168,7 @@ class LatexNames(ModelNames):
     }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
-        r"""Give \theta, 1 for `theta1`."""
+        r"""Return \theta, 1 for `theta1`."""
         head, *member = name.split(".")
         match = _PARTS.match(head)
         if match is None:
@@ -179,17 +179,17 @@ class LatexNames(ModelNames):
         return self._word(word), ",".join(below)
 
     def verbatim(self, name: str) -> tuple[str, str]:
-        """Give the name letter by letter."""
+        """Return a name letter by letter, and an empty subscript."""
         return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Put dots over the letter and hang the subscript on it."""
+        """Join with dots over the letter and the subscript below it."""
         over = f"\\{DOTS[order]}{{{base}}}" if order else base
         return f"{over}_{{{below}}}" if below else over
 
     @staticmethod
     def letter(name: str) -> str:
-        """Give a Greek letter by its name."""
+        """Return the LaTeX command of a Greek letter, given its name."""
         latin = _LATIN.get(name)
         return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
 
@@ -211,7 +211,7 @@ class LatexNames(ModelNames):
 
 
 def plain_latex(text: str) -> str:
-    """Give text with what LaTeX would read as commands, or has not, spelled out."""
+    """Return text with special characters of LaTeX escaped, unknown ones as codes."""
     return "".join(_SPECIAL.get(c) or _in_fonts(c) for c in text)
 
 
@@ -223,6 +223,6 @@ def _in_fonts(c: str) -> str:
 
 
 def upright_latex(name: str) -> str:
-    """Give a name letter by letter, upright, for formulas."""
+    """Return a name in upright letters, for formulas."""
     command = "mathrm" if name.isascii() else "text"
     return rf"\{command}{{{plain_latex(name)}}}"

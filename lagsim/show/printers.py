@@ -50,9 +50,9 @@ class Printer:
     x
         The symbols of a model.
     names
-        How names look.
+        Typesetting of the names.
     digits
-        How many digits decimals have; all that there are where this is None.
+        Significant digits of decimal numbers; None for all digits.
     """
 
     plus, minus, negative, between = " + ", " - ", "-", "*"
@@ -69,18 +69,18 @@ class Printer:
         self._place_in_sum = functools.cache(self._placed_in_sum)
 
     def __call__(self, e: Any) -> str:
-        """Give the text of an expression."""
+        """Return the text of an expression."""
         return self._print(e)
 
     def terms(self, e: Any) -> list[tuple[str, str]]:
-        """Give the terms of a sum in order, each with its sign (`+` or `-`)."""
+        """Return the terms of a sum in order, each with its sign (`+` or `-`)."""
         found = map(signed, self.ordered(e))
         return [("-" if minus else "+", self.factor(x)) for minus, x in found]
 
     def factor(self, e: Any, *, loosely: bool = True) -> str:
-        """Give the text, in parentheses where it binds less than a product does.
+        """Return the text of a factor, in parentheses if it binds less than a product.
 
-        Or, if not `loosely`, no more.
+        Unless `loosely`, a product is put in parentheses, too.
         """
         text: str = self.parenthesize(e, _MUL, strict=loosely)  # type: ignore[attr-defined]
         return text
@@ -116,7 +116,7 @@ class Printer:
         return (str(x) if self.digits is None else f"{x:.{self.digits}g}").lower()
 
     def _is_fraction(self, x: Any) -> bool:
-        """Tell whether a person would write a fraction, and not a decimal."""
+        """Whether a number is written as a fraction rather than as a decimal."""
         if not x.is_Rational or x.q > LARGEST_DENOMINATOR:
             return False
         return bool(x.q % 5 or (abs(x) < 1 and not self.decimals))
@@ -134,7 +134,7 @@ class Printer:
         return text
 
     def ordered(self, e: Any) -> list[Any]:
-        """Give the terms of a sum in order."""
+        """Return the terms of a sum in order."""
         parts = sorted(sp.Add.make_args(e), key=self._place_in_sum)
         if signed(parts[0])[0] and self._is_constant(parts[0]):
             parts.append(parts.pop(0))  # x + y - l
@@ -176,11 +176,11 @@ class Printer:
         return self._over(self.product(over) or "1", below)
 
     def product(self, factors: list[Any]) -> str:
-        """Give the text of a product of factors; that of none is empty."""
+        """Return the text of a product of factors, empty for an empty list."""
         return self.between.join(map(self.factor, factors))
 
     def fraction(self, e: Any) -> tuple[list[Any], list[Any]]:
-        """Give the factors above the line and below it, in order."""
+        """Return the factors of numerator and denominator, in order."""
         number, over, under = sp.S.One, [], []
         for x in sp.Mul.make_args(e):
             if x.is_Rational:
@@ -269,7 +269,7 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
 
 
 def exact_printer(x: Translation) -> ModelPrinter:
-    """Give a printer of all digits: who reads a text computes what lagsim computes."""
+    """Return a printer with all digits, whose text reads back to the same numbers."""
     return ModelPrinter(x, ModelNames(x.own_names), digits=None)
 
 
@@ -349,7 +349,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
 
     @staticmethod
     def sum_over(e: Any) -> str:
-        """Give the sign of a sum with its range."""
+        r"""Return the command of a sum with its range."""
         _, (letter, first, last) = e.args
         return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
 
@@ -362,7 +362,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
 
 @functools.lru_cache(maxsize=50_000)
 def signed(e: Any) -> tuple[bool, Any]:
-    """Tell whether a term is written with a minus, and give it without."""
+    """Return whether a term is written with a minus, and the term without it."""
     coefficient, rest = e.as_coeff_Mul()
     if not (coefficient.is_number and coefficient < 0):
         return False, e
@@ -377,19 +377,19 @@ def _is_function(e: Any) -> bool:
 
 
 def _name(e: Any) -> str:
-    """Give a function's name in the model language."""
+    """Return the name of a function in the model language."""
     plain = type(e).__name__
     return getattr(e, "spelled", "") or _FUNCTIONS.get(plain, plain)
 
 
 def _shown(e: Any) -> str | tuple[str, str]:
-    """Give the name for people, or what stands before and behind the arguments."""
+    """Return the displayed name, or the signs before and after the arguments."""
     row = FUNCTIONS.get(_name(e))  # sympy may bring one of its own
     return (row and row.text) or _name(e)
 
 
 def _double(e: Any) -> float | Decimal:
-    """Give a number above 0 as a double, or, where none holds it, as a decimal."""
+    """Return a positive number as a double, or as a decimal if out of range."""
     try:
         x = float(e)
     except OverflowError:
@@ -404,7 +404,7 @@ def _double(e: Any) -> float | Decimal:
 
 
 def as_json(content: Content) -> dict[str, Any]:
-    """Give the document; see docs/derive.md."""
+    """Return the document of a derivation as JSON; see docs/derive.md."""
     x, found = content
     write = exact_printer(x)
 
