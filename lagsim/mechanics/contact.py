@@ -258,16 +258,17 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
     of_impulses = bounces & (closed.poisson or False)
     newton = bounces & ~of_impulses & (before < 0.0)
     target = np.where(newton, -closed.restitutions * before, 0.0)
-    solution = _impulses(closed, before - target)
+    rests = _at_rest(closed, before)
+    solution = _impulses(closed, before - target, rests)
     locked = not solution.found and bool(target.any())
     if locked:
         target = np.zeros(len(before))
-        solution = _impulses(closed, before)
+        solution = _impulses(closed, before, rests)
     p = solution.p
     if of_impulses.any() and solution.found:
         more = np.where(of_impulses, closed.restitutions * p, 0.0)
         p = p + more
-        solution = _impulses(closed, solution.w + closed.D @ more, more)
+        solution = _impulses(closed, solution.w + closed.D @ more, rests, more)
         p = p + solution.p
     after = solution.w + target
     is_open = locked or _is_open(closed, before, p)
@@ -289,16 +290,28 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
     return Impact(np.array([p]), np.array([after]), False, energy, found)
 
 
-def _impulses(closed: Closed, c: Floats, given: Floats | None = None) -> Solution:
+def _at_rest(closed: Closed, rates: Floats) -> Flags:
+    """Which slips rest (r,) and have another friction than while they slide."""
+    pairs = np.array(closed.pairs)
+    still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
+    slips = np.array([kind is Kind.SLIP for kind in closed.kinds])
+    return np.asarray(slips & still & (closed.statics != closed.bounds))
+
+
+def _impulses(
+    closed: Closed, c: Floats, rests: Flags, given: Floats | None = None
+) -> Solution:
     """Impulses for rates c (r,) that are to become 0; what is limited gives none.
 
-    Friction is bounded by them, and by those of contacts that are `given` (r,) before.
+    Friction is bounded by them, and by those of contacts that are `given` (r,) before;
+    its coefficient is the static one where a slip rests before the impact (r,).
 
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
     r, kinds = len(c), list(closed.kinds)
     goes_on, directions = np.zeros(r, dtype=bool), np.zeros(r)
-    sizes = np.where([kind is Kind.SLIP for kind in kinds], closed.bounds, 0.0)
+    sizes = np.where(rests, closed.statics, closed.bounds)
+    sizes = np.where([kind is Kind.SLIP for kind in kinds], sizes, 0.0)
     sliding: list[list[int]] = []
     for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
         if n < 0 or kinds[n] is not Kind.TIMED or pair > k:

@@ -356,3 +356,32 @@ def test_redundant_limits_share_with_least_norm(rows, turned):
         assert A.T @ lam == pytest.approx(F, abs=1e-10)
         # SLSQP ends within the root of rounding of its optimum.
         assert lam == pytest.approx(least(F, discs, A), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        {"static": 0.5, "dynamic": 0.2},
+        "if(slip_speed > 0, 0.2, 0.5)",
+        "0.2 + 0.3*heaviside(-abs(x_dot))",
+    ],
+)
+@pytest.mark.parametrize("law", ["newton", "poisson"])
+@pytest.mark.parametrize("c", [0.4, 0.6])
+@pytest.mark.parametrize("v", [0.0, 0.1])
+def test_an_impact_has_static_friction_where_the_slip_was_0(friction, law, c, v):
+    """With inertia c between x and y: p = M (v+ - v), |p_x| <= mu p_y."""
+    floor = contact("y >= 0", 0.5, friction=friction, slip="x_dot")
+    text = scene(
+        "x y", f"(x_dot^2 + y_dot^2)/2 + {c}*x_dot*y_dot", "0",
+        {"floor": floor | {"restitution_law": law}},
+        {"x": 0, "y": 0.5, "x_dot": v, "y_dot": -1}, duration=1, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    mu = 0.2 if v else 0.5
+    rise = 1.5  # of the rate of the gap
+    # p_x = dx + c rise, p_y = c dx + rise; it stops x if that is within mu p_y.
+    dx = -v
+    if abs(dx + c * rise) > mu * (c * dx + rise):
+        dx = rise * (mu - c) / (1 - mu * c)
+    assert found["x_dot"][-1] == pytest.approx(v + dx, abs=GLOBAL)
