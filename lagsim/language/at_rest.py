@@ -44,6 +44,8 @@ BENT = 1e-7
 # continuous one changes by no more than that over a slip of STEP.
 CERTAIN, SAME = 8.0, 1e-9
 STEP, CHANGE = 1e-13, 1e-5
+# Equalities that are looked at; rows are dependent by this part of their slopes.
+MOST_HELD, DEPENDENT = 32, 1e-9
 
 
 class Bounds(NamedTuple):
@@ -74,6 +76,7 @@ def bounds_at_rest(
     slips: Sequence[int],
     velocities: Collection[str],
     known: Mapping[str, tuple[float, float]],
+    held: Sequence[int] = (),
 ) -> Bounds | None:
     """Return the bound `node` at rest and while it slides.
 
@@ -86,6 +89,8 @@ def bounds_at_rest(
         The slip, or its two components: affine in the velocities.
     known
         Value and rounding error of each parameter.
+    held
+        Other expressions of velocities that are 0 in each motion: rates of equalities.
 
     Returns
     -------
@@ -96,11 +101,28 @@ def bounds_at_rest(
     steps = [n for n in g.cone([node]) if n in moving and _is_discrete(g, n)]
     if not steps:
         return Bounds(node, node)
-    names = g.depends([node, *slips])
-    found = [_points(g, slips, names, velocities, x) for x in (known, {})]
-    if not all(found):
-        return None
+    held = _coupled(g, [node, *slips], held, velocities)
+    names = g.depends([node, *slips, *held])
+    found = [_points(g, slips, names, velocities, x, held) for x in (known, {})]
+    if not all(found):  # what equalities hold has no slip
+        return Bounds(node, node) if held else None
     return _Beside(g, node, found[0], found[1]).bounds(slips)
+
+
+def _coupled(
+    g: Graph, nodes: Sequence[int], held: Sequence[int], velocities: Collection[str]
+) -> list[int]:
+    """Rates that couple velocities of the nodes with others; at most MOST_HELD."""
+    names = g.depends(nodes) & frozenset(velocities)
+    left, found = list(held), list[int]()
+    while len(found) < MOST_HELD:
+        near = [n for n in left if not names.isdisjoint(g.depends([n]))]
+        if not near:
+            break
+        found += near
+        left = [n for n in left if n not in near]
+        names = names | (g.depends(near) & frozenset(velocities))
+    return found
 
 
 def _is_discrete(g: Graph, n: int) -> bool:
@@ -115,11 +137,13 @@ def _points(
     names: Collection[str],
     velocities: Collection[str],
     known: Mapping[str, tuple[float, float]],
+    held: Sequence[int],
 ) -> list[_Point]:
-    """Points at slip 0 where all slips have a value."""
+    """Points at slip 0 where all slips have a value, and what is held is 0."""
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
-    slopes = [gradient(g, s, [g.variable(v) for v in speeds]) for s in slips]
+    variables = [g.variable(v) for v in speeds]
+    slopes = [gradient(g, s, variables) for s in (*slips, *held)]
     found = []
     for k in range(1, POINTS + 1):
         values: Values = {}
@@ -127,7 +151,7 @@ def _points(
             part = math.modf(GOLDEN * (k * i + k * k + 0.37 * i * i))[0]
             size = LEAST + SPAN * part
             values[name] = known.get(name, (size if (i + k) % 3 else -size, 0.0))
-        point = _at_zero(g, slips, slopes, speeds, values)
+        point = _at_zero(g, slips, held, slopes, speeds, values)
         if point is not None:
             found.append(point)
     return found
@@ -136,56 +160,76 @@ def _points(
 def _at_zero(
     g: Graph,
     slips: Sequence[int],
+    held: Sequence[int],
     slopes: Sequence[Sequence[int]],
     speeds: Sequence[str],
     values: Values,
 ) -> _Point | None:
-    """Change velocities, one for each slip, so that all slips are 0."""
+    """Change velocities so that all slips, and all that is held, are 0."""
     plain = {name: value for name, (value, _) in values.items()}
     rows = [evaluate(g, row, plain) for row in slopes]
-    picked = _picked(rows)
-    if picked is None:
+    inverse = _inverse(rows, len(slips))
+    if inverse is None:
         return None
-    own, inverse = picked
+    # By a unit of each row, those of slips first.
     ways = [
-        {speeds[j]: inverse[i][k] for i, j in enumerate(own)} for k in range(len(rows))
+        {name: change for name, change in zip(speeds, way, strict=True) if change}
+        for way in inverse
     ]
+    zero = (*slips, *held)
     for _ in range(3):
-        off = evaluate(g, slips, plain)
-        for k, way in enumerate(ways):
+        for x, way in zip(evaluate(g, zero, plain), ways, strict=True):
             for name, change in way.items():
-                plain[name] -= off[k] * change
-    off = evaluate(g, slips, plain)
+                plain[name] -= x * change
+    off = evaluate(g, zero, plain)
     if not all(map(math.isfinite, (*off, *plain.values()))):
         return None
-    found = {name: (plain[name], values[name][1]) for name in values}
-    for j in own:
-        name = speeds[j]
-        left = sum(abs(off[k] * way[name]) for k, way in enumerate(ways))
+    found = {name: (plain[name], error) for name, (_, error) in values.items()}
+    for name in {name for way in ways for name in way}:
+        left = sum(
+            abs(x * way.get(name, 0.0)) for x, way in zip(off, ways, strict=True)
+        )
         found[name] = plain[name], left + UNIT_ROUNDOFF * abs(plain[name])
-    return _Point(found, ways)
+    return _Point(found, ways[: len(slips)])
 
 
-def _picked(rows: list[list[float]]) -> tuple[list[int], list[list[float]]] | None:
-    """Columns of one or two rows with a large determinant, and the inverse there."""
+def _inverse(rows: list[list[float]], first: int) -> list[list[float]] | None:
+    """Return changes (r, n) of velocities by a unit of each of some rows (r, n).
+
+    Each row changes the velocity of its largest slope, by elimination with complete
+    pivoting, so that no other is rounded. Rows that depend on others change none; None
+    where one of the first ones does.
+    """
+    count = len(rows)
     if not all(math.isfinite(x) for row in rows for x in row) or not rows[0]:
         return None
-    if len(rows) == 1:
-        j = max(range(len(rows[0])), key=lambda j: abs(rows[0][j]))
-        return ([j], [[1.0 / rows[0][j]]]) if rows[0][j] else None
-    (a, b), count = rows, len(rows[0])
-    best, i, j = max(
-        (
-            (abs(a[i] * b[j] - a[j] * b[i]), i, j)
-            for j in range(count)
-            for i in range(j)
-        ),
-        default=(0.0, 0, 0),
-    )
-    if not best:
+    size = max(abs(x) for row in rows for x in row)
+    work = [[*row, *([0.0] * count)] for row in rows]
+    width, open_rows, pivots = len(rows[0]), set(range(count)), dict[int, int]()
+    for i, row in enumerate(work):
+        row[width + i] = 1.0
+    for _ in range(count):
+        most, i, j = max(
+            (abs(work[i][j]), i, j) for i in open_rows for j in range(width)
+        )
+        if not most > DEPENDENT * size:
+            break
+        pivot = work[i][j]
+        work[i] = [x / pivot for x in work[i]]
+        for k in range(count):
+            factor = work[k][j]
+            if k != i and factor:
+                own = work[i]
+                work[k] = [x - factor * z for x, z in zip(work[k], own, strict=True)]
+        open_rows.discard(i)
+        pivots[i] = j
+    if not open_rows.isdisjoint(range(first)):
         return None
-    whole = a[i] * b[j] - a[j] * b[i]
-    return [i, j], [[b[j] / whole, -a[j] / whole], [-b[i] / whole, a[i] / whole]]
+    found = [[0.0] * width for _ in rows]
+    for i, j in pivots.items():
+        for k in pivots:
+            found[k][j] = work[i][width + k]
+    return found
 
 
 # Directions in which a slip of one component, or of two, leaves 0.

@@ -506,6 +506,8 @@ class _Rows:
         limits = self.problem.limits(p)
         rounding = self.rounding(p, limits)
         small = rounding / np.where(own > 0.0, own, 1.0)
+        if self.problem.discs:  # their forces are known to that, and so are others
+            small = np.maximum(small, SETTLED_IMPULSE * limits)
         for disc in self.problem.discs:  # both of its rows are on its edge, or neither
             small[[*disc]] = small[[*disc]].max()
         modes, directions = [Mode.OFF] * len(p), self.directions.copy()

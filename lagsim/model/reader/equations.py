@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.at_rest import Bounds, bounds_at_rest
+from lagsim.language.derivatives import tangent
 from lagsim.language.names import in_file, rate_of, rated
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import (
@@ -291,23 +292,49 @@ def again(
 def _with_limits(
     found: SequenceType[Constraint | None], readers: SequenceType[_Reader]
 ) -> tuple[Constraint, ...]:
-    """Give constraints with their limits at rest and while they slide.
+    """Give constraints with the bounds of what holds, and of what slides.
 
     Two relations that share a limit have a slip of two components.
     """
     done: list[Constraint] = []
+    rates = _held_rates(found, readers[0].x) if readers else []
     for k, (c, reader) in enumerate(zip(found, readers, strict=True)):
         if c is None:
             continue
-        limit = static = None
         if c.limit is not None:
             nodes = [c.relation.node]
             if c.pair and 0 <= k + c.pair < len(found):
                 other = found[k + c.pair]
                 nodes += [other.relation.node] if other else []
-            limit, static = reader.at_rest(reader.limit, tuple(nodes))
-        done.append(c._replace(limit=limit, static=static))
+            limit, static = reader.at_rest(reader.limit, tuple(nodes), rates)
+            c = c._replace(limit=limit, static=static)  # noqa: PLW2901
+        elif c.law is not None and c.law.friction is not None:
+            bounds = reader.at_rest(reader.friction, c.law.slips, rates)
+            law = c.law._replace(friction=bounds[0], static=bounds[1])
+            c = c._replace(law=law)  # noqa: PLW2901
+        done.append(c)
     return tuple(done)
+
+
+def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[int]:
+    """Give the rates of equalities that always hold, by which slips may be others."""
+    g = x.graph
+    forward = {
+        g.variable(q): g.variable(rate_of(q)) for q in x.names.of(Kind.COORDINATE)
+    }
+    forward[g.variable("t")] = g.one
+    fast = x.names.velocities()
+    if all(c is None or c.always or not _bounds_of(c, g, fast) for c in found):
+        return []
+    nodes = [c.relation.node for c in found if c is not None and c.always]
+    return [n if _has_velocity(n, x) else tangent(g, [n], forward)[0] for n in nodes]
+
+
+def _bounds_of(c: Constraint, g: Graph, velocities: Collection[str]) -> bool:
+    """Tell whether a bound of a constraint depends on velocities."""
+    bounds = [c.limit, *([c.law.friction, c.law.static] if c.law else [])]
+    nodes = [node for node in bounds if node is not None]
+    return not {SLIP_SPEED, *velocities}.isdisjoint(g.depends(nodes))
 
 
 class _Bound(NamedTuple):
@@ -332,7 +359,7 @@ class _Reader:
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
         self.key, self.x, self.what = key, x, f"the constraint `{key.text}`"
         alone = {"relation": (key, node)}
-        self.limit = _NO_BOUND
+        self.limit = self.friction = _NO_BOUND
         self.below = Fields(self.what, alone, key.place, True, x.faults)
         if isinstance(node, Mapping):
             self.below = fields(node, self.what, CONSTRAINT, x.faults, key.place)
@@ -459,8 +486,7 @@ class _Reader:
             faults.add("missing-key", text, below.place, hint)
         bounce, e = self._number(node, of, Level.POSITION, APPROACH_SPEED, most=1.0)
         slips = self._slips()
-        friction = self._bound("friction", FRICTION, SLIP_SPEED)
-        dynamic, static = self.at_rest(friction, slips)
+        friction = self.friction = self._bound("friction", FRICTION, SLIP_SPEED)
         laws = "newton", "poisson"
         law = below.choice("restitution_law", laws, "unknown-restitution-law")
         opposed = "`slip` is the sliding velocity that friction opposes"
@@ -473,7 +499,8 @@ class _Reader:
         if bounce is None:
             return None
         varies = bounce if e is None else None
-        return OneSided(e or 0.0, dynamic, slips, static, varies, law == "poisson")
+        sliding = friction.sliding
+        return OneSided(e or 0.0, sliding, slips, None, varies, law == "poisson")
 
     def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
         """Build a bound of what slides, and of what rests where the file gives that.
@@ -502,19 +529,26 @@ class _Reader:
         self.x.faults.add("out-of-range", text + f"one, {least:g}", place, hint)
 
     def at_rest(
-        self, bound: _Bound, slips: tuple[int, ...]
+        self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
     ) -> tuple[int | None, int | None]:
         """Give a bound of what slides, and of what rests where that differs."""
         if not slips:
             return bound.sliding, bound.resting
-        sliding, resting = self._split(bound.key, bound.sliding, bound.of, slips)
+        key = bound.key
+        sliding, resting = self._split(key, bound.sliding, bound.of, slips, rates)
         if bound.resting is None:
             return sliding, resting
-        own, at_zero = self._split(bound.key, bound.resting, bound.of_resting, slips)
+        given = bound.resting, bound.of_resting
+        own, at_zero = self._split(key, *given, slips, rates)
         return sliding, own if at_zero is None else at_zero
 
     def _split(
-        self, key: str, bound: int | None, node: Node | None, slips: tuple[int, ...]
+        self,
+        key: str,
+        bound: int | None,
+        node: Node | None,
+        slips: tuple[int, ...],
+        rates: list[int],
     ) -> tuple[int | None, int | None]:
         """Give a bound at the speed of the slips, and at rest where that differs."""
         x, g = self.x, self.x.graph
@@ -527,7 +561,10 @@ class _Reader:
                 g.substitute([bound], {g.variable(SLIP_SPEED): value})
                 for value in (speed, g.zero)
             )
-        found = bounds_at_rest(g, bound, slips, x.names.velocities(), x.known)
+        fast = x.names.velocities()
+        found = bounds_at_rest(g, bound, slips, fast, x.known)
+        if found == Bounds(bound, bound) and rates:
+            found = bounds_at_rest(g, bound, slips, fast, x.known, rates)
         if found is None:
             text = f"the {key} of {self.what} has a switch at slip 0, and it is not "
             text += "clear what bounds the force at rest and while it slides"

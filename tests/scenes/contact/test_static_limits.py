@@ -106,6 +106,25 @@ def test_a_definition_may_stand_for_the_slip():
     holds(play(text), speed=3.0)
 
 
+@pytest.mark.parametrize("gear", ["x = 2*q", "x_dot = 2*q_dot", "2*q = x + sin(t) - t"])
+@pytest.mark.parametrize("spelling", SPELLINGS[:3])
+def test_the_slip_may_be_written_by_what_an_equality_couples(gear, spelling):
+    """x slips where 3 t = F0; the wheel q goes with it."""
+    slip = "q_dot" if "sin" not in gear else "2*q_dot - cos(t) + 1"
+    text = scene(
+        "x q", "x_dot^2/2 + q_dot^2/1e6", "0",
+        {"gear": gear, "rub": {"relation": "x_dot = 0",
+                               "limit": spelled(spelling, slip)}},
+        {"x": 0, "q": {"guess": 0}, "q_dot": {"guess": 0}},
+        parameters={"F0": F0, "F1": F1}, forces={"x": "3*t"}, duration=1.5,
+        output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    s = np.maximum(found.t - 1.0, 0.0)
+    assert found.times("slip", "rub") == pytest.approx([1.0], abs=1e-5)
+    assert found["x"] == pytest.approx(s**2 + s**3 / 2, abs=1e-5)
+
+
 def test_a_family_of_blocks_has_a_limit_of_its_own_each():
     text = """
 coordinates: {x(1..3): {}}
@@ -254,6 +273,27 @@ def test_a_switch_on_a_part_of_two_slips_is_refused(part):
     )
     with pytest.raises(InputError, match="has a switch at slip 0"):
         lagsim.load(text)
+
+
+@pytest.mark.parametrize("limit", [
+    "if(norm(p_dot) > 0, F1, F0)", "F0 - (F0 - F1)*sign(norm(p_dot))",
+    "if(dot(p_dot, p_dot) > 0, F1, F0)", "{static: F0, dynamic: F1}",
+    "F1 + (F0 - F1)*heaviside(-norm(p_dot))",
+])  # fmt: skip
+def test_a_relation_between_vectors_has_static_friction(limit):
+    limit = limit if limit[0] == "{" else f'"{limit}"'
+    text = f"""
+parameters: {{F0: 3, F1: 1}}
+coordinates: {{p: {{components: xy}}}}
+energy: {{kinetic: "dot(p_dot, p_dot)/2", potential: "5*norm(p - t*vec(0.3, 0.4))^2"}}
+constraints: {{rub: {{relation: "p_dot = vec(0, 0)", limit: {limit}}}}}
+initial: {{p: [0, 0]}}
+simulation: {{duration: 4, output_step: 0.05}}
+"""
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    x, _ = stick_slip(result.t, 10.0, 0.5)
+    assert result["p.x"] == pytest.approx(0.6 * x, abs=GLOBAL)
+    assert result["p.y"] == pytest.approx(0.8 * x, abs=GLOBAL)
 
 
 @pytest.mark.parametrize(
