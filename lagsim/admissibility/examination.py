@@ -47,6 +47,7 @@ from lagsim.admissibility.verdict import (
     judge_laws,
     judge_rest,
     judge_starts,
+    of_gaps,
     one_sided,
     out_of_force,
     with_timed,
@@ -323,8 +324,8 @@ class _Examiner:
             warnings += cautions
         if e.laws:
             place = {c.name: k for k, c in enumerate(e.model.constraints)}
-            whole = [*in_force(verdicts, e), *laws]
-            verdicts = sorted(whole, key=lambda x: place[x.name])
+            every = of_gaps([*in_force(verdicts, e), *laws])
+            verdicts = sorted(every, key=lambda x: place[x.name])
         return StartReport(
             state=here.state if satisfied else point.state,
             verdicts=(*verdicts, *unmet),

@@ -22,6 +22,7 @@ from lagsim.language.parser import ExpressionError, parse
 from lagsim.language.tables import arguments, written
 from lagsim.mechanics.algebra import null_space, sizes_of
 from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
 from lagsim.notes import Caution
@@ -277,7 +278,8 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
             why += f"{value:.6g}"
         if why:
             text = f"the {what} of the constraint `{law.name}` {why}"
-            found.append(Problem("out-of-range", text, places[law.constraint]))
+            place = places[whole(law.constraint)]
+            found.append(Problem("out-of-range", text, place))
     if found:
         raise InputError(found)
 

@@ -35,6 +35,7 @@ from lagsim.language.sparse import joined
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind, constraint_row
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
+from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import at_limit
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
@@ -314,6 +315,23 @@ def _of_law(
         holds=None if in_force else False,
         mode="" if in_force else "out of force",
     )
+
+
+def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Verdicts with one on each gap for those on its pieces: on what is least."""
+    found: dict[str, list[Verdict]] = {}
+    for x in verdicts:
+        found.setdefault(whole(x.name), []).append(x)
+    return [
+        _of_gap(name, own) if len(own) > 1 else own[0] for name, own in found.items()
+    ]
+
+
+def _of_gap(name: str, own: Sequence[Verdict]) -> Verdict:
+    """Verdict on a gap; what one of its pieces does that is closed, it does."""
+    least = min(own, key=lambda x: (not x.holds, not x.active, x.position.value))
+    position = min((x.position for x in own), key=lambda x: x.value)
+    return least._replace(name=name, position=position)
 
 
 def judge_starts(point: Point) -> list[Verdict]:

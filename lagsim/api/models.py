@@ -68,7 +68,7 @@ class Accelerations:
     def __init__(self, model: Read) -> None:
         e = _derived(model, chained=False)
         if e.laws:
-            names = dict.fromkeys(f"`{law.constraint}`" for law in e.laws)
+            names = dict.fromkeys(f"`{law.name}`" for law in e.laws)
             text = f"{model.name} has no accelerations as a function of the state: "
             text += f"{', '.join(names)} act{'s' * (len(names) == 1)} at times, "
             text += "and when depends on what happened before"

@@ -477,7 +477,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
     )
     equations = made.session.equations
     held = len(equations.model.constraints)
-    contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
+    contacts = len({law.name for law in equations.laws if law.kind is Kind.CONTACT})
     parts = {
         "coordinate": len(equations.q), "state": len(equations.states),
         "constraint": held - contacts, "contact": contacts,

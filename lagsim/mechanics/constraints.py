@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
+from lagsim.mechanics.pieces import MARK, named, pieces, whole
 from lagsim.methods.parts import parameters as kept
 from lagsim.model.model import APPROACH_SPEED
 
@@ -236,7 +237,7 @@ class Law(NamedTuple):
     row : Row
         Where it holds as an equality.
     constraint : str
-        The name in the file; a slip has that of its contact.
+        The name in the file, or of a piece of it; a slip has that of its contact.
     multiplier : str
         The name of its variable, and column.
     restitution : float
@@ -272,9 +273,9 @@ class Law(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name in the file of its constraint, also of one of two relations."""
+        """The name in the file of its constraint, also of a piece, or of one of two."""
         two = self.pair >= 0 and self.kind is not Kind.SLIP
-        return self.constraint[:-2] if two else self.constraint
+        return self.constraint[:-2] if two else whole(self.constraint)
 
     @property
     def solved(self) -> Row:
@@ -302,36 +303,57 @@ class Law(NamedTuple):
         return self.row.transport
 
 
-def laws_of(g: Graph, constraints: Sequence[Constraint], flow: Flow) -> Iterator[Law]:
-    """Derive the laws of all constraints but plain equalities, slips after contacts."""
+def laws_of(
+    g: Graph, constraints: Sequence[Constraint], flow: Flow, values: Mapping[str, float]
+) -> Iterator[Law]:
+    """Derive the laws of all constraints but plain equalities, slips after contacts.
+
+    values : of the parameters, which decide what pieces a gap has.
+    """
     count = 0
     for c in constraints:
         if c.always:
             continue
-        row = constraint_row(g, c.name, c.relation.node, flow)
-        name, zero = f"lambda_{c.name}", g.zero
+        zero = g.zero
         if c.law is None:
+            row = constraint_row(g, c.name, c.relation.node, flow)
             kind = Kind.TIMED if c.limit is None else Kind.LIMITED
             limit = zero if c.limit is None else c.limit
             static = limit if c.static is None else c.static
             pair = count + c.pair if c.pair else -1
             yield Law(
-                row, kind, c.name, name, bound=limit, static=static, when=c.when,
-                pair=pair,
+                row, kind, c.name, f"lambda_{c.name}", bound=limit, static=static,
+                when=c.when, pair=pair,
             )  # fmt: skip
             count += 1
             continue
-        kind = Kind.CONTACT if row.holonomic else Kind.FREEWHEEL
-        bounce = c.law.bounce
-        if bounce is not None:
-            approach = {g.variable(APPROACH_SPEED): g.call("neg", row.rate)}
-            bounce = g.substitute([bounce], approach)[0]
-        yield Law(
-            row, kind, c.name, name, c.law.restitution, zero, zero, when=c.when,
-            bounce=bounce, poisson=c.law.poisson,
-        )  # fmt: skip
-        yield from _slips(g, c.name, c.law, flow, count)
-        count += 1 + len(c.law.slips)
+        for name, node in pieces_of(g, c, flow, values).items():
+            row = constraint_row(g, name, node, flow)
+            kind = Kind.CONTACT if row.holonomic else Kind.FREEWHEEL
+            bounce = c.law.bounce
+            if bounce is not None:
+                approach = {g.variable(APPROACH_SPEED): g.call("neg", row.rate)}
+                bounce = g.substitute([bounce], approach)[0]
+            yield Law(
+                row, kind, name, f"lambda_{name}", c.law.restitution, zero, zero,
+                when=c.when, bounce=bounce, poisson=c.law.poisson,
+            )  # fmt: skip
+            yield from _slips(g, name, c.law, flow, count)
+            count += 1 + len(c.law.slips)
+
+
+def pieces_of(
+    g: Graph, c: Constraint, flow: Flow, values: Mapping[str, float]
+) -> dict[str, int]:
+    """Gaps whose least is that of a contact, by their names; most have just one."""
+    node = c.relation.node
+    if c.law is None or flow.velocities & g.depends([node]):
+        return {c.name: node}
+    moving = [str(g.payload(x)) for x in (*flow.positions, g.variable("t"))]
+    found = pieces(g, node, values, moving)
+    if len(found) == 1:
+        return {c.name: found[0]}
+    return {named(c.name, k): piece for k, piece in enumerate(found, 1)}
 
 
 def _slips(
@@ -342,8 +364,10 @@ def _slips(
     if not count or law.friction is None:
         return
     static = law.friction if law.static is None else law.static
+    own, mark, piece = name.partition(MARK)
     for k, slip in enumerate(law.slips, 1):
-        column = f"friction.{name}" if count == 1 else f"friction.{name}.{k}"
+        column = f"friction.{own}" if count == 1 else f"friction.{own}.{k}"
+        column += mark + piece
         other = normal + 3 - k if count == 2 else -1
         yield Law(
             constraint_row(g, column, slip, flow), Kind.SLIP, name, column,

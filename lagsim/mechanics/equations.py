@@ -35,7 +35,15 @@ from lagsim.language.graph import VARIABLE, memoize
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets, SparseVector
 from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
-from lagsim.mechanics.constraints import Flow, Law, Row, constraint_row, laws_of
+from lagsim.mechanics.constraints import (
+    Flow,
+    Law,
+    Row,
+    constraint_row,
+    laws_of,
+    pieces_of,
+)
+from lagsim.mechanics.pieces import whole
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
@@ -252,9 +260,18 @@ class Equations:
         """Return the same equations of the model bound to other values."""
         given = {c.name: c.law.restitution for c in model.constraints if c.law}
         laws = self.laws
-        if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
-            laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
+        if any(law.restitution != given.get(law.name, 0.0) for law in laws):
+            laws = tuple(law.bouncing(given.get(law.name, 0.0)) for law in laws)
         return replace(self, model=model, laws=laws, begun_by=NOT_BEGUN)
+
+    def has_pieces_of(self, model: Model) -> bool:
+        """Whether gaps have the same pieces with other values of the parameters."""
+        g, flow, values = self.graph, self.flow, model.parameter_values
+        rows = {x.row.name: x.row.residual for x in self.laws if x.kind.one_sided}
+        found: dict[str, int] = {}
+        for c in (c for c in model.constraints if c.law):
+            found |= pieces_of(g, c, flow, values)
+        return rows == found
 
     def begun(self, state: Instant) -> Equations:
         """Return the equations with what events set at a start.
@@ -377,8 +394,8 @@ class Equations:
         return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
-        """Row of a constraint."""
-        return next(row for row in self.every_row if row.name == name)
+        """Row of a constraint, the first of a gap's pieces."""
+        return next(row for row in self.every_row if whole(row.name) == name)
 
     @property
     def mass_entries(self) -> dict[tuple[int, int], int]:
@@ -500,7 +517,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
-    laws = tuple(laws_of(g, model.constraints, flow))
+    laws = tuple(laws_of(g, model.constraints, flow, model.parameter_values))
     energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
     found = Equations(
         model=model,

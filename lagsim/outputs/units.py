@@ -24,6 +24,7 @@ from lagsim.language.units import (
     written,
 )
 from lagsim.mechanics.equations import ACTION
+from lagsim.mechanics.pieces import whole
 from lagsim.model.model import Level
 from lagsim.outputs import ENERGIES
 
@@ -237,7 +238,7 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
         yield d.name, d.node
     rows = equations.every_row
     for row in rows:
-        yield f"residual_{row.name}", row.residual
+        yield f"residual_{whole(row.name)}", row.residual
     for k, plot in enumerate(equations.model.output.plots):
         for name, curve in plot.curves(k).items():
             yield name, curve.node
@@ -255,7 +256,7 @@ def _forces(
     reactions = equations.model.output.reactions
     work |= {f"reaction.{name}": defined[name] for name in reactions}
     rows = {f"lambda_{row.name}": row for row in equations.rows}
-    rows |= {law.multiplier: law.row for law in equations.laws}
+    rows |= {whole(law.multiplier): law.row for law in equations.laws}
     work |= {name: row.residual for name, row in rows.items()}
     for name, node in work.items():
         along = dimensions.unit(node)

@@ -160,7 +160,7 @@ def _whole(
 
 def _full(equations: Equations, start: Start) -> Formulation:
     """Formulation with all that the model has."""
-    rows, laws = equations.rows, {law.constraint for law in equations.laws}
+    rows, laws = equations.rows, {law.name for law in equations.laws}
     name, held = _projection(rows), sum(row.holonomic for row in rows)
     if laws:
         name = "projection"

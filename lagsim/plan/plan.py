@@ -365,8 +365,8 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that come and go need a method that evaluates y' only"
-    follow = [x.constraint for x in equations.laws if x.bounce is not None or x.poisson]
-    alone = [x.constraint for x in equations.laws if x.slider]
+    follow = [x.name for x in equations.laws if x.bounce is not None or x.poisson]
+    alone = [x.name for x in equations.laws if x.slider]
     if alone and not locates(name):
         return f"`{alone[0]}` acts on a coordinate without mass, which no impulse moves"
     if follow and not locates(name):

@@ -22,6 +22,7 @@ from lagsim.mechanics.equations import (
 )
 from lagsim.mechanics.ldl import without_rows
 from lagsim.mechanics.motion_series import linear_form, motion_rates
+from lagsim.mechanics.pieces import MARK, whole
 from lagsim.mechanics.reduction import with_lengths
 from lagsim.methods.parts.control import scattered
 from lagsim.methods.parts.parameters import ALWAYS
@@ -74,13 +75,17 @@ class Columns:
         if equations.works:
             nodes["work"] = equations.work
         rows = _in_order(equations)
-        nodes.update((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
+        sums = _sums(equations)
+        lambdas = ((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
+        nodes.update((name, sums.get(x, x)) for name, x in lambdas)
         forces = equations.constraint_forces() if rows else []
         names = [f"Qc_{q}" for q in equations.q]
         nodes.update(zip(names, forces, strict=False))
         nodes.update((f"residual_{name}", row.residual) for name, row in rows.items())
         nodes |= _optional(equations)
         self.table = len(nodes)
+        parts = (x.multiplier for x in equations.laws if MARK in x.constraint)
+        nodes.update((name, g.variable(name)) for name in parts)
         nodes |= _judged(equations, rows)
         nodes.update((x.name, g.variable(x.name)) for x in equations.works)
         for name, components in model.scene.points.items():
@@ -88,7 +93,7 @@ class Columns:
                 nodes[f"point.{name}.{k}"] = node
         for k, plot in enumerate(model.output.plots):
             nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
-        new = {g.variable("energy"): equations.energy}
+        new = {g.variable("energy"): equations.energy, **sums}
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
         }
@@ -115,18 +120,47 @@ class Columns:
         return self.names[: self.table]
 
 
+def _sums(equations: Equations) -> dict[int, int]:
+    """Multipliers, frictions and impulses of gaps with pieces: sums of these."""
+    g = equations.graph
+    parts: dict[str, list[str]] = {}
+    for law in equations.laws:
+        if MARK in law.constraint:
+            names = [law.multiplier]
+            if law.kind is Kind.CONTACT:
+                names.append(f"impulse.{law.constraint}")
+            for name in names:
+                parts.setdefault(whole(name), []).append(name)
+    return {g.variable(x): g.sum(map(g.variable, own)) for x, own in parts.items()}
+
+
 def _in_order(equations: Equations) -> dict[str, Row]:
-    """Rows of the constraints by name, in the order of the file."""
-    rows = {row.name: row for row in equations.rows}
-    rows |= {x.row.name: x.row for x in equations.laws if x.kind is not Kind.SLIP}
-    names = [c.name for c in equations.model.constraints]
-    return {name: rows[name] for name in names if name in rows}
+    """Rows of the constraints by name, in the order of the file.
+
+    Of a gap with pieces the row of the first, with the gap itself.
+    """
+    g, rows = equations.graph, {row.name: row for row in equations.rows}
+    parts: dict[str, list[Row]] = {}
+    for law in equations.laws:
+        if law.kind is not Kind.SLIP:
+            parts.setdefault(whole(law.row.name), []).append(law.row)
+    found = {}
+    for c in equations.model.constraints:
+        own = parts.get(c.name, [])
+        row = own[0] if own else rows.get(c.name)
+        if row is not None:
+            scale = row.residual_scale
+            for other in own[1:]:
+                scale = g.call("max", scale, other.residual_scale)
+            residual = c.relation.node if len(own) > 1 else row.residual
+            found[c.name] = row._replace(residual=residual, residual_scale=scale)
+    return found
 
 
 def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     """Scale of what each constraint must not miss, and that of one side."""
     g = equations.graph
-    free = {x.constraint: x for x in equations.laws if x.kind is not Kind.SLIP}
+    free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}
     nodes: dict[str, int] = {}
     for name, row in rows.items():
         law = free.get(name)
@@ -145,12 +179,12 @@ def _optional(equations: Equations) -> dict[str, int]:
     """Columns of contacts, and what keys of `output` ask for."""
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
+    sums = _sums(e)
     for law in e.laws:
-        if law.kind is Kind.CONTACT:
-            name = f"impulse.{law.constraint}"
-            nodes[name] = g.variable(name)
-        elif law.kind is Kind.SLIP:
-            nodes[law.multiplier] = g.variable(law.multiplier)
+        if law.kind in (Kind.CONTACT, Kind.SLIP):
+            slip = law.kind is Kind.SLIP
+            name = whole(law.multiplier if slip else f"impulse.{law.constraint}")
+            nodes[name] = sums.get(g.variable(name), g.variable(name))
     if e.model.output.gauss:
         alone = without_rows(with_lengths(e))
         free = alone.motion()[0]

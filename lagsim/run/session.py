@@ -298,12 +298,16 @@ def _begun(
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     """Case of equations with the values of another binding of their model.
 
+    They are derived anew where a gap has other pieces with these values.
+
     Raises
     ------
     InputError, StartError
     """
     equations.graph.unbind()  # they were examined before
-    return _examined(equations.of(model), settings, Clock())
+    if equations.has_pieces_of(model):
+        return _examined(equations.of(model), settings, Clock())
+    return open_case(model, settings)
 
 
 def check(model: Model) -> tuple[Case, Sequence[Choice]]:

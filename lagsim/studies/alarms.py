@@ -533,7 +533,7 @@ def worst_residual(
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
-    contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
+    contacts = {x.name for x in equations.laws if x.kind is Kind.CONTACT}
     names = run.session.columns.names
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):

@@ -21,6 +21,7 @@ from lagsim import files
 from lagsim.errors import InputError, Place, Problems, several, unusable
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
+from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL, Model
@@ -79,7 +80,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     column = dict(zip(motion.columns, motion.rows.T, strict=True))
     energy, work = column["energy"], column.get("work")
     found = {"energy": energy} if work is None else {BALANCE: energy - work}
-    laws = {f"{RESIDUAL}{law.row.name}": law for law in equations.laws}
+    laws = {f"{RESIDUAL}{whole(law.row.name)}": law for law in equations.laws}
     for name, values in column.items():
         law = laws.get(name)
         if name.startswith(RESIDUAL) and law is None:

@@ -306,7 +306,7 @@ class Carriers:
         self._values, self._count = values, count
         self._dimension = scene.dimension
         rows = [(x.name, f"lambda_{x.name}", x.A.entries) for x in equations.rows]
-        rows += [(x.constraint, x.multiplier, x.row.A.entries) for x in equations.laws]
+        rows += [(x.name, x.multiplier, x.row.A.entries) for x in equations.laws]
         self._jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
         found: dict[tuple[str, str], Floats] = {}

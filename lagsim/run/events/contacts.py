@@ -18,6 +18,7 @@ import numpy as np
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact, modes
+from lagsim.mechanics.pieces import MARK, whole
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -176,7 +177,7 @@ class Contacts(Source):
         found.cautions += self.once(code, text)
 
     def _names(self, some: Collection[int]) -> str:
-        return quoted(self.laws[k].constraint for k in some)
+        return quoted(self.laws[k].name for k in some)
 
     def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> Found:
         """Go through impacts, then choose the modes."""
@@ -201,7 +202,7 @@ class Contacts(Source):
         judged = self._is_examined(arc)
         for k, law in enumerate(self.laws):
             if closed[k] and not judged and self._jumps(here, k):
-                found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
+                found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.name)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
         if wrong := here.out_of_range(some, met):
@@ -378,7 +379,7 @@ class Contacts(Source):
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):
-            kind, name = self.laws[k].kind, self.laws[k].constraint
+            kind, name = self.laws[k].kind, self.laws[k].name
             if kind is Kind.SLIP or sizes[i] <= SOLUTION_ROUNDOFF * largest:
                 continue
             event = Event(
@@ -657,6 +658,11 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     t, now = here.arc.t, here.arc.system.p.law_mode
     if (now == before).all():
         return
+    was_on, is_on = (
+        {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
+        for x in (before, now)
+    )
+    told = was_on & is_on  # on another piece of its gap, perhaps
     for k, law in enumerate(here.laws):
         name = law.name
         if law.kind.bounded:
@@ -667,7 +673,7 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
                 yield Event(t, "slip", name)
             elif before[k] == kept.SLIDING and holds:
                 yield Event(t, "stick", name)
-        elif before[k] == kept.OFF and now[k] != kept.OFF:
-            yield Event(t, "contact", name)
-        elif before[k] != kept.OFF and now[k] == kept.OFF:
-            yield Event(t, "release", name)
+        elif (before[k] == kept.OFF) != (now[k] == kept.OFF):
+            if MARK not in law.row.name or name not in told:
+                yield Event(t, "contact" if now[k] != kept.OFF else "release", name)
+            told.add(name)
