@@ -27,7 +27,7 @@ other. The velocity is off by no more than the floor. A cube root is a switch fo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.corners import Corner
     from lagsim.mechanics.equations import Equations
 
 
@@ -329,6 +330,8 @@ class Switches:
         The state switches by their discrete functions, roughly as they were written.
     sides
         Where the state is with respect to the surfaces that the motion depends on.
+    corners
+        Of equalities, by the numbers of their sides.
     """
 
     graph: Graph
@@ -338,6 +341,7 @@ class Switches:
     _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
     _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
     _roots: Roots
+    corners: Mapping[int, Corner] = field(default_factory=dict)
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
         """`nodes` with each switch decided by its mode variable.

@@ -16,6 +16,7 @@ from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
+from lagsim.mechanics.corners import corners, with_pushes
 from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.linearisation import newton
@@ -567,7 +568,8 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     ]
     choices += found.choices
     choices += _of_parts(parts, settings)
-    switches = model_switches(equations, located=locates(settings.method))
+    equations, switches = _with_switches(equations, settings)
+    found = found._replace(reduction=found.reduction._replace(equations=equations))
     if switches.sides:
         reason = "forces jump or have a kink there: each is located, and the "
         reason += "integration restarts"
@@ -621,6 +623,19 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         parts=parts,
         choices=tuple(choices),
     )
+
+
+def _with_switches(
+    equations: Equations, settings: Settings
+) -> tuple[Equations, Switches]:
+    """Switches, and equations with what holds the motion at corners of equalities."""
+    switches = model_switches(equations, located=locates(settings.method))
+    bent = corners(equations, switches)
+    if not bent:
+        return equations, switches
+    pushed = with_pushes(equations, switches, bent)
+    located = locates(settings.method)
+    return pushed, replace(model_switches(pushed, located=located), corners=bent)
 
 
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:

@@ -428,7 +428,17 @@ def surface_functions(
     if nodes or equations.laws:
         rows = [*residuals, *speeds, *b, *scales, *elements]
         made = {"surfaces": nodes, "surface_rows": rows}
+        made["corner_levers"] = _levers(equations, switches)
     return made, starts, columns
+
+
+def _levers(equations: Equations, switches: Switches) -> list[int]:
+    """`corner_levers`, see `corners`; nothing where there are no corners."""
+    if not switches.corners:
+        return []
+    none = (equations.graph.zero,) * (1 + len(equations.multipliers))
+    found = [switches.corners.get(k) for k in range(len(switches.sides))]
+    return [x for c in found for x in (c.levers if c else none)]
 
 
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to

@@ -10,6 +10,10 @@ together with a surface is carried along: it is on its own lower and upper side 
 that one is. So is a surface whose expression depends on the side: it has two values,
 each of which may leave its side.
 
+At a corner of an equality both of its rows hold, which no combination of fields does:
+f_k is there the field with a push along the surface's gradient, see `corners`. It is
+linear in that, and taken for one so large that nothing else rounds in the difference.
+
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.
 """
@@ -20,7 +24,13 @@ from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
-from lagsim.methods.parts.state import columns, of_model, surface_rows, surfaces
+from lagsim.methods.parts.state import (
+    columns,
+    corner_levers,
+    of_model,
+    surface_rows,
+    surfaces,
+)
 from lagsim.program import mass
 from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF
 
@@ -28,6 +38,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 LAWS = True
+# A push beside which all forces are small; a power of two, with which nothing rounds.
+PUSH = 2.0**100
 
 
 # Rates y' (size,) and lambda (m,) with each surface on its side.
@@ -179,12 +191,41 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
         for k in range(p.surfaces):
             if p.slides[k] == FOLLOWED:
                 j += 1
-                take_side(k, p.high, p)
                 other = fields[j * width :]
-                field(t, y, p, other)
-                take_side(k, p.low, p)
+                if p.corner[k] > 0.0:
+                    p.push[k] = PUSH
+                    field(t, y, p, other)
+                    p.push[k] = 0.0
+                else:
+                    take_side(k, p.high, p)
+                    field(t, y, p, other)
+                    take_side(k, p.low, p)
                 other[:width] -= fields[:width]
         share_out(sliding, p)
+        if p.corners > 0:
+            corner_levers(t, y, p, p.levers)
+            share_corners(p)
+
+
+def share_corners(p: Parameters) -> None:
+    """Turn pushes into shares of the upper sides of corners.
+
+    Where nothing acts on a corner both sides have half; a push where the constraint has
+    no force leads away.
+    """
+    width = 1 + p.m
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED and p.corner[k] > 0.0:
+            push = p.share[k] * PUSH
+            jump = p.levers[k * width]
+            for r in range(p.m):
+                jump += p.levers[k * width + 1 + r] * p.side_fields[p.size + r]
+            if jump != 0.0:
+                p.share[k] = push / jump
+            elif push != 0.0:
+                p.share[k] = -1.0
+            else:
+                p.share[k] = 0.5
 
 
 def take_side(k: int, which: Floats, p: Parameters) -> None:

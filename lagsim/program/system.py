@@ -310,7 +310,8 @@ class System:
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
             states=len(self.equations.states),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
-            elements=len(elements), loops=self.has_loops,
+            elements=len(elements), corners=len(self.switches.corners),
+            loops=self.has_loops,
             slopes_known=self.has_jacobian,
             knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
             first_mode=len(self.equations.model.parameters), **sizes,
@@ -332,6 +333,7 @@ class System:
         p.first_smooth[:], p.last_smooth[:], p.first_met[:], p.last_met[:] = (
             levels.reshape(-1, 4).T
         )
+        p.corner[list(self.switches.corners)] = 1.0
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
@@ -374,6 +376,8 @@ class System:
             p[side.sliding] = memory.place("slides") + k
             if side.floor:
                 p[side.floor] = memory.place("floor") + k
+            if corner := self.switches.corners.get(k):
+                p[corner.push] = memory.place("push") + k
         for k, law in enumerate(self.laws):
             if law.normal < 0:  # that of a slip is none of these
                 p[f"impulse.{law.constraint}"] = memory.place("impulses") + k

@@ -261,9 +261,8 @@ class Run:
         """Begin the first arc; tell how the run ends if it does."""
         system = self.arc.system
         # The start before its switches are those of the first arc.
-        before = (
-            at_start(self.arc) if self._may_jump and system.switches.modes else None
-        )
+        jumps = self._may_jump and (system.switches.modes or system.switches.corners)
+        before = at_start(self.arc) if jumps else None
         ending = self._set_modes() or self._past_table() or self._strike(before)
         if ending is None:
             if self.transitions is not None:
@@ -523,8 +522,11 @@ class Run:
         """Meet the constraints whose rates jump at the time reached."""
         if before is None:
             return None
-        struck = impact(self.arc, before)
+        switching = next((x for x in self.sources if isinstance(x, Switching)), None)
+        struck = impact(self.arc, before, switching)
         self._take(struck)
+        if struck.ending is None and struck.y is not None and switching is not None:
+            return self._set_modes()  # by the velocities there are now
         return struck.ending
 
     def _set_modes(self, but: Source | None = None) -> Ending | None:

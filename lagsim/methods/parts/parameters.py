@@ -128,6 +128,7 @@ class Surfaces(Knots):
     surfaces: int  # that switches lie on
     elements: int  # of J, their rows, that do not vanish
     sliding: float  # how many surfaces the motion slides along
+    corners: int  # how many of them are corners of equalities
 
     side: Floats = array("surfaces")  # the mode variables
     slides: Floats = array("surfaces")  # see FOLLOWED
@@ -140,6 +141,10 @@ class Surfaces(Knots):
     most: Floats = array("surfaces")
     # Of the upper side, in the combination that stays on the surface.
     share: Floats = array("surfaces")
+    # A corner of an equality is 1; a force along its gradient; by how much this jumps.
+    corner: Floats = array("surfaces")
+    push: Floats = array("surfaces")
+    levers: Floats = array(lambda p: p.surfaces * (1 + p.m) if p.corners else 0)
     # Levels of tables between these are passed without a jump of y', and between these
     # by the rate at which they are met, see `surfaces.Side`.
     first_smooth: Floats = array("surfaces")

@@ -153,6 +153,9 @@ surfaces = of_model("surfaces")
 # velocities has no residual on that of positions. J (K, n + l) is given row by row,
 # without what vanishes; where its elements belong is kept before.
 surface_rows = of_model("surface_rows")
+# By how much the force along each surface jumps there, and by each multiplier (1 + m,),
+# of all surfaces (K,); nothing where no equality has a corner.
+corner_levers = of_model("corner_levers")
 # How far the state is from leaving the mode of each surface (K,).
 event_functions = of_model("event_functions")
 # The arguments of localized terms (K,); see `missed`.

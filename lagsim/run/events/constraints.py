@@ -1,6 +1,8 @@
 """Impacts of constraints, and singularities: of coordinates, and of their Jacobian.
 
-A moving constraint whose rate jumps is met by an inelastic impact.
+A moving constraint whose rate jumps is met by an inelastic impact. So is the corner of
+one with a kink: the motion goes on past it where that leads onto the new side, else it
+stops there, see `Switching.stop`.
 
 In polar coordinates the inertia of the angle is m r^2, of a spherical pendulum's
 azimuth m l^2 sin^2 theta, and of Euler's angles a pivot of M is: where one of them
@@ -34,6 +36,7 @@ from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, S
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
+    from lagsim.run.events.switching import Switching
 
 
 class Before(NamedTuple):
@@ -85,7 +88,7 @@ def _newton_step(arc: Arc, level: str) -> Floats:
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
 
-def impact(arc: Arc, before: Before) -> Decision:
+def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
     """Meet a constraint whose rate jumps: the velocities are projected.
 
     That is the inelastic impact, the least change in the metric of M. No motion can
@@ -105,8 +108,18 @@ def impact(arc: Arc, before: Before) -> Decision:
     before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[arc.velocities] += step
-    arc.add_work(y, arc.energies(arc.y, now))
-    return Decision(events=(Event(arc.t, "impact"),), rows=before.row, y=y)
+    bent = [] if switching is None else switching.corners_met(arc)
+    if switching is not None and bent:
+        switching.stop(arc, y, bent)
+    energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
+    events = [Event(arc.t, "impact")]
+    if switching is not None and bent:
+        events = [
+            Event(arc.t, "corner", name, switch=switching.sides[k].text, energy=energy)
+            for k in bent
+            for name in arc.system.switches.corners[k].rows
+        ]
+    return Decision(events=tuple(events), rows=before.row, y=y)
 
 
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:

@@ -451,6 +451,11 @@ class Modes:
         values = {ABOVE: above, LEVEL: between, REDUNDANT: between}
         self.value[k] = values.get(mode, below)
 
+    def way(self, k: int, level: float) -> float:
+        """Return 1 where surface k is above a level, -1 where it is below."""
+        above = self.value[k] >= level if self.whole[k] else self.value[k] > 0.0
+        return 1.0 if above else -1.0
+
     def put_clear(self, k: int, value: float) -> None:
         """Put surface k on the side on which its expression has this value."""
         self.kind[k] = 0.0

@@ -17,7 +17,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
-from lagsim.run.events.filippov import Modes
+from lagsim.run.events.filippov import SLIDING, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
@@ -29,7 +29,12 @@ from lagsim.run.trajectory import (
     Turn,
     quoted,
 )
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TIME_ROUNDOFF
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    TIME_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -69,6 +74,9 @@ class Switching(Source):
         # When a surface was met last, its number, and how far off it the state may be.
         self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
         self.resting: dict[int, float] = {}  # see `Modes.held`
+        # The surfaces that the state is on, and the corners that it has stopped at.
+        self.levels: dict[int, float] = {}
+        self.stopped: tuple[float, set[int]] = (math.nan, set())
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = self.passed_at = math.nan
@@ -131,6 +139,8 @@ class Switching(Source):
         modes = self.modes
         modes.arc = arc
         time = arc.t if time is None else time
+        if self.stopped[0] == arc.t:
+            at_rest = {*at_rest, *self.stopped[1]}
         before, held = self.slides, modes.holds
         carried = hit in modes.carried
         modes.forget()
@@ -144,6 +154,7 @@ class Switching(Source):
             modes, known, at_rest, left, met, self.resting, self.contacts
         )
         crossing.find()
+        self.levels = crossing.levels
         rests = come_to_rest(modes, crossing.levels, crossing.sizes, left)
         if not rests:
             crossing.decide()
@@ -159,6 +170,38 @@ class Switching(Source):
             events=tuple(self._changes(held, hit, time, rests=rests)),
             cautions=cautions,
         )
+
+    # Corners of equalities
+
+    def corners_met(self, arc: Arc) -> list[int]:
+        """Return the corners of equalities that the state is on."""
+        return [k for k in self.levels if k in arc.system.switches.corners]
+
+    def stop(self, arc: Arc, y: Floats, corners: Collection[int]) -> None:
+        """Stop velocities at y that do not lead onto the sides that corners are on.
+
+        They are projected onto the rows of both sides.
+        """
+        modes, width = self.modes, arc.system.n
+        seen, stopped = arc.seen[arc.velocities], set[int]()
+        while True:
+            rows = modes.rows(y)
+            speeds = np.abs(rows.J[:, :width]) @ seen
+            least = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * speeds
+            wrong = [
+                k
+                for k in corners
+                if k not in stopped
+                and not modes.way(k, self.levels[k]) * rows.rates[k] > least[k]
+            ]
+            if not wrong:
+                break
+            for k in wrong:
+                modes.put(k, self.levels[k], SLIDING)
+            stopped.update(wrong)
+            modes.write()
+            arc.runner.project_sliding(arc.t, y)
+        self.stopped = (arc.t, stopped)
 
     def _projected(self, *, resting: bool) -> Floats | None:
         """State on the surfaces that it follows; note if that is a jump."""
