@@ -462,7 +462,9 @@ def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> D
 # --- The closing lines
 
 # Kinds of events that are counted, in this order.
-COUNTED = ("impact", "contact", "release", "stick", "slip", "switch", "event")
+COUNTED = (
+    "impact", "corner", "contact", "release", "stick", "slip", "switch", "event",
+)  # fmt: skip
 # More names of constraints than this are reported by their number.
 MOST_NAMES = 2
 

@@ -314,6 +314,7 @@ class Mark(NamedTuple):
 # In the order of a legend. Filled where something holds from then on.
 MARKS = {
     "impact": Mark("impact", mark("|", 5.0, "#D55E00")),
+    "corner": Mark("corner", mark("|", 5.0, "#0072B2")),
     "zeno": Mark("at rest", mark("o", 3.2, GREY)),
     "stick": Mark("stick", mark("v", 3.6, GREY)),
     "slip": Mark("slip", mark("v", 3.6, GREY, "white")),

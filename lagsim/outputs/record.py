@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.thinning import Thinning
 
 # Kinds of events that take in others at their time.
-IMPACTS = ("impact", "zeno")
+IMPACTS = ("impact", "corner", "zeno")
 
 
 @dataclass(frozen=True, slots=True)

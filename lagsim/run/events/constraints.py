@@ -109,8 +109,7 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
     y = arc.y.copy()
     y[arc.velocities] += step
     bent = [] if switching is None else switching.corners_met(arc)
-    if switching is not None and bent:
-        switching.stop(arc, y, bent)
+    rests = switching.stop(arc, y, bent) if switching is not None and bent else []
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
@@ -119,6 +118,7 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
             for k in bent
             for name in arc.system.switches.corners[k].rows
         ]
+        events += rests
     return Decision(events=tuple(events), rows=before.row, y=y)
 
 

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4
+# A passage of a corner is short where it gets no farther than a few roundings.
+SHORT = 16.0
 # What is left of accumulating switches, against the speeds there were.
 LEFT = 1e-4
 # How far off a surface is that has been met is known but for as much.
@@ -159,6 +161,8 @@ class Switching(Source):
         if not rests:
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
+            ridges = [k for k in self.corners_met(arc) if modes.kind[k] == kept.LEVEL]
+            cautions += self._undecided(ridges)
             for k in crossing.undecided:
                 if modes.kind[k] == 0.0:  # rows show what was chosen
                     modes.kind[k] = kept.CHOSEN
@@ -177,37 +181,56 @@ class Switching(Source):
         """Return the corners of equalities that the state is on."""
         return [k for k in self.levels if k in arc.system.switches.corners]
 
-    def stop(self, arc: Arc, y: Floats, corners: Collection[int]) -> None:
+    def stop(self, arc: Arc, y: Floats, corners: Collection[int]) -> list[Event]:
         """Stop velocities at y that do not lead onto the sides that corners are on.
 
-        They are projected onto the rows of both sides.
+        They are projected onto the rows of both sides. So are those that lead no
+        farther than the rounding of positions before forces lead back: events of rest
+        at the end of these passages are returned.
         """
-        modes, width = self.modes, arc.system.n
-        seen, stopped = arc.seen[arc.velocities], set[int]()
+        modes, found = self.modes, list[Event]()
+        stopped = set[int]()
+        sizes, seen = modes.sizes(modes.rows(y)), arc.seen[arc.velocities]
         while True:
             rows = modes.rows(y)
-            speeds = np.abs(rows.J[:, :width]) @ seen
-            least = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * speeds
-            wrong = [
-                k
-                for k in corners
-                if k not in stopped
-                and not modes.way(k, self.levels[k]) * rows.rates[k] > least[k]
-            ]
+            ways = np.array([modes.way(k, x) for k, x in enumerate(modes.levels)])
+            speeds, back = ways * rows.rates, -ways * modes.forced(y)
+            least = np.abs(rows.J[:, : arc.system.n]) @ seen
+            least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
+            short = speeds**2 <= SHORT * RESIDUAL_ROUNDOFF * sizes * back
+            left = [k for k in corners if k not in stopped]
+            wrong = [k for k in left if short[k] or not speeds[k] > least[k]]
             if not wrong:
                 break
+            end = self.sequence.end()
+            time = arc.t if end is None else max(arc.t, end)
+            rest = (k for k in wrong if short[k] and speeds[k] > least[k])
+            found += [self._rested(arc, k, time) for k in rest]
             for k in wrong:
                 modes.put(k, self.levels[k], SLIDING)
             stopped.update(wrong)
             modes.write()
-            arc.runner.project_sliding(arc.t, y)
+            self._put_on(y)
         self.stopped = (arc.t, stopped)
+        return found
+
+    def _put_on(self, y: Floats) -> None:
+        """Project a state onto the surfaces that it follows, and rows that bend there.
+
+        These are the rows of the lower side, and the velocities may be those of the
+        upper one.
+        """
+        arc = self.modes.arc
+        if any(self.slides[k] for k in arc.system.switches.corners):
+            step = arc.runner.function("velocity_step")(arc.t, y)
+            y[arc.velocities] += step[: arc.system.n]
+        arc.runner.project_sliding(arc.t, y)
 
     def _projected(self, *, resting: bool) -> Floats | None:
         """State on the surfaces that it follows; note if that is a jump."""
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
-        arc.runner.project_sliding(arc.t, y)
+        self._put_on(y)
         masses = arc.runner.function("energies_masses")(arc.t, former)[2 : 2 + n]
         most = largest_shift(arc.plan.rtol)
         most = max(most, LEFT) if resting else most
@@ -317,7 +340,7 @@ class Switching(Source):
             if self.contacts is not None:
                 self.contacts.rest_soon(arc, REACH * (limit - arc.t))
             found = self.begin(arc, at_rest=several, time=limit)
-            zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
+            zeno = [self._rested(arc, k, limit) for k in several]
             found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.bound[several]))
             if self.contacts is not None and not (goes_on or self.jumped):
@@ -329,6 +352,12 @@ class Switching(Source):
             names = self._names(several)
             return found._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
         return found._replace(turn=Turn.MODE)
+
+    def _rested(self, arc: Arc, k: int, time: float) -> Event:
+        """Return the event that switches have accumulated, at a constraint's corner."""
+        corner = arc.system.switches.corners.get(k)
+        name = corner.rows[0] if corner else None
+        return Event(time, "zeno", name, switch=self.sides[k].text)
 
     def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
         """End an arc ahead of a surface that it cannot be stepped over.
