@@ -20,9 +20,10 @@ constraints, SIAM J. Appl. Math. 42, 1982, section 2, on corners as intersection
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient
+from lagsim.mechanics.surfaces import Corner
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,24 +33,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.surfaces import Side
     from lagsim.mechanics.switches import Switches
-
-
-class Corner(NamedTuple):
-    """Surface at which rows of equalities bend.
-
-    Attributes
-    ----------
-    push : str
-        The name of the variable p.
-    levers : tuple of int, length 1 + m
-        Jump of the forces along du/dq, then C of each row: nodes.
-    rows : tuple of str
-        The names of the rows that bend.
-    """
-
-    push: str
-    levers: tuple[int, ...]
-    rows: tuple[str, ...]
 
 
 def corners(e: Equations, switches: Switches) -> dict[int, Corner]:

@@ -27,8 +27,8 @@ Transactions on Circuits and Systems 35, 1988, on lattices of linear pieces.
 from __future__ import annotations
 
 import math
-from itertools import product
-from typing import TYPE_CHECKING
+from itertools import combinations, product
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from lagsim.language import tables
 from lagsim.language.derivatives import slopes
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
+from lagsim.mechanics.surfaces import Surface, oriented
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -51,6 +52,10 @@ LEAST, GREATEST = 1, -1
 MARK = "#"
 COMPARISONS = {"gt": 1, "ge": 1, "lt": -1, "le": -1}
 KINKED = ("abs", *CHOOSING)
+# Functions that rise everywhere.
+RISING = ("exp", "sinh", "tanh", "asinh", "atan")
+# The name of a variable that stands for a kink; no name of a file contains the mark.
+KINK = f"kink{MARK}"
 # A slope differs from another by more than this part of the largest.
 SAME_SLOPE = 1e-12
 # Lines beyond the last knots are given so far beyond them, in units of how far apart
@@ -83,8 +88,23 @@ def pieces(
     below = _Pieces(g, values, moving)
     if not below.kinked([gap]):
         return (gap,)
-    found = tuple(dict.fromkeys(below.of(gap, LEAST)))
+    found = tuple(dict.fromkeys(x.node for x in below.of(gap, LEAST)))
     return found if len(found) <= MOST else (gap,)
+
+
+class Piece(NamedTuple):
+    """Piece of a node, and on which side of kinks it is: pairs of u and a side.
+
+    Pieces on different sides of one kink make no common one.
+    """
+
+    node: int
+    sides: frozenset[tuple[object, int]] = frozenset()
+
+    def fits(self, other: Piece) -> bool:
+        """Whether another is on the same sides of the kinks that both know."""
+        own = dict(self.sides)
+        return all(own.get(u, side) == side for u, side in other.sides)
 
 
 class _Pieces:
@@ -94,7 +114,7 @@ class _Pieces:
         self, g: Graph, values: Mapping[str, float], moving: Collection[str]
     ) -> None:
         self.g, self.values, self.moving = g, values, [*moving]
-        self.known: dict[tuple[int, int], list[int]] = {}
+        self.known: dict[tuple[int, int], list[Piece]] = {}
 
     def kinked(self, nodes: list[int]) -> list[int]:
         """Those below `nodes` that have kinks and move, in order of evaluation."""
@@ -114,20 +134,20 @@ class _Pieces:
         axis, data, order = (self.g.payload(a) for a in self.g.args[n][:3])
         return bool(data.values[0] == tables.LINEAR and axis.values[1] == order == 0.0)
 
-    def of(self, n: int, way: int) -> list[int]:
-        """Nodes whose least (or greatest) is n, each without kinks of that kind."""
+    def of(self, n: int, way: int) -> list[Piece]:
+        """Pieces whose least (or greatest) is n, each without kinks of that kind."""
         key = (n, way)
         if key not in self.known:
-            found = self._of(n, way) if self.kinked([n]) else [n]
-            self.known[key] = found if len(found) <= MOST else [n]
+            found = self._of(n, way) if self.kinked([n]) else [Piece(n)]
+            self.known[key] = found if len(found) <= MOST else [Piece(n)]
         return self.known[key]
 
-    def _of(self, n: int, way: int) -> list[int]:
-        g, op, args = self.g, self.g.ops[n], self.g.args[n]
+    def _of(self, n: int, way: int) -> list[Piece]:
+        op, args = self.g.ops[n], self.g.args[n]
         if op == "table.piece":
             return self._of_table(n, way)
         if op == "neg":
-            return [g.call("neg", a) for a in self.of(args[0], -way)]
+            return self._each(op, self.of(args[0], -way))
         if op in ("add", "sub"):
             other = -way if op == "sub" else way
             return self._each(op, self.of(args[0], way), self.of(args[1], other))
@@ -135,15 +155,22 @@ class _Pieces:
             return self._of_product(n, way)
         if op in ("min", "max", "abs"):
             return self._of_extreme(n, way)
+        if op in RISING:
+            return self._each(op, self.of(args[0], way))
         return self._apart(n, way)
 
-    def _each(self, op: str, some: list[int], others: list[int]) -> list[int]:
-        if len(some) * len(others) > MOST:
-            return [self.g.call(op, a, b) for a, b in zip(some, others, strict=False)]
-        pairs = product(some, others)
-        return list(dict.fromkeys(self.g.call(op, a, b) for a, b in pairs))
+    def _each(self, op: str, *several: list[Piece]) -> list[Piece]:
+        """Pieces of an operation, of all those of its arguments that fit together."""
+        found: dict[Piece, None] = {}
+        for some in product(*several):
+            if all(x.fits(y) for x, y in combinations(some, 2)):
+                node = self.g.call(op, *(x.node for x in some))
+                found[Piece(node, frozenset().union(*(x.sides for x in some)))] = None
+            if len(found) > MOST:
+                break
+        return list(found)
 
-    def _of_product(self, n: int, way: int) -> list[int]:
+    def _of_product(self, n: int, way: int) -> list[Piece]:
         """Pieces of a product or quotient with one factor that has kinks."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         first, second = (bool(self.kinked([a])) for a in args)
@@ -153,60 +180,80 @@ class _Pieces:
         if first == second or (op == "div" and second):
             return self._apart(n, way)
         factor, inner = args if second else args[::-1]
-        sign = self.sign(factor)
+        # A factor that is 0 at the kink itself may take it away, as in x^2*abs(x).
+        shared = g.depends([factor]) & g.depends([inner]) & {*self.moving}
+        sign = self.sign(factor, strict=bool(shared))
         if not sign:
-            return [n]
-        found = self.of(inner, way * sign)
-        return [g.call(op, *((factor, a) if second else (a, factor))) for a in found]
+            return [Piece(n)]
+        found = self.of(inner, way * sign), [Piece(factor)]
+        return self._each(op, *(found[::-1] if second else found))
 
-    def _of_extreme(self, n: int, way: int) -> list[int]:
+    def _of_extreme(self, n: int, way: int) -> list[Piece]:
         """Pieces of the greatest or the least of two; |u| is the greatest of u, -u."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             if way == LEAST and not self.kinked([args[0]]):
-                return [n]
-            opposite = [g.call("neg", a) for a in self.of(args[0], -way)]
-            sides = [self.of(args[0], way), opposite]
+                return [Piece(n)]
+            u, opposite = args[0], self._each("neg", self.of(args[0], -way))
+            both = [self.of(args[0], way), opposite]
         else:
-            sides = [self.of(a, way) for a in args]
-        if (op == "min") == (way == LEAST):
-            return list(dict.fromkeys([*sides[0], *sides[1]]))
-        return self._each("min" if op == "min" else "max", *sides)
+            u, both = g.call("sub", *args), [self.of(a, way) for a in args]
+        if (op == "min") != (way == LEAST):
+            return self._each("min" if op == "min" else "max", *both)
+        return [*self._on(u, 1, both[0]), *self._on(u, -1, both[1])]
 
-    def sign(self, node: int) -> int:
-        """Sign of a node wherever it moves: 1, -1, or 0 where it has none."""
-        return self._signs([node])[0]
+    def _on(self, u: int, side: int, some: list[Piece]) -> list[Piece]:
+        """Pieces on a side of the kink at u = 0; of min on the other, for `max`."""
+        node, sign = oriented(self.g, Surface(u, "sign", u))
+        own = frozenset([(node, side * sign)])
+        return [Piece(x.node, x.sides | own) for x in some if x.fits(Piece(0, own))]
 
-    def _signs(self, nodes: list[int]) -> list[int]:
+    def sign(self, node: int, *, strict: bool = False) -> int:
+        """Sign of a node wherever it moves: 1, -1, or 0 where it has none.
+
+        strict : it is 0 nowhere.
+        """
         line = np.array([-math.inf]), np.array([math.inf])
-        found = Enclosures(self.g, nodes, self.values, self.moving)(*line)
-        return [self._sign(float(x.lo[0]), float(x.hi[0])) for x in found]
-
-    @staticmethod
-    def _sign(lo: float, hi: float) -> int:
-        if not lo <= hi or lo == hi == 0.0:
+        [found] = Enclosures(self.g, [node], self.values, self.moving)(*line)
+        lo, hi = float(found.lo[0]), float(found.hi[0])
+        if not lo <= hi or lo == hi == 0.0 or (strict and lo * hi <= 0.0):
             return 0
         return 1 if lo >= 0.0 else -1 if hi <= 0.0 else 0
 
     # Kinks of any other kind: both sides near them, and a line
 
-    def _apart(self, n: int, way: int) -> list[int]:
-        """Pieces of a node by the two sides of its innermost kink."""
+    def _apart(self, n: int, way: int) -> list[Piece]:
+        """Pieces of a node by the two sides of its innermost kink.
+
+        Its slope to the kink is that where the state is: on the other side of the kink
+        there need be no value.
+        """
         g = self.g
         atom = next(iter(self.kinked([n])))
         found = self._sides(atom)
         if found is None:
-            return [n]
+            return [Piece(n)]
         u, above, below = found
+        bend, kink = self._jump(g.call("sub", above, below), u), g.variable(KINK)
+        if bend is None:
+            return [Piece(n)]
+        (free,) = g.substitute([n], {atom: kink})
+        slope = slopes(g, free, frozenset([kink]))
+        there = above if g.value(above) is not None else below
+        there = g.zero if g.ops[atom] == "abs" else there
+        by_kink, at_kink = (
+            g.substitute([slope.get(kink, g.zero)], {kink: x})[0] for x in (atom, there)
+        )
+        jump = g.call("mul", by_kink, bend)
+        # Where the slope vanishes at the kink there is none, as of max(0, x)^2.
+        if at_kink == g.zero or self.sign(jump) != -way:
+            return [Piece(n)]
         x, y = (g.substitute([n], {atom: side})[0] for side in (above, below))
-        jump = self._jump(g.call("sub", x, y), u)
-        if jump is None or self.sign(jump) != -way:
-            return [n]
         line = g.call("mul", jump, u)
         on, off = g.call("ge", u, g.zero), g.call("le", u, g.zero)
-        first = g.call("if", on, x, g.call("add", y, line))
-        second = g.call("if", off, y, g.call("sub", x, line))
-        return [first, second]
+        first = g.call("if", on, x, g.call("add", n, line))
+        second = g.call("if", off, y, g.call("sub", n, line))
+        return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
 
     def _sides(self, n: int) -> tuple[int, int, int] | None:
         """Expression u of a kink, and what the node is for u > 0, and for u < 0."""
@@ -239,19 +286,19 @@ class _Pieces:
 
     # Linear tables
 
-    def _of_table(self, n: int, way: int) -> list[int]:
+    def _of_table(self, n: int, way: int) -> list[Piece]:
         """Pieces of a linear table of an argument without kinks: lines and a table."""
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
         w = g.args[n][3]
         if self.kinked([w]) or axis.values[2]:
-            return [n]
+            return [Piece(n)]
         x, y, slope = _lines(axis, data)
         jumps = np.diff(slope)
         clear = np.abs(jumps) > SAME_SLOPE * np.max(np.abs(slope))
         grooves = clear & (way * jumps < 0.0)
         if not grooves.any():
-            return [n]
+            return [Piece(n)]
         # What has the other knots alone, 0 before them; what is left has lines.
         rest = clear & ~grooves
         others = np.where(rest, jumps, 0.0) @ np.maximum(x - x[:, None], 0.0)
@@ -262,7 +309,8 @@ class _Pieces:
         found = []
         for k, step in zip(knots, steps, strict=True):
             line = _line(g, axis, w, (x[k], y[k] - others[k], step), ends)
-            found.append(g.call("add", line, rise))
+            side = frozenset([((w, axis), k)])
+            found.append(Piece(g.call("add", line, rise), side))
         return found
 
 

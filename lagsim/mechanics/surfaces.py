@@ -99,6 +99,24 @@ class Side(NamedTuple):
     met: tuple[float, float] = (0.0, 0.0)
 
 
+class Corner(NamedTuple):
+    """Surface at which rows of equalities bend.
+
+    Attributes
+    ----------
+    push : str
+        The name of the variable p.
+    levers : tuple of int, length 1 + m
+        Jump of the forces along du/dq, then C of each row: nodes.
+    rows : tuple of str
+        The names of the rows that bend.
+    """
+
+    push: str
+    levers: tuple[int, ...]
+    rows: tuple[str, ...]
+
+
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
     """Expression that vanishes with the surface's, and their common sign.
 

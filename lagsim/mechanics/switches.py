@@ -35,6 +35,7 @@ from lagsim.language.graph import memoized
 from lagsim.language.tables import cell_of, continuous, highest_orders, written
 from lagsim.mechanics.surfaces import (
     WHOLE,
+    Corner,
     Side,
     between,
     expression_text,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.corners import Corner
     from lagsim.mechanics.equations import Equations
 
 
@@ -182,8 +182,14 @@ class Shown:
         sides: Sequence[Side],
         sides_of: Mapping[int, tuple[int, int]],
         roots: Roots,
+        bent: Collection[int] = (),
     ) -> None:
+        """Of sides with numbers in `bent`, corners of equalities, the mode is shown.
+
+        At the corner itself the row of constraints is that of the present side.
+        """
         self.g, self.roots = g, roots
+        self.bent = {g.variable(sides[k].variable) for k in bent}
         self.sides_of = sides_of
         half, less = g.constant(0.5), g.constant(-0.5)
         modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
@@ -214,6 +220,7 @@ class Shown:
         if side is not None:
             slides, level = self.slides[side[0]], self.level[side[0]]
             kept = stepped(g, op, *side)
+            same = kept if side[0] in self.bent else same
             if op in STEPS:
                 same = g.call("if", level, kept, same)
                 return g.call("if", slides, between(g, op, *side), same)
@@ -476,7 +483,8 @@ class Switches:
         While the motion slides along a surface, what steps there has the value that
         keeps it there: between those of the two sides.
         """
-        shown = Shown(self.graph, self.sides, self._sides_of, self._roots)
+        known = self.graph, self.sides, self._sides_of, self._roots
+        shown = Shown(*known, bent=self.corners)
         return shown.nodes(list(nodes))
 
 

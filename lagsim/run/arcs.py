@@ -37,6 +37,7 @@ from lagsim.run.events.constraints import (
     singularity_caution,
 )
 from lagsim.run.events.contacts import Contacts
+from lagsim.run.events.sequence import STUCK
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Knots, Pulses, TimeBreaks, clocks
 from lagsim.run.events.transitions import NOTHING, Transitions
@@ -59,6 +60,7 @@ from lagsim.run.trajectory import (
     Statistics,
     Trajectory,
     Turn,
+    quoted,
 )
 from lagsim.tolerances import SAME_STEP
 
@@ -532,11 +534,15 @@ class Run:
     def _set_modes(self, but: Source | None = None) -> Ending | None:
         """Let all sources set their modes, but for one.
 
-        All of them again where something strikes.
+        All of them again where something strikes; the run ends where that never ends.
         """
-        struck = True
+        struck, left = True, STUCK
         while struck:
-            struck = False
+            if not left:
+                late = self.recorder.events[-STUCK:]
+                about = quoted(x for e in late if (x := e.constraint or e.switch))
+                return Ending(Outcome.SWITCHES_ACCUMULATE, about)
+            struck, left = False, left - 1
             for source in self.sources:
                 if source is but:
                     continue

@@ -20,6 +20,7 @@ GAUSS = (
 )
 BY_LOOPS = "its equations are solved by loops"
 _HELD = {
+    "corner": CONSTRAINTS,
     "holonomic": CONSTRAINTS,
     "rheonomic": CONSTRAINTS,
     "redundant": CONSTRAINTS,
@@ -30,7 +31,7 @@ _LAWS = dict.fromkeys(HOLDS_AT_TIMES, ALONE)
 _SWITCHES = (
     "switch in the state", "two switches", "switch within a switch", "sliding"
 )  # fmt: skip
-_POSITIONS = ("holonomic", "rheonomic", "redundant", "singular M")
+_POSITIONS = ("corner", "holonomic", "rheonomic", "redundant", "singular M")
 _VELOCITIES = ("Pfaffian", "nonlinear velocity constraint")
 _EXPLICIT = {**_LAWS, **_HELD, "sliding": OF_VELOCITIES}
 # Method -> feature -> the words of the refusal, which names both.
@@ -42,7 +43,7 @@ METHODS: dict[str, dict[str, str]] = {
         "switch in t": IN_TIME,
         "rheonomic": IN_TIME,
         "redundant": BY_LOOPS,
-        **dict.fromkeys((*_SWITCHES, "holonomic", *_VELOCITIES), NOT_LINEAR),
+        **dict.fromkeys((*_SWITCHES, "corner", "holonomic", *_VELOCITIES), NOT_LINEAR),
     },
     "gauss4": {**_LAWS, **_HELD},
     "generalized-alpha": _LAWS,
@@ -63,7 +64,8 @@ METHODS: dict[str, dict[str, str]] = {
 # Degrees of freedom: coordinates less the rank of what holds both ways and does not
 # slip at the start.
 FREEDOM = {
-    "friction on one slip": 2, "friction on the disc": 3, "limit": 0, "when": 0,
+    "friction on one slip": 2, "friction on the disc": 3, "groove": 2, "ridge": 2,
+    "limit": 0, "when": 0,
     "rheonomic": 0, "Pfaffian": 2, "many coordinates": 20,
 }  # fmt: skip
 
@@ -89,7 +91,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
     "elimination": {
         **NO_CONSTRAINTS,
         **_AT_TIMES,
-        **dict.fromkeys(("holonomic", *_VELOCITIES), NO_FACTOR),
+        **dict.fromkeys(("corner", "holonomic", *_VELOCITIES), NO_FACTOR),
         "redundant": "constraints are redundant",
     },
     "ignorable": {
@@ -102,7 +104,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
     "apart": {
         **dict.fromkeys(HOLDS_AT_TIMES, ONE_STEP),
         **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic", "event"), QUADRATURES),
-        "nonlinear velocity constraint": QUADRATURES,
+        **dict.fromkeys(("corner", "nonlinear velocity constraint"), QUADRATURES),
         "until": "`until` depends on all of them",
     },
     "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
@@ -133,6 +135,9 @@ CHANGED = {
     "static and dynamic friction": ("dynamic: 0.9", "dynamic: 0.900005"),
     "freewheel": ("3*cos(3*t)", "3.00003*cos(3*t)"),
     "when": ("t < 0.6", "t < 0.600005"),
+    "groove": ("abs(x1)/2", "abs(x1)/2.00001"),
+    "ridge": ("-2*max", "-2.00001*max"),
+    "corner": ("abs(x1)/2", "abs(x1)/2.00001"),
     "holonomic": ("1.3", "1.300005"),
     "rheonomic": ("0.1*sin", "0.100001*sin"),
     "Pfaffian": ("1.5", "1.500005"),

@@ -168,6 +168,29 @@ _STRETCHES = " + ".join(
     + [f"({_names(i + 1)} - {_names(i)})^2" for i in range(CHAIN - 1)]
 )
 
+
+def _passing(t):
+    """Give x on z = |x|/2 from rest at 1: past the corner goes 0.6 of the speed."""
+    a, side = 0.4 * 9.81, 1.0
+    at, v = np.sqrt(2 / a), np.sqrt(2 * a)
+    found = 1 - a * t**2 / 2
+    for _ in range(3):
+        side, v = -side, 0.6 * v
+        later = t > at
+        found[later] = side * (v * (t[later] - at) - a * (t[later] - at) ** 2 / 2)
+        at += 2 * v / a
+    return {"x$": found, "z$": np.abs(found) / 2}
+
+
+def _rolling_off(t):
+    """Give the way off an edge at 0.5, free as far as the slope, and down along it."""
+    s = np.maximum(t - 0.5, 0.0)
+    u = np.maximum(s - 4 / 9.81, 0.0)
+    free = s - u
+    x = t - 0.5 + 0.8 * u + 0.2 * 9.81 * u**2
+    return {"x$": x, "z$": np.where(u > 0.0, -2 * x, -9.81 * free**2 / 2)}
+
+
 FLAT = "(x$_dot^2 + z$_dot^2)/2"
 FRAGMENTS = (
     Fragment("smooth", ("1", "0"), lambda t: {"x$": np.cos(2 * t)}, "2*x$^2"),
@@ -260,6 +283,18 @@ FRAGMENTS = (
     Fragment(
         "when", ("0.5", "0"), lambda t: {"x$": 0.5 + np.maximum(0, t - 0.6) ** 2 / 2},
         "-x$", constraints={"latch$": "{relation: x$ = 0.5, when: t < 0.6}"},
+    ),
+    Fragment(
+        "groove", ("1", "0"), _passing, "9.81*z$", FLAT, {"z$": ("0.5", "0")},
+        constraints={"groove$": "{relation: z$ >= abs(x$)/2, restitution: 0}"},
+    ),
+    Fragment(
+        "ridge", ("-0.5", "1"), _rolling_off, "9.81*z$", FLAT, {"z$": ("0", "0")},
+        constraints={"edge$": '{relation: "z$ >= -2*max(x$, 0)", restitution: 0}'},
+    ),
+    Fragment(
+        "corner", ("1", "0"), _passing, "9.81*z$", FLAT, {"z$": ("0.5", "0")},
+        constraints={"wire$": "z$ = abs(x$)/2"},
     ),
     Fragment(
         "holonomic", ("1", "0"),

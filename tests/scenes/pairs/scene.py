@@ -16,7 +16,7 @@ from tests.scenes.pairs.physical import FRAGMENTS
 STEP = 0.05
 HOLDS_AT_TIMES = (
     "contact", "friction on one slip", "friction on the disc", "limit",
-    "static and dynamic friction", "freewheel", "when",
+    "static and dynamic friction", "freewheel", "when", "groove", "ridge",
 )  # fmt: skip
 PAIRS = tuple(
     (a.name, b.name) for a, b in itertools.combinations_with_replacement(FRAGMENTS, 2)

@@ -1,0 +1,297 @@
+"""Kinks in equalities and gaps: grooves, ridges, wires with corners, and rest there.
+
+Closed forms: a bead on a wire y = k*abs(x) slides with g k/(1 + k^2) along x towards
+the corner; there its velocity is projected onto the other side, (1 - k^2)/(1 + k^2) of
+it along x. So passages shrink by that factor, and end after finite time where k < 1.
+Grooves are compared with the relations that they are the least of, each a contact.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import lagsim
+from tests.scenes.contact.motions import G
+
+STEP = 0.02
+
+
+def simulated(text, **options):
+    return lagsim.simulate(lagsim.load(text), error_bar="never", **options)
+
+
+def wire(relation="y = k*abs(x)", k=0.5, **changes):
+    """Give the model of a bead on a wire; in units of `length`, `time`, off by `X`."""
+    c = {
+        "x": 1.0,
+        "length": 1.0,
+        "time": 1.0,
+        "X": 0.0,
+        "end": 4.0,
+        "more": "",
+    } | changes
+    length, time, X = c["length"], c["time"], c["X"]
+    y = c.get("y", k * abs(c["x"]))
+    return f"""
+    parameters: {{k: {k!r}, X: {X!r}, g: {G * length / time**2!r}}}
+    coordinates: {{x: {{}}, y: {{}}}}
+    energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}}
+    constraints: {{wire: "{relation}"}}
+    initial: {{x: {X!r} + {c["x"] * length!r}, y: {y * length!r}{c.get("start", "")}}}
+    simulation: {{duration: {c["end"] * time!r}, output_step: {STEP * time!r}}}
+    {c["more"]}
+    """
+
+
+def passages(k, x, count):
+    """Give the times of passages of the corner from rest at x, and speeds before."""
+    a, r = G * k / (1 + k * k), (1 - k * k) / (1 + k * k)
+    speeds = [np.sqrt(2 * a * abs(x)) * r**i for i in range(count)]
+    first = [speeds[0] / a, *(2 * v / a for v in speeds[1:])]
+    return list(itertools.accumulate(first)), speeds
+
+
+def bead(t, k, x):
+    """Give x (rows,) of a bead on y = k*abs(x) that is let go at x."""
+    a = G * k / (1 + k * k)
+    times, speeds = passages(k, x, 60)
+    found, side = np.where(t < times[0], abs(x) - a * t**2 / 2, 0.0), np.sign(x)
+    found *= side
+    for at, end, v in zip(times, times[1:], speeds[1:], strict=False):
+        side = -side
+        here = (t >= at) & (t < end)
+        found[here] = side * (v * (t[here] - at) - a * (t[here] - at) ** 2 / 2)
+    return found
+
+
+SPELLINGS = (
+    "y = k*abs(x)", "k*abs(x) - y = 0", "y = k*sqrt(x^2)", "y = k*hypot(x, 0)",
+    "y = max(k*x, -k*x)", "y = -min(k*x, -k*x)", "y = if(x > 0, k*x, -k*x)",
+    "y = if(x < 0, -k*x, k*x)", "y = (k*x + sqrt(x^2)*2*k - k*x)/2",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("relation", SPELLINGS)
+def test_a_bead_passes_the_corner_ever_shorter_and_rests(relation):
+    found = simulated(wire(relation))
+    assert found.complete
+    assert found["x"] == pytest.approx(bead(found.t, 0.5, 1.0), abs=1e-9)
+    assert found["y"] == pytest.approx(0.5 * np.abs(found["x"]), abs=1e-12)
+    corners = [e for e in found.events if e.kind == "corner"]
+    times, speeds = passages(0.5, 1.0, len(corners))
+    assert len(corners) > 10
+    assert [e.time for e in corners] == pytest.approx(times, abs=1e-9)
+    # Of (1 + k^2) v^2/2 the part 1 - r^2 is lost.
+    lost = [-1.25 * v * v / 2 * (1 - 0.36) for v in speeds]
+    assert [e.energy for e in corners] == pytest.approx(lost, rel=1e-8, abs=1e-12)
+    assert {e.constraint for e in corners} == {"wire"}
+    (end,) = [e.time for e in found.events if e.kind == "zeno"]
+    assert end == pytest.approx(passages(0.5, 1.0, 60)[0][-1], abs=1e-8)
+    rest = found.t > end
+    assert np.max(np.abs(found["x_dot"][rest])) < 1e-9
+    assert np.abs(found["lambda_wire"][rest]) == pytest.approx(G, rel=1e-9)
+    assert found["Qc_x"][rest] == pytest.approx(0.0, abs=1e-9)
+    assert found["energy"] - found["work"] == pytest.approx(G / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["taylor", "radau", "rk4"])
+def test_by_other_methods(method):
+    options = {"step": 0.005} if method == "rk4" else {}
+    found = simulated(wire(), method=method, **options)
+    assert found["x"] == pytest.approx(bead(found.t, 0.5, 1.0), abs=1e-8)
+
+
+ELSEWHERE = {
+    "millimetres": {"length": 1e3},
+    "years": {"time": 1 / 3.15e7},
+    "far": {"X": 1e3},
+}
+
+
+@pytest.mark.parametrize("where", ELSEWHERE)
+def test_elsewhere(where):
+    c = {"length": 1.0, "time": 1.0, "X": 0.0} | ELSEWHERE[where]
+    found = simulated(wire("y = k*abs(x - X)", **c))
+    x = (found["x"] - c["X"]) / c["length"]
+    assert x == pytest.approx(bead(found.t / c["time"], 0.5, 1.0), abs=3e-7)
+
+
+def test_beside_a_heavy_body():
+    text = (
+        wire()
+        .replace("y: {}}", "y: {}, z: {}}")
+        .replace("y_dot^2)/2", "y_dot^2)/2 + 1e9*z_dot^2/2")
+    )
+    text = text.replace("g*y}", "g*y + 1e9*z^2}").replace(
+        "initial: {", "initial: {z: 3, "
+    )
+    found = simulated(text)
+    assert found["x"] == pytest.approx(bead(found.t, 0.5, 1.0), abs=1e-9)
+    assert found["z"] == pytest.approx(3 * np.cos(np.sqrt(2) * found.t), abs=1e-8)
+
+
+@pytest.mark.parametrize("k", [1.0, 1.5, 3.0])
+def test_a_steep_corner_stops_at_once(k):
+    found = simulated(wire(k=k, end=1.5))
+    (corner,) = [e for e in found.events if e.kind == "corner"]
+    end = np.sqrt(2 * (1 + k * k) / (G * k))
+    assert corner.time == pytest.approx(end, rel=1e-9)
+    assert corner.energy == pytest.approx(-G * k, rel=1e-9)
+    rest = found.t > end
+    assert np.max(np.abs(found["x"][rest])) < 1e-12
+
+
+def test_rest_in_the_corner_ends_where_one_side_leads_away():
+    # On the right side x'' (1 + k^2) = F - g k: it leaves where F = 3 t is g k.
+    found = simulated(wire(x=0.0, more="forces: {x: 3*t}", end=3.0))
+    end = G * 0.5 / 3
+    s = np.maximum(found.t - end, 0.0)
+    assert found["x"] == pytest.approx(3 * s**3 / 6 / 1.25, abs=1e-9)
+    held = found.t < end
+    assert found["Qc_x"][held] == pytest.approx(-3 * found.t[held], abs=1e-9)
+
+
+def test_a_start_in_the_corner_with_a_speed_is_projected():
+    found = simulated(wire(x=0.0, start=", x_dot: 1", end=0.2))
+    first = next(e for e in found.events if e.kind == "corner")
+    assert first.time == 0.0
+    # Along the side (1, k): (1, 0).(1, k)/(1 + k^2) = 0.8.
+    assert found["x_dot"][1] == pytest.approx(0.8, rel=1e-12)
+    assert found["y_dot"][1] == pytest.approx(0.4, rel=1e-12)
+    t = found.t
+    assert found["x"] == pytest.approx(0.8 * t - G * 0.4 * t**2 / 2, abs=1e-9)
+
+
+def test_rest_on_a_ridge_is_not_decided():
+    found = simulated(wire("y = -k*abs(x)", x=0.0, y=0.0, end=0.5))
+    assert "unresolved-switch" in [w.code for w in found.warnings]
+
+
+def test_a_yo_yo_turns_at_the_end_of_its_string():
+    m, J, r, length = 0.05, 2e-5, 0.005, 0.8
+    text = f"""
+    coordinates: {{z: {{}}, phi: {{}}}}
+    energy: {{kinetic: {m}*z_dot^2/2 + {J}*phi_dot^2/2, potential: {m}*{G}*z}}
+    constraints: {{string: z = -{length} + {r}*abs(phi)}}
+    initial: {{phi: {-length / r}, z: 0}}
+    simulation: {{duration: 30, output_step: 0.1}}
+    """
+    found = simulated(text)
+    a = m * G / (m + J / r**2)
+    part = (J / r**2 - m) / (J / r**2 + m)
+    first = np.sqrt(2 * length / a)
+    corners = [e.time for e in found.events if e.kind == "corner"]
+    expected = [first, first * (1 + 2 * part), first * (1 + 2 * part + 2 * part**2)]
+    assert corners[:3] == pytest.approx(expected, rel=1e-9)
+    end = first * (1 + 2 * part / (1 - part))
+    assert found.complete
+    assert [e.time for e in found.events if e.kind == "zeno"] == pytest.approx(
+        [end], rel=1e-8
+    )
+    rest = found.t > end
+    assert found["z"][rest] == pytest.approx(-length, abs=1e-9)
+    assert found["lambda_string"][rest] == pytest.approx(m * G, rel=1e-9)
+
+
+# --- Gaps
+
+
+def ball(relations, x=0.7, y=1.0, v=0.0, end=1.5, law="restitution: e", **more):
+    """Give the model of a ball above some relations, each a contact."""
+    constraints = "".join(
+        f'\n      c{k}: {{relation: "{text}", {law}}}'
+        for k, text in enumerate(relations)
+    )
+    return f"""
+    parameters: {{k: 0.5, e: 0.5}}
+    coordinates: {{x: {{}}, y: {{}}}}
+    energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: {G}*y}}
+    constraints: {constraints}
+    initial: {{x: {x}, y: {y}, x_dot: {v}}}
+    simulation: {{duration: {end}, output_step: 0.01}}
+    {more.get("more", "")}
+    """
+
+
+TABLE = "tables: {h: {points: [[-2, 2], [-1, 0.5], [0, 0], [1, 0.4], [2, 2]]}}"
+GROOVES = {
+    "y >= k*abs(x)": ("y >= k*x", "y >= -k*x"),
+    "k*sqrt(x^2) <= y": ("y >= k*x", "y >= -k*x"),
+    "min(y - k*x, y + k*x) >= 0": ("y >= k*x", "y >= -k*x"),
+    "y >= max(max(-x - 0.5, -0.1*x), 0.6*x)": (
+        "y >= -x - 0.5", "y >= -0.1*x", "y >= 0.6*x",
+    ),
+    "y >= if(x > 0, k*x, -0.2*x)": ("y >= k*x", "y >= -0.2*x"),
+    "y >= 0.5*abs(x) + 0.3*abs(x - 1)": (
+        "y >= -0.8*x + 0.3", "y >= 0.2*x + 0.3", "y >= 0.8*x - 0.3",
+    ),
+    "y >= k*abs(x - 0.1*t)": ("y >= k*(x - 0.1*t)", "y >= -k*(x - 0.1*t)"),
+    "y >= k*abs(sin(x))": ("y >= k*sin(x)", "y >= -k*sin(x)"),
+    "y >= (1 + x^2)*abs(x)/2": ("y >= (1 + x^2)*x/2", "y >= -(1 + x^2)*x/2"),
+    "y >= exp(k*abs(x)) - 1": ("y >= exp(k*x) - 1", "y >= exp(-k*x) - 1"),
+    "y >= h(x)": ("y >= -1.5*x - 1", "y >= -0.5*x", "y >= 0.4*x", "y >= 1.6*x - 1.2"),
+}  # fmt: skip
+LAWS = (
+    "restitution: e",
+    "restitution: 0",
+    "restitution: 0.3, friction: 0.2, slip: x_dot",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("relation", GROOVES)
+def test_a_groove_is_its_sides(relation, law):
+    more = TABLE if "h(x)" in relation else ""
+    for start in ({}, {"x": -0.4, "y": 0.9, "v": 0.3}):
+        found = simulated(ball([relation], law=law, more=more, **start))
+        other = simulated(ball(GROOVES[relation], law=law, **start))
+        assert found.complete
+        t = np.arange(0.0033, 1.5, 0.01)
+        one, two = found.at(t), other.at(t)
+        for name in ("x", "y", "x_dot", "y_dot"):
+            assert one[name] == pytest.approx(two[name], abs=1e-6)
+        parts = [two[f"lambda_c{k}"] for k in range(len(GROOVES[relation]))]
+        assert one["lambda_c0"] == pytest.approx(sum(parts), abs=1e-6)
+        assert np.min(found["residual_c0"]) > -1e-9
+
+
+def test_a_ball_comes_to_rest_in_a_groove():
+    found = simulated(
+        ball(["y >= k*abs(x)"], x=0.1, y=0.2, law="restitution: 0", end=3.0)
+    )
+    assert found.complete
+    rest = found.t > 2.5
+    assert np.max(np.abs(found["x"][rest])) < 1e-9
+    assert found["lambda_c0"][rest] == pytest.approx(G, rel=1e-9)
+    assert found["Qc_y"][rest] == pytest.approx(G, rel=1e-9)
+    assert found["residual_c0"][rest] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_ball_flies_off_a_ridge():
+    # On the flat with 1 m/s, then free until 2 x = g t^2/2 on the slope.
+    text = ball(
+        ["y >= -2*max(x, 0)"], x=-0.5, y=0.0, v=1.0, end=0.8, law="restitution: 0"
+    )
+    found = simulated(text)
+    t = found.t
+    s = np.maximum(t - 0.5, 0.0)
+    flies = s < 2 * 2 / G
+    assert found["x"][flies] == pytest.approx(t[flies] - 0.5, abs=1e-9)
+    assert found["y"][flies] == pytest.approx(-G * s[flies] ** 2 / 2, abs=1e-9)
+    release = [e.time for e in found.events if e.kind == "release"]
+    assert release == pytest.approx([0.5], abs=1e-9)
+
+
+def test_the_sign_of_a_parameter_makes_a_groove_or_a_ridge():
+    model = lagsim.load(
+        ball(["y >= k*abs(x)"], x=0.0, y=0.0, v=0.1, end=0.3, law="restitution: 0")
+    )
+    ridge = lagsim.simulate(model.bind(k=-0.5), error_bar="never")
+    groove = lagsim.simulate(model, error_bar="never")
+    again = lagsim.simulate(model.bind(k=-0.5), error_bar="never")
+    # Down the ridge, from the speed that is left along it.
+    assert ridge["y"][-1] < -0.1
+    assert np.array_equal(ridge["y"], again["y"])
+    assert np.min(groove["y"]) > -1e-12
