@@ -553,9 +553,9 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
 
 
 @in_house_style
-def crossed(title: str, x: Column, y: Column) -> Picture:
-    """Draw points: the states of a section."""
-    found = Picture(stack_height(1, PATH), title, f"{len(x.values)} crossings")
+def crossed(title: str, x: Column, y: Column, kind: str) -> Picture:
+    """Draw points: the states of a section, of a kind such as crossings."""
+    found = Picture(stack_height(1, PATH), title, f"{len(x.values)} {kind}")
     axes = found.subplots()
     axes.plot(x.values, y.values, **mark(".", 3.0, PENS[0]["color"]))
     axes.margins(0.05)

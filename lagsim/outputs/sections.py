@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.outputs import Made
 
-# Of the range of a column in the run, and of its largest value: what varies by less on
-# a section is fixed there.
+# Of the range of a column in the run, and of its largest value: a column that varies by
+# less on a section is fixed there.
 FIXED, ROUNDED = 1e-6, 2.0**-40
-# What says how exact a run is, and no more of the motion than other columns do.
+# Columns of constraints.
 BESIDE = ("residual_", "lambda_", "Qc_")
 
 
@@ -60,28 +60,47 @@ def pictures(
     for section in equations.model.output.sections:
         rows = found.rows[section.name]
         x, y = (
-            Column(letters.name(n), raised(known.get(n, "")), rows[:, names.index(n)])
+            Column(
+                letters.name(n), raised(known.get(n, "")), drawn(n, names, rows, ranges)
+            )
             for n in section.plot or shown(names, rows, ranges)
         )
         title = f"{equations.model.name}: {section.name}"
-        yield f"section_{section.name}.{form}", content(crossed(title, x, y), form)
+        kind = "periods" if section.at is None else "crossings"
+        picture = crossed(title, x, y, kind)
+        yield f"section_{section.name}.{form}", content(picture, form)
+
+
+def least_variations(ranges: Floats) -> Floats:
+    """Return how much each column varies at least, if it is not fixed (columns,)."""
+    low, high = ranges
+    rounding = ROUNDED * np.maximum(-low, high)
+    return np.asarray(np.maximum(FIXED * (high - low), rounding))
+
+
+def drawn(name: str, names: Sequence[str], rows: Floats, ranges: Floats) -> Floats:
+    """Return the values of a column as they are drawn: one, where it is fixed."""
+    k = names.index(name)
+    values, least = rows[:, k], least_variations(ranges)[k]
+    if not len(values) or np.ptp(values) > least:
+        return values
+    value = float(np.median(values))
+    return np.full(len(values), 0.0 if abs(value) <= least else value)
 
 
 def shown(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     """Return the two columns that the picture of a section shows.
 
-    They are the first two that vary on it, against the time if there is but one.
-    Energies and what belongs to constraints come last.
+    They are the first two that vary on it, against the time if there are fewer.
+    Energies and what belongs to constraints do not count.
     """
     motion = [n for n in names[1:] if n not in ENERGIES and not n.startswith(BESIDE)]
-    others = [n for n in names[1:] if n not in motion]
     if not len(rows):
-        return [*motion, *others][:2]
-    low, high = ranges
-    least = np.maximum(FIXED * (high - low), ROUNDED * np.maximum(-low, high))
+        return motion[:2]
+    least = least_variations(ranges)
     varies = dict(zip(names, np.ptp(rows, axis=0) > least, strict=True))
-    found = [n for n in (*motion, *others) if varies[n]][:2]
-    if len(found) == 1 and found[0] in motion:
-        return ["t", *found]
-    found = [n for n in found if n in motion]
-    return found if len(found) > 1 else motion[:2]
+    differs = dict(zip(names, np.max(np.abs(rows), axis=0) > least, strict=True))
+    found = [n for n in motion if varies[n]]
+    if len(found) > 1:
+        return found[:2]
+    return ["t", *found, *(n for n in motion if differs[n]), *motion][:2]

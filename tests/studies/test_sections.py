@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from lagsim import load, simulate
 from lagsim.errors import InputError
 from lagsim.methods import method, names
+from lagsim.outputs.sections import drawn, shown
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.support import MODELS
 
@@ -244,6 +245,34 @@ def test_files(lagsim, tmp_path):  # noqa: F811
     assert lagsim("run", str(path), "-o", str(folder), "-q", "--no-plots").code == 0
     assert (folder / "section_cut.csv").read_text().count("\n") == 2
     assert not (folder / "section_cut.png").exists()
+
+
+NAMES = ["t", "x", "y", "x_dot", "energy", "lambda_c"]
+# Of the run, least and largest: y lies far from the origin, and the energy drifts.
+RANGES = np.array(
+    [
+        [0.0, -1.0, 1e6 - 2.0, -3.0, 0.5, -1.0],
+        [9.0, 1.0, 1e6 + 2.0, 3.0, 0.5 + 1e-12, 1.0],
+    ]
+)
+FIXED = [1.0, 1e-17, 1e6, 1.0, 0.5, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("changes", "columns"),
+    [
+        ([1.0, -2e-16, -0.3, 1.0, 1e-12, -0.6], ["y", "x_dot"]),
+        ([1.0, 0.1, 1e-10, 0.1, 0.0, 0.0], ["x", "x_dot"]),
+        ([1.0, 0.0, 0.0, 0.1, 1e-12, 0.2], ["t", "x_dot"]),
+        ([1.0, 2e-17, 1e-10, 0.0, 0.0, 0.0], ["t", "y"]),
+    ],
+)
+def test_pictures_leave_out_what_a_section_fixes(changes, columns):
+    rows = np.array([FIXED, np.add(FIXED, changes)])
+    assert shown(NAMES, rows, RANGES) == columns
+    assert list(drawn("x", NAMES, rows, RANGES)) == pytest.approx(
+        [0.0, 0.1] if changes[1] == 0.1 else [0.0, 0.0], abs=1e-16
+    )
 
 
 def test_a_strobe_without_a_period_is_refused():
