@@ -67,8 +67,8 @@ PLACES = 2.0**-40
 # does within this part of the step around it; beside a pole it is all of that.
 AROUND = 2.0**-30
 JUMP = 0.25
-# Where a run ends on a section, its relation was not 0 this part of a step ago: half of
-# what it was twice as long ago where it is crossed, a quarter where it is touched.
+# Where a run ends on a section, its relation is not 0 this part of a step away: half of
+# what it is twice as far away where it is crossed, a quarter where it is touched.
 AGO = 2.0**-10
 TURNS = 0.375
 # Of a period: what the end of the run may be short of.
@@ -160,7 +160,9 @@ def know_bands(s: Crossings, p: Parameters) -> None:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
         interpolate(s, p, x, s.point)
-        measure_bands(s, p, s.step_t + x * s.step_h, s.point)
+        section_slopes(s.step_t + x * s.step_h, s.point, p, s.relation_slopes)
+        for j in range(s.sections):
+            s.bands[j] = band(s, j)
 
 
 def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
@@ -275,6 +277,9 @@ def bracket(
     s.roots[j] = low
     if a >= 0.0:
         s.roots[j] = end_of(CROSSING, s, p, k, 0.0, low, s.beyond[j])
+    elif s.waits[j] == 0.0 and low > 0.0:
+        # Beside the crossing of another section rounding decides which comes first.
+        s.roots[j] = end_of(CROSSING, s, p, k, 0.0, max(0.0, low - AROUND), low)
 
 
 def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
@@ -314,14 +319,16 @@ def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
     """Whether the relation of section j itself jumps at a fraction of the step."""
     if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
         return False
-    know_bands(s, p)
     k = relations(s) + j
+    x = max(0.0, root - AROUND)
+    interpolate(s, p, x, s.point)
+    section_slopes(s.step_t + x * s.step_h, s.point, p, s.relation_slopes)
     last = value_at(CROSSING, s, p, k, from_bits(bits(root) - 1))
     first = value_at(CROSSING, s, p, k, root)
     change = last - first
-    if last < 0.0 or change <= 2.0 * s.bands[j]:
+    if last < 0.0 or change <= 2.0 * band(s, j):
         return False
-    before = value_at(CROSSING, s, p, k, max(0.0, root - AROUND))
+    before = value_at(CROSSING, s, p, k, x)
     after = value_at(CROSSING, s, p, k, min(1.0, root + AROUND))
     return not change < JUMP * (abs(before - last) + abs(first - after))
 
@@ -401,26 +408,25 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
         project(s, p, t, s.step_h, z, s.work)
     if SWITCHES:
         project_sliding(t, z, p)
-    measure_bands(s, p, t, z)
+    section_slopes(t, z, p, s.relation_slopes)
     sections(t, z, p, s.values[relations(s) :])
-    return float(side * s.values[relations(s) + j]) < -float(s.bands[j])
+    return float(side * s.values[relations(s) + j]) < -band(s, j)
 
 
-def measure_bands(s: Crossings, p: Parameters, t: float, y: Floats) -> None:
-    """Set what the relation of each section may be at a state on it.
+def band(s: Crossings, j: int) -> float:
+    """Return what the relation of section j may be at a state on it.
 
-    That is what rounding makes of its terms, and what the error of the state does.
+    That is what rounding makes of its terms, and what the error of the state does; by
+    the slopes there.
     """
-    section_slopes(t, y, p, s.relation_slopes)
-    for j in range(s.sections):
-        band = SUM_ROUNDOFF * abs(s.relation_slopes[j])
-        slopes = s.relation_slopes[s.sections + j * s.size :]
-        for i in range(s.size):
-            error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
-            if i < s.n:
-                error = max(error, s.coarse * s.sizes[s.n + i])
-            band += abs(slopes[i]) * max(error, 0.0)
-        s.bands[j] = band if band < OVERFLOW else 0.0
+    found = SUM_ROUNDOFF * abs(s.relation_slopes[j])
+    slopes = s.relation_slopes[s.sections + j * s.size :]
+    for i in range(s.size):
+        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+        if i < s.n:
+            error = max(error, s.coarse * s.sizes[s.n + i])
+        found += abs(slopes[i]) * max(error, 0.0)
+    return float(found) if found < OVERFLOW else 0.0
 
 
 def meet_instant(s: Crossings, p: Parameters) -> None:
@@ -432,15 +438,12 @@ def meet_instant(s: Crossings, p: Parameters) -> None:
         return
     s.instant = s.t
     values = s.values[relations(s) :]
-    measured = False
+    section_slopes(s.t, s.y, p, s.relation_slopes)
     sections(s.t, s.y, p, values)
     for j in range(s.sections):
-        if s.sides[j] * values[j] < 0.0 and s.waits[j] + s.postponed[j] == 0.0:
-            if not measured:
-                measure_bands(s, p, s.t, s.y)
-                measured = True
-            if abs(values[j]) > s.bands[j]:
-                s.sides[j] = -s.sides[j]
+        here = s.waits[j] + s.postponed[j] == 0.0
+        if here and s.sides[j] * values[j] < -band(s, j):
+            s.sides[j] = -s.sides[j]
 
 
 def find_strobes(s: Crossings, p: Parameters) -> int:
@@ -485,9 +488,10 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
 
 def finish_located(s: Crossings, p: Parameters) -> None:
     """Write the sections that the end of a run has crossed, or comes to."""
-    measure_bands(s, p, s.t, s.y)
+    section_slopes(s.t, s.y, p, s.relation_slopes)
     sections(s.t, s.y, p, s.values[relations(s) :])
     for j in range(s.sections):
+        s.bands[j] = band(s, j)
         s.roots[j] = s.sides[j] * s.values[relations(s) + j]
     width = 1 + s.size
     for j in range(s.sections):
@@ -511,7 +515,9 @@ def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
     if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
         return float(s.postponed[j]) > 0.0
     x = (s.t - s.step_t) / s.step_h
-    side = s.sides[j]
-    near = side * relation_at(s, p, j, x - AGO * x)
-    far = side * relation_at(s, p, j, x - 2.0 * AGO * x)
+    # Before the end, or, where that is near the start of the step, past it.
+    ago = AGO if x > 0.5 else -AGO
+    side = s.sides[j] if x > 0.5 else -s.sides[j]
+    near = side * relation_at(s, p, j, x - ago)
+    far = side * relation_at(s, p, j, x - 2.0 * ago)
     return float(near) > max(float(s.bands[j]), float(TURNS * far))

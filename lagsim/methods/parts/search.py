@@ -79,7 +79,7 @@ class Events(Table):
     zero: Floats = array("conditions")  # sizes up to which a value is 0
 
     # Of each section: the sign that its relation had last, 0 before the motion has left
-    # it; and what its relation may be on it, see `crossings.measure_bands`.
+    # it; and what its relation may be on it, see `crossings.band`.
     sides: Floats = array("sections")
     bands: Floats = array("sections")
 
