@@ -198,6 +198,7 @@ class Made:
     maker: Maker
     pushes: list[Any]
     floors: list[Any] = field(default_factory=list)
+    grounds: list[Any] = field(default_factory=list)
     places: list[str] = field(default_factory=list)
 
     @property
@@ -310,20 +311,13 @@ def _law(k, found):
     row = [float(j == i) for j in range(k.n)]
     if k.n > 1 and r.random() < 0.3:
         row[(i + 1) % k.n] = -1.0
-    kind = r.choice(["limit", "limit", "floor", "contact", "contact", "hold"])
+    kind = r.choice(["limit", "limit", "floor", "contact", "contact", "hold", "groove"])
+    if kind == "groove" and k.n > 1:
+        return _groove(k, found)
     if kind == "hold" and (not model.modes or k.n == 1):
         kind = "contact"
     if kind == "contact":
-        row = [r.choice([1.0, -1.0]) * c for c in row]
-        at = sum(c * x for c, x in zip(row, model.q, strict=True))
-        e = r.choice([number(0.0), number(1.0), number(0.5), number(k.some(0.2, 0.9))])
-        if r.random() < 0.3:
-            fast = k.tree("compare", var("approach_speed"), number(k.some(0.3, 1.5)),
-                          data=r.choice("<>"))  # fmt: skip
-            e = k.tree("if", fast, number(k.some(0.2, 0.9)), number(k.some(0.2, 0.9)))
-        where = round(at - abs(k.some(0.1, 1.5)), 2)
-        model.laws.append(Law("contact", row, where=where, e=e, name="wall"))
-        return
+        return _wall(k, model, row)
     if kind == "hold":
         u = var(r.choice(list(model.modes)))
         when = k.tree("compare", u, number(k.some(-1, 1)), data=">")
@@ -338,7 +332,7 @@ def _law(k, found):
             # In force at the start, so met there.
             model.v[other] = model.v[i] - (belt.data if belt else 0.0)
         model.laws.append(Law("hold", row, belt=belt, when=when, name="clutch"))
-        return
+        return None
     only = [x for x in k.variables if x[0] in "qtuz"]
     bound, static = k.positive(r.choice([0, 1, 2]), only), None
     if r.random() < 0.25:
@@ -353,6 +347,53 @@ def _law(k, found):
         law.static = product(number(weight), static) if static else None
         found.floors[-1] += (bound, static, i)
     model.laws.append(law)
+    return None
+
+
+def _wall(k, model, row):
+    """Add a contact with a wall, or between two bodies."""
+    r = k.r
+    row = [r.choice([1.0, -1.0]) * c for c in row]
+    at = sum(c * x for c, x in zip(row, model.q, strict=True))
+    e = r.choice([number(0.0), number(1.0), number(0.5), number(k.some(0.2, 0.9))])
+    if r.random() < 0.3:
+        fast = k.tree("compare", var("approach_speed"), number(k.some(0.3, 1.5)),
+                      data=r.choice("<>"))  # fmt: skip
+        e = k.tree("if", fast, number(k.some(0.2, 0.9)), number(k.some(0.2, 0.9)))
+    where = round(at - abs(k.some(0.1, 1.5)), 2)
+    model.laws.append(Law("contact", row, where=where, e=e, name="wall"))
+
+
+def _groove(k, found):
+    """Add a ground y >= max of lines of x, under weight: a contact for each line."""
+    r, model = k.r, found.model
+    i, j = r.sample(range(k.n), 2)
+    corner, low = k.some(-1, 1), k.some(-0.5, 0.5)
+    left, right = -abs(k.some(0.1, 1.2)), abs(k.some(0.1, 1.2))
+    if r.random() < 0.3:
+        left = -right
+    e = number(r.choice([0.0, 0.0, 0.5, 0.8, k.some(0.1, 0.7)]))
+    for slope in (left, right):
+        row = [0.0] * k.n
+        row[i], row[j] = -slope, 1.0
+        where = low - slope * corner
+        model.laws.append(Law("contact", row, where=where, e=e, name="groove"))
+    d = model.q[i] - corner
+    model.q[j] = round(low + max(left * d, right * d) + abs(k.some(0.1, 1)), 3)
+    weight = number(model.masses[j] * k.some(1, 4))
+    model.potentials.append(product(weight, var(f"q{j + 1}")))
+    x = plus(var(f"q{i + 1}"), number(-corner))
+    if left == -right:
+        ground = product(number(right), k.tree("abs", x))
+    elif r.random() < 0.3:
+        points = [corner - 2.0, corner, corner + 3.0]
+        y = [-2.0 * left, 0.0, 3.0 * right]
+        table = Table("ground", points, y, "linear", "extend")
+        k.tables.append(table)
+        ground = k.tree("table", var(f"q{i + 1}"), data=table)
+    else:
+        ground = k.tree("max", product(number(left), x), product(number(right), x))
+    found.grounds = [(j, plus(ground, number(low)), e)]
 
 
 def _events(k, model):
@@ -554,6 +595,13 @@ def _laws(made, document, told):
                 "relation": "y >= 0", "restitution": 0, "slip": f"x{i + 1}_dot",
                 "friction": sizes(bound, static, told),
             }  # fmt: skip
+        elif law.name == "groove":
+            j, ground, e = made.grounds[0]
+            far = w.far * w.length
+            rows[law.name] = {
+                "relation": f"x{j + 1} >= {far!r} + {w.length!r}*({told(ground)})",
+                "restitution": told(e),
+            }
         elif law.kind == "limit":
             rows[law.name] = {
                 "relation": f"{rate} = 0", "limit": sizes(law.bound, law.static, scaled)
