@@ -411,6 +411,17 @@ class Flights:
                      if tie.tree in r.arguments]  # fmt: skip
             if not all(tie.fits(x) for x in found):
                 return None
+        if {"stick", "closed"} & set(arc.law_modes) and any(
+            self._is_placed(tie.tree)
+            and tie.tree.kind not in CONTINUOUS
+            and not first_sign(
+                arc.readings[0].arguments[tie.tree] - constant(tie.point)
+            )
+            for tie in ties
+            if tie.tree in arc.readings[0].arguments
+        ):
+            # Its value there or any between both sides: Filippov's motions are several.
+            raise UndecidedError("held on a switch")
         if slide is not None and not (
             first_sign(arc.share) > 0 and first_sign(constant(1.0) - arc.share) > 0
         ):

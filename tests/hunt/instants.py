@@ -225,7 +225,11 @@ def made(seed):
         forces=[[] for _ in q], duration=float(r.choice([3, 4, 5, 6])),
     )  # fmt: skip
     found = Made(seed, model, _words(r), k, [])
-    if r.random() < 0.45:
+    # Of laws, events and sections most models have few, and some have several.
+    law, event, section = r.choice(
+        [(0.4, 0.45, 0.4), (0.9, 0.2, 0.2), (0.1, 1.0, 0.3), (0.2, 0.6, 1.0)]
+    )
+    if r.random() < event:
         _modes(k, model)
     if r.random() < 0.25:
         model.states["z1"] = k.some(-1, 1)
@@ -236,13 +240,13 @@ def made(seed):
             x = var(q[i])
             model.potentials.append(product(half, product(x, x)))
     _places(k, found)
-    if r.random() < 0.4:
+    if r.random() < law:
         _law(k, found)
     if model.modes:
         _events(k, model)
-    if r.random() < 0.4:
+    if r.random() < section:
         _sections(k, model)
-    if model.laws:
+    if model.laws or (found.words.method == "taylor" and k.tables):
         found.words.method = found.words.method and "dop853"
     if r.random() < 0.12:
         model.until = k.relation(1)
@@ -512,12 +516,14 @@ def written(made):
     document["definitions"] |= {k: v for k, v in defined.items() if v}
     if not document["definitions"]:
         del document["definitions"]
+    body = str(document) + (told(m.until) if m.until else "")
     tables = {
         t.name: {
             "points": [list(p) for p in zip(t.x, t.y, strict=True)],
             "interpolation": t.kind, "outside": t.outside,
         }
         for t in made.maker.tables
+        if f"{t.name}(" in body
     }  # fmt: skip
     if tables:
         document["tables"] = tables
