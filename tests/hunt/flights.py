@@ -37,7 +37,8 @@ class Law:
     """A row of rates sum_i row[i] v_i - belt. kind : limit, contact, hold.
 
     bound : of a limit, with its own static value or None; where : of a contact, the gap
-    is sum_i row[i] q_i - where; e : restitution; when : a condition of modes and t
+    is sum_i row[i] q_i - where - height, with a height of straight pieces or none; a hold
+    with a height is one of positions; e : restitution; when : a condition of modes and t
     """
 
     kind: str
@@ -46,24 +47,32 @@ class Law:
     bound: Tree | None = None
     static: Tree | None = None
     where: float = 0.0
+    height: Tree | None = None
     e: Tree | None = None
     when: Tree | None = None
     name: str = ""
 
+    def at(self, r):
+        """Return the row (n,) in the cells of a reading."""
+        row = np.array(self.row)
+        if self.height is not None:
+            row -= [r.slope(self.height, f"q{k}")[0] for k in range(1, len(row) + 1)]
+        return row
+
     def rate(self, r):
         x = constant(0.0)
-        for k, c in enumerate(self.row, 1):
+        for k, c in enumerate(self.at(r), 1):
             x = x + c * r.series[f"v{k}"]
         return x - r.value(self.belt) if self.belt else x
 
-    def gap(self, series):
+    def gap(self, r):
         x = constant(-self.where)
         for k, c in enumerate(self.row, 1):
-            x = x + c * series[f"q{k}"]
-        return x
+            x = x + c * r.series[f"q{k}"]
+        return x - r.value(self.height) if self.height else x
 
-    def touches(self, series):
-        return abs(self.gap(series)[0]) <= TIE * max(1.0, abs(self.where))
+    def touches(self, r):
+        return abs(self.gap(r)[0]) <= TIE * max(1.0, abs(self.where))
 
 
 @dataclass(eq=False)
@@ -249,7 +258,7 @@ class Flights:
             return "on"
         rate = law.rate(r)[0]
         if law.kind == "contact":
-            if not law.touches(r.series) or rate > TIE:
+            if not law.touches(r) or rate > TIE:
                 return "open"
             return ("closed", "open")[script.pick(2)]
         if abs(rate) > TIE:
@@ -281,7 +290,7 @@ class Flights:
     def _held(self, r, a, held):
         """Return accelerations and multipliers under rows whose rates stay 0."""
         laws = [self.m.laws[j] for j in held]
-        A = np.array([law.row for law in laws])
+        A = np.array([law.at(r) for law in laws])
         W = A @ (A / self.m.masses).T
         if np.linalg.cond(W) > 1e8:
             raise UndecidedError("redundant rows")
@@ -459,8 +468,8 @@ class Flights:
             return first_sign(mode * law.rate(r)) > 0
         if mode == "closed":
             return first_sign(p) >= 0
-        if mode == "open" and law.touches(r.series):
-            return first_sign(law.gap(r.series)) > 0
+        if mode == "open" and law.touches(r):
+            return first_sign(law.gap(r)) > 0
         return True
 
     # What ends an arc
@@ -509,7 +518,7 @@ class Flights:
             elif mode == "closed":
                 yield ("leaves", j), p
             elif mode == "open":
-                yield ("strikes", j), law.gap(r.series)
+                yield ("strikes", j), law.gap(r)
 
 
 def _upper(_reading, _tree, _point, _low, high):

@@ -111,8 +111,10 @@ class Maker:
                              self.condition(depth - 1, only))  # fmt: skip
         left = self.argument(depth, only)
         right = number(self.some(-1.5, 1.5))
-        if self.chance(0.3):
-            right = self.argument(depth - 1, only)
+        used = {x.data for x in left.nodes() if x.kind == "var"}
+        others = [x for x in only or self.variables if x not in used]
+        if others and self.chance(0.3):
+            right = self.argument(depth - 1, others)
         return self.tree("compare", left, right, data=r.choice(["<", "<=", ">", ">="]))
 
     def relation(self, depth, only=None):
@@ -315,9 +317,11 @@ def _law(k, found):
     row = [float(j == i) for j in range(k.n)]
     if k.n > 1 and r.random() < 0.3:
         row[(i + 1) % k.n] = -1.0
-    kind = r.choice(["limit", "limit", "floor", "contact", "contact", "hold", "groove"])
-    if kind == "groove" and k.n > 1:
-        return _groove(k, found)
+    kind = r.choice(
+        ["limit", "limit", "floor", "contact", "contact", "hold", "groove", "ridge"]
+    )
+    if kind in ("groove", "ridge") and k.n > 1:
+        return (_groove if kind == "groove" else _ridge)(k, found)
     if kind == "hold" and (not model.modes or k.n == 1):
         kind = "contact"
     if kind == "contact":
@@ -398,6 +402,50 @@ def _groove(k, found):
     else:
         ground = k.tree("max", product(number(left), x), product(number(right), x))
     found.grounds = [(j, plus(ground, number(low)), e)]
+
+
+def _ridge(k, found):
+    """Add a ground that is the least of lines of x, or a wire with corners."""
+    r, model = k.r, found.model
+    i, j = r.sample(range(k.n), 2)
+    x, low = var(f"q{i + 1}"), number(k.some(-0.5, 0.5))
+    if r.random() < 0.4:
+        steep = number(-abs(k.some(0.1, 1.2)))
+        bump = k.tree("abs", plus(x, number(k.some(-1, 1))))
+        height = plus(low, product(steep, bump))
+    elif r.random() < 0.5:
+        lines = [k.line([f"q{i + 1}"]) for _ in range(2)]
+        height = plus(low, k.tree("min", *lines))
+    else:
+        at = sorted({round(k.some(-2, 2), 1) for _ in range(4)} | {-2.5, 2.5})
+        slopes = sorted((k.some(-1, 1) for _ in at[1:]), reverse=True)
+        y = [0.0]
+        for a, b, c in zip(at, at[1:], slopes, strict=False):
+            y.append(y[-1] + c * (b - a))
+        table = Table("ground", at, y, "linear", "extend")
+        k.tables.append(table)
+        height = plus(low, k.tree("table", x, data=table))
+    row = [float(c == j) for c in range(k.n)]
+    e = number(r.choice([0.0, 0.0, 0.5, 0.8, k.some(0.1, 0.7)]))
+    series = {f"q{c + 1}": constant(q) for c, q in enumerate(model.q)}
+    at = float(Reading(series, {}, lambda _r, _t, _p, _l, high: high).value(height)[0])
+    wire = r.random() < 0.4
+    if wire:
+        if r.random() < 0.5:
+            height, at = product(number(-1.0), height), -at
+        law = Law("hold", row, height=height, name="wire")
+        model.q[j] = at
+        slope = Reading(series, {}, lambda _r, _t, _p, _l, high: high).slope(
+            height, f"q{i + 1}"
+        )
+        model.v[j] = float(slope[0]) * model.v[i]
+    else:
+        law = Law("contact", row, height=height, e=e, name="ridge")
+        model.q[j] = round(at + abs(k.some(0.1, 1)), 3)
+    weight = number(model.masses[j] * k.some(1, 4))
+    model.potentials.append(product(weight, var(f"q{j + 1}")))
+    model.laws.append(law)
+    found.grounds = [(j, height, e)]
 
 
 def _events(k, model):
@@ -601,13 +649,13 @@ def _laws(made, document, told):
                 "relation": "y >= 0", "restitution": 0, "slip": f"x{i + 1}_dot",
                 "friction": sizes(bound, static, told),
             }  # fmt: skip
-        elif law.name == "groove":
+        elif made.grounds:
             j, ground, e = made.grounds[0]
-            far = w.far * w.length
-            rows[law.name] = {
-                "relation": f"x{j + 1} >= {far!r} + {w.length!r}*({told(ground)})",
-                "restitution": told(e),
-            }
+            sign = "=" if law.kind == "hold" else ">="
+            height = f"{w.far * w.length!r} + {w.length!r}*({told(ground)})"
+            rows[law.name] = {"relation": f"x{j + 1} {sign} {height}"}
+            if law.kind == "contact":
+                rows[law.name]["restitution"] = told(e)
         elif law.kind == "limit":
             rows[law.name] = {
                 "relation": f"{rate} = 0", "limit": sizes(law.bound, law.static, scaled)

@@ -15,6 +15,7 @@ import numpy as np
 
 from tests.hunt.flights import Flights, Script, given
 from tests.hunt.series import (
+    LITTLE,
     UndecidedError,
     constant,
     first_root,
@@ -236,38 +237,43 @@ class Run:
     def _impact(self, now, y, modes):
         """Return the state after an impact, and whether there was one."""
         m, v = self.m, y[self.m.n : 2 * self.m.n]
-        series = self.flights.begin(now.t, y, modes)
+        r = Reading(self.flights.begin(now.t, y, modes), {}, _ahead)
         rows = []
         for j, law in enumerate(m.laws):
-            aim = self._aim(law, series, ("strikes", j) in now.keys)
+            aim = self._aim(law, r, ("strikes", j) in now.keys)
             if aim is not None:
                 rows.append((law, aim))
-        rates = [float(np.array(law.row) @ v) for law, _ in rows]
+        rates = [float(law.at(r) @ v) for law, _ in rows]
         if all(abs(x - aim) <= TIE for x, (_, aim) in zip(rates, rows, strict=True)):
             return y, False
-        A = np.array([law.row for law, _ in rows])
+        A = np.array([law.at(r) for law, _ in rows])
         aims = np.array([aim for _, aim in rows])
         p = _impulses(A, m.masses, aims - rates, [law.kind for law, _ in rows])
         y = y.copy()
         y[m.n : 2 * m.n] += (A / m.masses).T @ p
-        for law, aim in rows:  # without rounding where it is at rest
-            if aim == 0.0 and np.count_nonzero(law.row) == 1:
-                y[m.n + int(np.flatnonzero(law.row)[0])] = 0.0
+        for row, (_, aim) in zip(A, rows, strict=True):
+            # Without rounding where it is at rest.
+            if aim == 0.0 and np.count_nonzero(row) == 1:
+                y[m.n + int(np.flatnonzero(row)[0])] = 0.0
+        # A corner is passed where the velocity on the new piece leads onto it.
+        after = Reading(self.flights.begin(now.t, y, modes), {}, _ahead)
+        for law, _ in rows:
+            if np.any(law.at(after) != law.at(r)):
+                raise UndecidedError("it stops in a corner")
         return y, True
 
-    def _aim(self, law, series, strikes):
+    def _aim(self, law, r, strikes):
         """Return the rate of a row after an impact, or None where it has no part."""
-        r = Reading(series, {}, _as_from_now)
         if law.kind == "limit" or (law.when is not None and not r.value(law.when)):
             return None
         if law.kind == "hold":
             return float(law.belt.data) if law.belt else 0.0
         rate = law.rate(r)[0]
-        if rate > TIE or not (strikes or law.touches(series)):
+        if rate > TIE or not (strikes or law.touches(r)):
             return None
         if rate >= -TIE:
             return 0.0
-        r = Reading(series | {"approach_speed": constant(-rate)}, {})
+        r = Reading(r.series | {"approach_speed": constant(-rate)}, {})
         rebound = -float(r.value(law.e)[0]) * rate
         return rebound if rebound >= SPENT else 0.0
 
@@ -343,9 +349,11 @@ def _at_point(_reading, tree, _point, _low, high):
     return 0 if tree.kind in HALVES else high
 
 
-def _as_from_now(reading, tree, _point, low, high):
-    """Return the cell of a condition of t and modes that holds from now on."""
+def _ahead(reading, tree, _point, low, high):
+    """Return the cell that an argument of places, of t and of modes goes to."""
     slope = reading.arguments[tree][1]
+    if abs(slope) < LITTLE and slope != 0.0:
+        raise UndecidedError("it hardly leaves a corner")
     if slope == 0.0:
-        return 0
+        return 0 if tree.kind in HALVES else high
     return high if slope > 0.0 else low

@@ -39,7 +39,7 @@ import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import OPERATIONS, STEPS
+from lagsim.language.functions import CHOOSING, OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
 from lagsim.language.tables import cell_of, knots_between
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
@@ -387,7 +387,7 @@ class Clock(NamedTuple):
 def _jumps(g: Graph, argument: int) -> bool:
     """Whether an argument has a step in t, which its derivative does not show."""
     timed = g.dependent([argument], ("t",))
-    return any(g.ops[n] in STEPS for n in timed)
+    return any(g.ops[n] in STEPS | CHOOSING for n in timed)
 
 
 def _knots_located(

@@ -71,6 +71,14 @@ FORCES = {
         "R(1.3*floor(q) + 0.4*q)",
         lambda x: again(1.3 * math.floor(x) + 0.4 * x),
     ),
+    "table of if": (
+        "T(0.5*q + if(q < 5, 0, -2.2))",
+        lambda x: table(0.5 * x - (0.0 if x < 5 else 2.2)),
+    ),
+    "table of a table of if": (
+        "T(0.5*q - 0.4*T(if(q < 5, 0.5, 1.25)))",
+        lambda x: table(0.5 * x - 0.4 * table(0.5 if x < 5 else 1.25)),
+    ),
     "two arguments": (
         "G(mod(q, 2.5), heaviside(mod(q, 0.8) - 0.3))",
         lambda x: plane(mod(x, 2.5), step(mod(x, 0.8) - 0.3)),
