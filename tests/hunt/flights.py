@@ -36,9 +36,10 @@ from tests.hunt.trees import CONTINUOUS, HALVES, KINDS, TIE, Reading, Tree
 class Law:
     """A row of rates sum_i row[i] v_i - belt. kind : limit, contact, hold.
 
-    bound : of a limit, with its own static value or None; where : of a contact, the gap
-    is sum_i row[i] q_i - where - height, with a height of straight pieces or none; a hold
-    with a height is one of positions; e : restitution; when : a condition of modes and t
+    bound : of a limit, with its own static value or None; where, height : of a contact,
+    the gap is sum_i row[i] q_i - where - height, with a height of straight pieces or
+    none; a hold with a height is one of positions; e : restitution; when : a condition
+    of modes and t
     """
 
     kind: str

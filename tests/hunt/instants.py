@@ -650,12 +650,7 @@ def _laws(made, document, told):
                 "friction": sizes(bound, static, told),
             }  # fmt: skip
         elif made.grounds:
-            j, ground, e = made.grounds[0]
-            sign = "=" if law.kind == "hold" else ">="
-            height = f"{w.far * w.length!r} + {w.length!r}*({told(ground)})"
-            rows[law.name] = {"relation": f"x{j + 1} {sign} {height}"}
-            if law.kind == "contact":
-                rows[law.name]["restitution"] = told(e)
+            rows[law.name] = _ground(made, law, told)
         elif law.kind == "limit":
             rows[law.name] = {
                 "relation": f"{rate} = 0", "limit": sizes(law.bound, law.static, scaled)
@@ -675,6 +670,15 @@ def _laws(made, document, told):
             }  # fmt: skip
     if rows:
         document["constraints"] = rows
+
+
+def _ground(made, law, told):
+    """Return the entry of a ground with corners, or of a wire."""
+    w, (j, ground, e) = made.words, made.grounds[0]
+    sign = "=" if law.kind == "hold" else ">="
+    height = f"{w.far * w.length!r} + {w.length!r}*({told(ground)})"
+    entry = {"relation": f"x{j + 1} {sign} {height}"}
+    return entry if law.kind == "hold" else entry | {"restitution": told(e)}
 
 
 def _instants(made, document, told):
