@@ -9,6 +9,8 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.optimize
 
 import lagsim
 from tests.run.switching.scenes import one_quick
@@ -220,3 +222,197 @@ simulation: {{duration: 0.1, output_step: 0.05, {METHODS[method]}}}
     for k in range(24):
         result = lagsim.simulate(model.bind(q=-0.225 + 1e-4 * k), error_bar="never")
         assert [e.time for e in result.events if e.name == "e"] == []
+
+
+# --- wherever an expression may stand -------------------------------------------------
+
+# The argument q grows at the rate 1; in 20 it is in the first quarter of a turn for 5.
+IN, OUT = 5.0, 15.0
+BESIDE = "initial: {q: 0, q_dot: 1, w: 0}\nenergy: {kinetic: q_dot^2/2 + w_dot^2/2, "
+# s' is 1, 2, 3, 4 in the quarters of a turn of s, which takes 25/12.
+TURN = 25.0 / 12.0
+# Model, column and its value at 20.
+PLACES = {
+    "limit": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: 0}}
+forces: {{w: 10}}
+constraints: {{c: {{relation: w_dot = 0, limit: "if(mod(q, 4) < 1, 2, 5)"}}}}""",
+        "w_dot",
+        8 * IN + 5 * OUT,
+    ),
+    "limit that lets go": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: 0}}
+forces: {{w: 3}}
+constraints: {{c: {{relation: w_dot = 0, limit: "if(mod(q, 4) < 1, 2, 5)"}}}}""",
+        "w",
+        5 * (1.0 / 2 + 1.0 / 2 / 2),
+    ),
+    "friction": (
+        """coordinates: {q: {}, w: {}, z: {}}
+initial: {q: 0, q_dot: 1, w: 0, w_dot: 1, z: 0}
+energy: {kinetic: (q_dot^2 + w_dot^2 + z_dot^2)/2, potential: 10*z}
+forces: {w: 10}
+constraints:
+  c: {relation: z >= 0, restitution: 0, slip: w_dot,
+      friction: "if(mod(q, 4) < 1, 0.2, 0.5)"}""",
+        "w_dot",
+        1 + 8 * IN + 5 * OUT,
+    ),
+    "dissipation": (
+        """coordinates: {q: {}, w: {}}
+initial: {q: 0, q_dot: 1, w: 0, w_dot: 1}
+energy:
+  kinetic: (q_dot^2 + w_dot^2)/2
+  potential: 0
+  dissipation: if(mod(q, 4) < 1, 0.3, 0.05)*w_dot^2/2""",
+        "w_dot",
+        math.exp(-0.3 * IN - 0.05 * OUT),
+    ),
+    # It jumps in q, too, which makes no impulse.
+    "potential": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: "w*if(mod(q, 4) < 1, 3, 0)"}}
+forces: {{q: 0}}""",
+        "w_dot",
+        -3 * IN,
+    ),
+    "rate of a state": (
+        """coordinates: {q: {}}
+initial: {q: 0, q_dot: 1, s: 0}
+states: {s: {rate: "if(mod(q, 4) < 1, 3, 0)"}}
+energy: {kinetic: q_dot^2/2, potential: 0}""",
+        "s",
+        3 * IN,
+    ),
+    "of a state whose rate steps": (
+        """coordinates: {w: {}}
+initial: {w: 0, s: 0}
+states: {s: {rate: 1 + floor(mod(s, 4))}}
+energy: {kinetic: w_dot^2/2, potential: 0}
+forces: {w: "if(mod(s, 4) < 1, 3, 0)"}""",
+        "w_dot",
+        3 * (20 // TURN + min(20 % TURN, 1.0)),
+    ),
+    "family": (
+        """parameters: {n: 3}
+coordinates: {q: {}, w(1..n): {}}
+initial: {q: 0, q_dot: 1, "w(i = 1..n)": 0}
+energy: {kinetic: "q_dot^2/2 + sum(i = 1..n, w_dot(i)^2)/2", potential: 0}
+forces: {"w(i = 1..n)": "if(mod(q + i - 3, 4) < 1, 3, 0)"}""",
+        "w_dot.3",
+        3 * IN,
+    ),
+    # From 5.2 on the argument is 0.5 ahead, from 9.9 on 1.2.
+    "modes": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: 0}}
+modes: {{n: 0}}
+events: {{a: {{at: q >= 5.2, set: {{n: 0.5}}}}, b: {{at: q >= 9.9, set: {{n: 1.2}}}}}}
+forces: {{w: "if(mod(q + n, 4) < 1, 3, 0)"}}""",
+        "w_dot",
+        3 * (1.0 + 1.0 + 1.0 + 1.0 + 1.0 + 1.0),
+    ),
+    # What else acts at an instant at which the argument jumps.
+    "mode at a jump": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: 0}}
+modes: {{n: 0}}
+events: {{a: {{at: q >= 4, set: {{n: 2}}}}}}
+forces: {{w: "if(mod(q + n, 4) < 1, 3, 0)"}}""",
+        "w_dot",
+        3 * 5.0,
+    ),
+    "break at a jump": (
+        f"""coordinates: {{q: {{}}, w: {{}}}}
+{BESIDE}potential: 0}}
+forces: {{w: "if(mod(q + 2*heaviside(t - 4), 4) < 1, 3, 0)"}}""",
+        "w_dot",
+        3 * 5.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("place", one_quick(*PLACES))
+def test_they_are_right_wherever_an_expression_may_stand(place):
+    text, column, expected = PLACES[place]
+    # A step of 1/64 is exact in the sums of times.
+    for method in ("dop853", "rk4, step: 0.015625"):
+        model = f"{text}\nsimulation: {{duration: 20, method: {method}}}\n"
+        result = lagsim.simulate(lagsim.load(model), error_bar="never")
+        assert result.complete, result.reason
+        assert result[column][-1] == pytest.approx(expected, abs=1e-9)
+        assert not result.warnings
+
+
+def test_a_continuous_sawtooth_keeps_its_energy():
+    model = """
+coordinates: {q: {}}
+energy: {kinetic: q_dot^2/2, potential: "0.5*max(0, 0.25 - abs(mod(q, 1) - 0.5))"}
+initial: {q: 0.1, q_dot: 1}
+simulation: {duration: 20}
+"""
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    assert result["energy"] == pytest.approx(0.5, abs=1e-12)
+    # Half of a period is flat; up and down a speed changes linearly to its least.
+    least = math.sqrt(1.0 - 2.0 * 0.125)
+    period = 0.5 + 2.0 * 0.25 / (0.5 * (1.0 + least))
+    through = (result.t[-1] - (0.25 - 0.1)) / period
+    # Where a period begins, at 0.25, the speed is 1 again.
+    assert np.floor(result["q"][-1] - 0.25) == math.floor(through)
+
+
+# Torque of a four-stroke engine over its crank angle, in two turns.
+STROKES = [
+    [0.0, 0.0], [0.3, 90.0], [1.2, 60.0], [3.1, 5.0], [4.5, -8.0], [6.3, -3.0],
+    [7.9, -4.0], [9.6, -6.0], [11.2, -20.0], [4 * math.pi, 0.0],
+]  # fmt: skip
+INERTIA, LOAD = 0.15, 0.12
+
+
+def crank(end):
+    """Give the speed of the engine at the end, from one point of the table to the next.
+
+    Between two of them the torque is linear, and the motion that of a linear equation.
+    """
+    t, angle, speed, k = 0.0, 0.0, 20.0, 0
+    while True:
+        (a, first), (b, last) = STROKES[k], STROKES[k + 1]
+        slope = (last - first) / (b - a)
+        A = np.array([[0.0, 1.0], [slope / INERTIA, -LOAD / INERTIA]])
+        push = np.array([0.0, (first + slope * (angle - a)) / INERTIA])
+
+        def after(time, A=A, push=push, speed=speed):
+            """State from (0, speed), by the exponential of the extended matrix."""
+            whole = np.zeros((3, 3))
+            whole[:2, :2], whole[:2, 2] = A, push
+            return (scipy.linalg.expm(time * whole) @ [0.0, speed, 1.0])[:2]
+
+        far = b - angle
+        passed = scipy.optimize.brentq(
+            lambda x, after=after, far=far: after(x)[0] - far,
+            0.0, 4.0 * far / speed, xtol=1e-16, rtol=1e-15,
+        )  # fmt: skip
+        if t + passed >= end:
+            return after(end - t)[1]
+        t, speed = t + passed, after(passed)[1]
+        k = (k + 1) % (len(STROKES) - 1)
+        angle = STROKES[k][0]
+
+
+@pytest.mark.parametrize("method", one_quick("dop853", "taylor", "radau"))
+def test_an_engine_runs_by_its_crank_angle(method):
+    model = f"""
+coordinates: {{theta: {{unit: rad}}}}
+tables: {{torque: {{points: {STROKES}}}}}
+energy: {{kinetic: {INERTIA}*theta_dot^2/2, potential: 0}}
+forces: {{theta: "torque(mod(theta, 4*pi)) - {LOAD}*theta_dot"}}
+initial: {{theta: 0, theta_dot: 20}}
+simulation: {{duration: 2, {METHODS[method]}}}
+"""
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    # Over nine turns; the tolerance is 1e-11 a step.
+    assert result["theta_dot"][-1] == pytest.approx(crank(2.0), rel=1e-9)
