@@ -36,6 +36,7 @@ from lagsim.language import tables
 from lagsim.language.derivatives import slopes
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
+from lagsim.language.tables import Data
 from lagsim.mechanics.surfaces import Surface, oriented
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
-    from lagsim.language.tables import Data
 
 # A gap has no more pieces than this.
 MOST = 64
@@ -291,8 +291,11 @@ class _Pieces:
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
         w = g.args[n][3]
-        if self.kinked([w]) or axis.values[2]:
+        if self.kinked([w]):
             return [Piece(n)]
+        if axis.values[2]:
+            nodes = _of_repeated(g, axis, data, w, way)
+            return [Piece(x) for x in nodes] or [Piece(n)]
         x, y, slope = _lines(axis, data)
         jumps = np.diff(slope)
         clear = np.abs(jumps) > SAME_SLOPE * np.max(np.abs(slope))
@@ -355,3 +358,73 @@ def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
     values = jumps @ np.maximum(points - x[:, None], 0.0)
     made = tables.made(axis.name, (points,), values, "linear", "extend")
     return tables.called(g, *made, [w])
+
+
+def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int]:
+    """Two pieces of a table that is repeated, nodes; none where it has no groove.
+
+    Stretches between grooves take turns: one piece is the table in every second of
+    them, and the other in those between. Elsewhere each goes on from the groove that is
+    nearest, with the line it has there, so far as the table has a line beside it; past
+    that it is farther away.
+    """
+    m, period = int(axis.values[0]), axis.values[2]
+    values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
+    values, slope = values[1:-1], slope[1:-1]
+    x = np.array(axis.values[tables.FIRST :])
+    jumps = slope - np.roll(slope, 1)  # at the lower knot of each cell
+    most = SAME_SLOPE * np.max(np.abs(slope))
+    grooves = np.flatnonzero(way * jumps < -most)
+    if not len(grooves):
+        return []
+    # With an odd number of grooves the pieces change places in the next period.
+    turns = 1 + len(grooves) % 2
+    starts = np.concatenate([x[:-1] + k * period for k in range(turns)])
+    cells = [*range(m)] * turns
+    inside = np.isin(cells, grooves)
+    stretch = np.cumsum(inside)
+    ends = np.append(starts[1:], starts[0] + turns * period)
+    found = []
+    for own in (0, 1):
+        knots, lines = list[float](), list[tuple[float, float]]()
+        for i, cell in enumerate(cells):
+            line = values[cell], slope[cell]
+            if stretch[i] % 2 == own:
+                knots.append(starts[i])
+                lines.append(line)
+                continue
+            # The half of the cell beside a groove goes on as beyond it.
+            width, following = ends[i] - starts[i], (i + 1) % len(cells)
+            far = line[0] + way * np.max(np.abs(jumps)) * width
+            first, last = (far, line[1]), (far + 0.5 * width * line[1], line[1])
+            if inside[i]:
+                first = line[0], slope[cells[i - 1]]
+            if inside[following]:
+                after = slope[cells[following]]
+                last = line[0] + width * line[1] - 0.5 * width * after, after
+            knots += [starts[i], starts[i] + 0.5 * width]
+            lines += [first, last]
+        found.append(_chosen(g, axis, w, (knots, lines, turns * period)))
+    return found
+
+
+def _chosen(
+    g: Graph,
+    axis: Data,
+    w: int,
+    lines: tuple[list[float], list[tuple[float, float]], float],
+) -> int:
+    """Node of a table of lines, by their starts, values there, and slopes; repeated."""
+    starts, pairs, period = lines
+    kept = [0]
+    for i in range(1, len(starts)):
+        (value, slope), (y, s), x = pairs[kept[-1]], pairs[i], starts[kept[-1]]
+        same = abs(value + slope * (starts[i] - x) - y) <= SAME_SLOPE * max(1.0, abs(y))
+        if not (same and abs(slope - s) <= SAME_SLOPE * max(1.0, abs(s))):
+            kept.append(i)
+    knots = np.array([starts[i] for i in kept] + [starts[0] + period])
+    coefficients = [x for i in kept for x in pairs[i]]
+    rows = [*coefficients[:2], *coefficients, *coefficients[-2:]]
+    own = Data(axis.name, np.array([len(knots) - 1.0, 0.0, period, 0.0, *knots]))
+    pieces = Data(axis.name, np.array([float(tables.LINEAR), *rows]))
+    return tables.called(g, (own,), pieces, [w])

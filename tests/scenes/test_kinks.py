@@ -284,6 +284,46 @@ def test_a_ball_flies_off_a_ridge():
     assert release == pytest.approx([0.5], abs=1e-9)
 
 
+def test_a_table_that_is_repeated_has_grooves_and_ridges():
+    more = "tables: {h: {points: [[0, 0], [0.5, 0.3], [1, 0]], outside: repeat}}"
+    sides = [f"0.3 - 0.6*abs(x - {k + 0.5})" for k in (-2, -1, 0, 1)]
+    both = f"max(max({sides[0]}, {sides[1]}), max({sides[2]}, {sides[3]}))"
+    start = {"x": 0.2, "v": 0.7}
+    found = simulated(ball(["y >= h(x)"], more=more, **start))
+    other = simulated(ball([f"y >= {both}"], **start))
+    t = np.arange(0.0033, 1.5, 0.01)
+    for name in ("x", "y", "x_dot", "y_dot"):
+        one, two = found.at(t)[name], other.at(t)[name]
+        assert one == pytest.approx(two, abs=1e-7)
+
+
+def test_a_corner_that_moves_takes_the_bead_along():
+    # Seen from the wire, which moves with 0.2, the bead begins with that speed.
+    start = ", x_dot: {guess: 0}, y_dot: {guess: 0}"
+    found = simulated(wire("y = k*abs(x - 0.2*t)", start=start))
+    assert found["energy"] - found["work"] == pytest.approx(
+        found["energy"][0], abs=1e-9
+    )
+    rest = found.t > 3.0
+    assert found["x"][rest] == pytest.approx(0.2 * found.t[rest], abs=1e-9)
+    assert found["Qc_y"][rest] == pytest.approx(G, rel=1e-9)
+
+
+def test_two_corners_of_one_wire_in_space():
+    # z = |x|/2 - y/10: at rest across the valley, x = 0, it goes on along it.
+    text = f"""
+    coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+    energy: {{kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: {G}*z}}
+    constraints: {{c: z = abs(x)/2 - y/10}}
+    initial: {{x: 0, y: 0, z: 0}}
+    simulation: {{duration: 2, output_step: 0.02}}
+    """
+    found = simulated(text)
+    # Down the line (0, 1, -1/10): y'' (1 + 1/100) = g/10.
+    assert found["y"] == pytest.approx(G / 10 / 1.01 * found.t**2 / 2, abs=1e-9)
+    assert found["x"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_the_sign_of_a_parameter_makes_a_groove_or_a_ridge():
     model = lagsim.load(
         ball(["y >= k*abs(x)"], x=0.0, y=0.0, v=0.1, end=0.3, law="restitution: 0")

@@ -17,6 +17,8 @@ REGULAR = 16.0
 # motion leads on from there.
 STUCK = 40
 NO_TIME = 2.0**-47
+# Or so many of one surface, each within this part of the run after the last.
+HURRIES = 1e-12
 # So many are remembered.
 MOST = 4000
 # What bounces is judged by so many of its last flights: three of them have a ratio.
@@ -42,12 +44,14 @@ class Sequence:
         self.window = window
         self.longest = 0.0
         self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
+        self.own: dict[int, deque[float]] = {}  # times of each surface, the last few
 
     def add(self, time: float, surface: int) -> None:
         """Take one more switch."""
         self.longest = max(self.longest, time - self.last)
         self.last = time
         self.recent.append((time, surface))
+        self.own.setdefault(surface, deque(maxlen=STUCK)).append(time)
 
     def lately(self) -> list[int]:
         """Surfaces of the last switches."""
@@ -94,9 +98,15 @@ class Sequence:
         return longest
 
     def is_stuck(self, part: float = NO_TIME) -> bool:
-        """Whether the last switches took no time: this part of the run at most."""
+        """Whether the last switches took no time: this part of the run at most.
+
+        Or those of one surface follow each other in hardly any.
+        """
         if len(self.recent) < STUCK:
             return False
+        own = self.own[self.recent[-1][1]]
+        if len(own) == STUCK and own[-1] - own[0] <= STUCK * HURRIES * self.span:
+            return True
         took = self.recent[-1][0] - self.recent[-STUCK][0]
         return took <= max(part * self.span, NO_TIME * abs(self.last))
 

@@ -190,6 +190,8 @@ class Switching(Source):
         """
         modes, found = self.modes, list[Event]()
         stopped = set[int]()
+        if self._followed(arc):  # by others
+            arc.runner.project_sliding(arc.t, y)
         sizes, seen = modes.sizes(modes.rows(y)), arc.seen[arc.velocities]
         while True:
             rows = modes.rows(y)
@@ -221,16 +223,23 @@ class Switching(Source):
         upper one.
         """
         arc = self.modes.arc
-        if any(self.slides[k] for k in arc.system.switches.corners):
-            step = arc.runner.function("velocity_step")(arc.t, y)
-            y[arc.velocities] += step[: arc.system.n]
+        step = arc.runner.function("velocity_step")(arc.t, y)
+        y[arc.velocities] += step[: arc.system.n]
         arc.runner.project_sliding(arc.t, y)
+
+    def _followed(self, arc: Arc) -> bool:
+        """Whether the motion keeps to a corner of an equality."""
+        return any(self.slides[k] for k in arc.system.switches.corners)
 
     def _projected(self, *, resting: bool) -> Floats | None:
         """State on the surfaces that it follows; note if that is a jump."""
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
-        self._put_on(y)
+        if resting and self._followed(arc):
+            self._put_on(y)
+            arc.add_work(y, arc.energies(former))
+        else:
+            arc.runner.project_sliding(arc.t, y)
         masses = arc.runner.function("energies_masses")(arc.t, former)[2 : 2 + n]
         most = largest_shift(arc.plan.rtol)
         most = max(most, LEFT) if resting else most
