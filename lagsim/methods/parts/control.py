@@ -28,6 +28,7 @@ from lagsim.native.layout import after, array, part
 from lagsim.tolerances import (
     OVERFLOW,
     PROBE,
+    RESIDUAL_ROUNDOFF,
     SQUARABLE,
     STATE_ROUNDOFF,
     TERM_ROUNDOFF,
@@ -238,7 +239,11 @@ def against(error: float, tolerance: float) -> float:
 
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
-    """Control works no finer than the energy that each is compared with in a step."""
+    """Control works no finer than the energy that each is compared with in a step.
+
+    On a coordinate without inertia a multiplier is the difference of what takes the
+    place of an inertia there, and rounds as that does.
+    """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
     tolerances = s.tolerances[s.quadratures]
@@ -247,8 +252,12 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     for i in range(s.n):
         own = int(p.worked[i])
         off = of_velocities[i]
-        energy = max(abs(before[i]), abs(v[i])) + off
-        energy *= abs(s.masses[i]) * off
+        speed = max(abs(before[i]), abs(v[i]))
+        energy = (speed + off) * abs(s.masses[i]) * off
+        if p.augmented > 0.0 and s.masses[i] == 0.0:
+            for j in range(i + 1):
+                factor = p.L[i * s.n + j]
+                energy += factor * factor * RESIDUAL_ROUNDOFF * speed * speed
         if own >= 0:
             energies[own] += energy
     for k in range(works):

@@ -70,7 +70,7 @@ FREEDOM = {
 }  # fmt: skip
 
 _FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "event")
-_FREE += ("sections and strobes", "many coordinates")
+_FREE += ("events at one time", "sections and strobes", "many coordinates")
 NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
 AT_TIMES = "the model has constraints that come and go"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
@@ -105,6 +105,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
         **dict.fromkeys(HOLDS_AT_TIMES, ONE_STEP),
         **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic", "event"), QUADRATURES),
         **dict.fromkeys(("corner", "nonlinear velocity constraint"), QUADRATURES),
+        "events at one time": QUADRATURES,
         "until": "`until` depends on all of them",
     },
     "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
@@ -127,6 +128,7 @@ CHANGED = {
     "sliding": ("0.5*sign", "0.500005*sign"),
     "until": ("x1 <= 0", "x1 <= 0.000005"),
     "event": ("x1 <= 0.2", "x1 <= 0.200002"),
+    "events at one time": ("0.4*fast1", "0.400005*fast1"),
     "sections and strobes": ("2*x1^2", "2.00001*x1^2"),
     "contact": ("restitution: 0.5", "restitution: 0.500005"),
     "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
@@ -149,7 +151,8 @@ CHANGED = {
 }
 # Where another tolerance is the same means, as of linear motion: another method.
 _LINEAR = (
-    "smooth", "ignorable", "until", "event", "sections and strobes", "contact",
+    "smooth", "ignorable", "until", "event", "events at one time",
+    "sections and strobes", "contact",
     "friction on one slip", "limit",
     "static and dynamic friction", "freewheel", "when", "singular M",
     "many coordinates",
@@ -159,7 +162,8 @@ _BEAT = (2j, -2j)
 # Of the linearised motion at the start.
 EIGENVALUES = {
     **dict.fromkeys(("ignorable", "switch in t", *_SWITCHES[1:]), (0.0, 0.0)),
-    **dict.fromkeys(("until", "event", "holonomic"), (0.0, 0.0)),
+    **dict.fromkeys(("until", "event", "events at one time"), (0.0, 0.0)),
+    "holonomic": (0.0, 0.0),
     **dict.fromkeys(("smooth", "switch in the state", "elimination"), _BEAT),
     "sections and strobes": _BEAT,
     **dict.fromkeys(("redundant", "singular M"), _BEAT),

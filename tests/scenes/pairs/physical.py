@@ -120,6 +120,18 @@ def _bent(t):
     )
 
 
+def _bursts(t):
+    """Give the motion from 0.3 under the pushes of `events at one time`."""
+    x, v, found = 0.3, 0.0, np.full(len(t), np.nan)
+    ends = (0.32, 0.5, 0.77, 1.0, 1.23, 1.5, 1.905, np.inf)
+    at = 0.0
+    for end, push in zip(ends, 2 * (2.0, 2.4, -1.6, -2.0), strict=True):
+        piece = (t >= at) & (t <= end)
+        found[piece] = _parabola(t[piece], at, x, v, push)
+        x, v, at = _parabola(end, at, x, v, push), v + push * (end - at), end
+    return found
+
+
 def _brake(t, v, a):
     s = np.minimum(t, v / a)
     return v * s - a * s * s / 2
@@ -239,6 +251,18 @@ FRAGMENTS = (
             "down$": ("{at: x$ = 0.2, direction: down}", [np.arccos(0.2) / 2]),
             "turn$": ("{at: x$_dot = 0}", [np.pi / 2]),  # and at the start
             "beat$": ("{every: 0.4}", [0.0, 0.4, 0.8, 1.2, 1.6, 2.0]),
+        },
+    ),
+    Fragment(
+        # Every other beat turns the push at once; the speed passes 0.64 up and down.
+        "events at one time", ("0.3", "0"), lambda t: {"x$": _bursts(t)},
+        forces={"x$": "push$ + 0.4*fast$"},
+        modes={"push$": "2", "fast$": "0", "beats$": "0"},
+        events={
+            "slower$": "{at: x$_dot <= 0.64, set: {fast$: 0}}",
+            "faster$": "{at: x$_dot >= 0.64, set: {fast$: 1}}",
+            "turn$": "{at: beats$ >= 3, set: {beats$: beats$ - 2, push$: -push$}}",
+            "beat$": "{every: 0.25, set: {beats$: beats$ + 1}}",
         },
     ),
     Fragment(
