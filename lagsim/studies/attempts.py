@@ -205,6 +205,11 @@ TIGHTER, LOOSER = 100.0, 3.0
 LOOSEST = 1e-6
 # That of the repeat of a method without error control.
 FREE_RTOL = 1e-13
+# Its error may be so large a part of a range: 1e5 of its tolerances.
+AGREED = 1e-8
+# The difference to steps shortened by GOLDEN is 0.38 of the error, at order 1, to all
+# of it: where it is less than this part of another estimate, that is off by more.
+LESS = 0.3
 # A method whose steps are exact, whatever their length.
 EXACT = "exponential"
 # The longest step of a repeat, as a part of the output step (not a ratio of small whole
@@ -617,11 +622,36 @@ class Attempts:
                 found = Failed(text)
             elif repeated.outcome.complete or repeated.end >= end:
                 runs = trajectory, repeated
-                return compared(session.case, runs, plan, run.checkpoints, again)
+                bar = compared(session.case, runs, plan, run.checkpoints, again)
+                return self._by_own_steps(run, bar, always=always)
             else:
                 where = f"{plan.method} ended at t = {repeated.end:.6g}"
                 found = Failed(f"a repeat did not finish: {where}")
         return found
+
+    def _by_own_steps(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
+        """Return the error bar of fixed steps by shorter ones, where that is far less.
+
+        A repeat with error control may be the less accurate of both. Where they agree
+        as far as its tolerance leads one to expect, nothing has been passed over, and
+        the difference to shorter steps of the same method tells the error.
+        """
+        plan = run.session.plan
+        fixed = plan.rtol is None and plan.method not in (EXACT, bar.method)
+        if not fixed or bar.parted or bar.relative > AGREED:
+            return bar
+        assert plan.step is not None
+        row = run.session.case.settings.output_step
+        step = GOLDEN * plan.step
+        if step < row:  # rows stay ends of steps
+            step = row / math.ceil(row / step)
+        shorter = Repeat(run.session._replace(plan=replace(plan, step=step)), 1.0)
+        own, again = self._again(run, shorter, always=always)
+        if fault(own) or not own.trajectory.outcome.complete:
+            return bar
+        runs = run.trajectory, own.trajectory
+        other = compared(run.session.case, runs, own.plan, run.checkpoints, again)
+        return other if other.relative < LESS * bar.relative else bar
 
     def _is_outlier(self, run: Attempt) -> bool:
         """Return whether a run, and not its repeat, is wrong: by a third one.
