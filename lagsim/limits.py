@@ -53,6 +53,9 @@ USUAL_BYTES = 100_000
 INERTIAS = 1_000_000
 """Of a mass matrix, entries that are not 0: those of 1,000 coordinates, all coupled."""
 
+STEPS = 100_000_000
+"""Of a run, unless it is told otherwise: hours."""
+
 EXACT_DIGITS = 4000
 """Of a number that is written out exactly; Python itself writes no more than 4300."""
 

@@ -10,6 +10,7 @@ Definitions are already written into the expressions that use them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -86,8 +87,8 @@ class Settings(NamedTuple):
 
     @property
     def fixed_step(self) -> float:
-        """The step of methods that do not."""
-        return self.step or self.output_step
+        """The step of methods that do not; at most the run is one step."""
+        return min(self.step or self.output_step, self.duration or math.inf)
 
     @property
     def decay(self) -> float:

@@ -13,12 +13,14 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from lagsim.limits import STEPS
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
 # More steps than any run makes, unless it is told otherwise.
-MOST_STEPS = 100_000_000
+MOST_STEPS = STEPS
 # Steps at which it is first asked whether a run comes to its end, then twice as many;
 # and so many times are compared.
 ASKED, COMPARED = 1 << 13, 6

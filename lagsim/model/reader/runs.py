@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.language.evaluate import evaluate
+from lagsim.limits import STEPS
 from lagsim.methods import options
 from lagsim.model.model import (
     CURVE,
@@ -121,6 +122,9 @@ class _Simulation:
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
+        if step and "until" not in given and not (end - start) / step <= STEPS:
+            text = f"`step` {step:g} makes {(end - start) / step:.3g} steps, more than "
+            self._fault("out-of-range", f"{text}{STEPS:,}", "step")
         return asked._replace(start=start, end=end, output_step=output_step)
 
     def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:

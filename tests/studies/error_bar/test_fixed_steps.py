@@ -47,7 +47,7 @@ SCENES = {
 )  # fmt: skip
 @pytest.mark.parametrize("scene", SCENES)
 def test_reported_within_thirty_times_the_error(scene, method, step):
-    """Kahan's and Li's methods with compensated sums were more exact than the repeat."""
+    """Compensated methods were more exact than a repeat with error control."""
     (coordinates, kinetic, potential, initial, T), exact = SCENES[scene]
     text = MODEL.format(
         coordinates=coordinates, kinetic=kinetic, potential=potential, initial=initial,
