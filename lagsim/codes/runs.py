@@ -83,9 +83,9 @@ initial: {x: 0, z: 0}
     Row("E508", "no-answer",
         "The rows violate a constraint, or repeats of the run do not agree.",
         "The rows satisfy the constraints, and a repeat gives the same motion.",
-        "no method can integrate the motion past that time, or its constraints "
-        "contradict each other from there on: look at the model around that time, or "
-        "stop before it",
+        "its constraints may contradict each other from there on, or the motion may "
+        "need another method: look at the model around that time, try another "
+        "`--method`, or stop before it",
         "coordinates: {x: {}, y: {}, z: {}}\ndefinitions: {}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}\n"
         "constraints: {cone: x_dot^2 + y_dot^2 = 4*z_dot^2}\n"

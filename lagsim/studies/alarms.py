@@ -61,7 +61,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Session
@@ -527,9 +527,32 @@ def worst_residual(
     """Return the constraint with the largest residual, as a part of its scale; or None.
 
     coarse : the time for which a row may be as it was, and the largest speeds (n,).
+    """
+    for name, part, moved in _residuals_off(run, coarse):
+        if not moved <= SATISFIED:
+            return name, part
+    return None
 
-    Where all of its terms all but vanish they are no scale: what counts is by how much
-    of their motion the coordinates would have to move to meet it.
+
+def constraint_residual(run: Evidence) -> float:
+    """Return the largest residual as a part of its scale, or of the motion beside it.
+
+    Infinite or nan where one is not finite.
+    """
+    parts = run.residuals.constraint_parts
+    off = {name: min(part, moved) for name, part, moved in _residuals_off(run, None)}
+    return max((parts | off).values(), default=0.0)
+
+
+def _residuals_off(
+    run: Evidence, coarse: tuple[float, Floats] | None
+) -> Iterator[tuple[str, float, float]]:
+    """Yield constraints that are off by more than a part of their scales.
+
+    Of each the name, that part, and the residual as a part of the motion beside it:
+    where all of its terms all but vanish they are no scale, and what counts is by how
+    much of their motion the coordinates would have to move to meet it. coarse : as of
+    `worst_residual`; what a step explains is left out.
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
@@ -537,7 +560,8 @@ def worst_residual(
     names = run.session.columns.names
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
-            return name, part
+            yield name, part, residual
+            continue
         row = equations.row(name)
         moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
         state = equations.model.parameter_values
@@ -556,9 +580,8 @@ def worst_residual(
         # it; a lighter one less, as the roots of the masses.
         seed = largest_beside(inertia_roots(equations, start), moved)
         seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
-        if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
-            return name, part
-    return None
+        motion = float(slopes @ moved) + float(slopes @ seed) / SATISFIED
+        yield name, part, residual / motion if motion > 0.0 else math.inf
 
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:

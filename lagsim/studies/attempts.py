@@ -62,6 +62,7 @@ from lagsim.studies.alarms import (
     Finding,
     alarms,
     audit,
+    constraint_residual,
     fault,
     inertia_roots,
     up_to,
@@ -456,9 +457,16 @@ class Attempt(Evidence):
     ) -> dict[str, Any]:
         """Return the content of run.json."""
         return manifest(
-            self.session, self.trajectory, self.residuals, self.bar, cautions,
+            self.session, self.trajectory, self.residuals, constraint_residual(self),
+            self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
+
+
+def _means(plan: Plan) -> str:
+    """Return a method with its tolerance, or its step."""
+    own = f"step {plan.step:.3g}" if plan.rtol is None else f"rtol {plan.rtol:.2g}"
+    return f"{plan.method} at {own}"
 
 
 @dataclass
@@ -481,6 +489,8 @@ class Attempts:
         Get the rows of the attempt that is given, as far as the store could take them.
     allowance
         What all that judges the first attempt may still cost.
+    tried
+        The methods, and their tolerances or steps, by which rows have been made.
     """
 
     store: Store
@@ -495,6 +505,7 @@ class Attempts:
     joined: Joined | None = None
     followers: Sequence[Store] = ()
     allowance: Allowance | None = field(default=None, init=False)
+    tried: list[str] = field(default_factory=list, init=False)
 
     def best(self, session: Session) -> Attempt:
         """Make the rows; regenerate them where the audit has a finding."""
@@ -525,6 +536,7 @@ class Attempts:
             attempt = self._made(up_to(attempt.session, finding.time), attempt.bar)
             end = attempt.trajectory.end
             reason += f"; the last row, at t = {end:.9g}, satisfies it"
+        reason += f" (tried: {', '.join(dict.fromkeys(self.tried))})"
         outcome = Outcome.NO_ANSWER
         trajectory = attempt.trajectory._replace(
             outcome=outcome, reason=f"{reason}: {outcome.advice}"
@@ -539,6 +551,7 @@ class Attempts:
         `bar` is what a repeat says of it, where one has been made before.
         """
         made = Attempt(session, self)
+        self.tried.append(_means(session.plan))
         for store in (self.store, *self.followers) if self.store.rows else ():
             store.begin_anew()
         kept: list[Observer | None] = [made, *self.followers, made.thin, made.frames]

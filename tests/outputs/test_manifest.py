@@ -20,7 +20,7 @@ def test_the_error_bar_in_the_document():
         "dop853", 1e-13, ("x",), np.array([0.0, 1.0, 2.0]),
         errors=np.array([[0.0], [3.0], [1.0]]), scales=np.array([10.0]),
     )  # fmt: skip
-    document = manifest(done.session, done.trajectory, residuals, bar, [], {}, [])
+    document = manifest(done.session, done.trajectory, residuals, 0.0, bar, [], {}, [])
     assert json.loads(encode(document)) == document
     assert document["error"] == {
         "repeated_by": "dop853",

@@ -538,8 +538,8 @@ class Modes:
     def held(self) -> dict[int, float]:
         """Surfaces at whose level constraints hold the motion, but for this rounding.
 
-        Neither a side nor another place gives them a rate that is more than rounding,
-        and they are off by no more than that makes in the run.
+        Neither a side nor another place, nor a later time, gives them a rate that is
+        more than rounding, and they are off by no more than that makes in the run.
         """
         arc, span = self.arc, self.arc.settings.duration
         if not arc.system.m:
@@ -553,23 +553,43 @@ class Modes:
         found = off <= most
         if not found.any():
             return {}
-        parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
+        later = arc.t + ASIDE * span
         former = self.value.copy(), self.kind.copy()
         for side in (BELOW, ABOVE):
             for k in np.flatnonzero(found).tolist():
                 self.put(k, levels[k], side)
             self.write()
-            for y in (arc.y, arc.y + parts * arc.ranges):
-                found &= self._roundoff_of_rates(y) >= 0.0
+            aside = self._aside(later)
+            for t, y in ((arc.t, arc.y), (arc.t, aside), (later, aside)):
+                found &= self._roundoff_of_rates(y, t) >= 0.0
         self.restore(*former)
         self.write()
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
 
-    def _roundoff_of_rates(self, y: Floats) -> Floats:
+    def _aside(self, t: float) -> Floats:
+        """State (size,) aside by a part of each range, or of what a rate does by t.
+
+        At a start nothing has a range: what rests is set in motion by forces that begin
+        at 0 there, or by what moves beside it, one after the other.
+        """
+        arc, state = self.arc, self.arc.state
+        parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
+        reach, time = arc.ranges, t - arc.t
+        for _ in range(len(arc.y)):
+            rates = np.abs(self.rates(t, arc.y + parts * reach))
+            moved = time * np.where(np.isfinite(rates), rates, 0.0)
+            moved[state.positions] += time * moved[state.velocities]
+            if not np.any(moved[reach == 0.0]):
+                break
+            reach = np.where(reach == 0.0, moved, reach)
+        return np.asarray(arc.y + parts * reach)
+
+    def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
         """Bound the rounding (K,) of rates at y that are nothing else; -1 of others."""
-        arc, rates = self.arc, self.forced(y)
-        bounds = arc.runner.function("rounding")(arc.t, y)[: arc.system.n]
-        slopes = np.abs(self.rows(y).J[:, : arc.system.n])
+        arc, rates = self.arc, self.forced(y, t)
+        now = arc.t if t is None else t
+        bounds = arc.runner.function("rounding")(now, y)[: arc.system.n]
+        slopes = np.abs(self.rows(y, t).J[:, : arc.system.n])
         roundoff = VALUE_ROUNDOFF * (slopes @ np.abs(bounds))
         return np.where(np.abs(rates) <= roundoff, roundoff, -1.0)
 

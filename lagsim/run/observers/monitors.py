@@ -420,7 +420,7 @@ class ResidualMonitor:
     @property
     def constraint_residual(self) -> float:
         """Greatest |residual| over its scale; 0 without constraints."""
-        return float(np.max(list(self._parts().values()), initial=0.0))
+        return float(np.max(list(self.constraint_parts.values()), initial=0.0))
 
     def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
         """Constraints with a residual of more than a part of its scale.
@@ -428,13 +428,14 @@ class ResidualMonitor:
         Of each the name, the residual, that part, and its row; the worst first.
         """
         found = []
-        for name, own in self._parts().items():
+        for name, own in self.constraint_parts.items():
             worst = self._residuals[name]
             if own > part and worst.row is not None:
                 found.append((name, worst.size, own, worst.row))
         return sorted(found, key=lambda row: -row[2])
 
-    def _parts(self) -> dict[str, float]:
+    @property
+    def constraint_parts(self) -> dict[str, float]:
         """Each residual as a part of its scale; 0 where that is 0."""
         return {
             name: 0.0 if scale <= 0.0 else self._residuals[name].size / scale

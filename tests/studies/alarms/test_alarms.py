@@ -254,10 +254,12 @@ def test_the_horizon_of_chaos(high, expected):
     bar = barred(found.equations.model)[1]
     assert codes(found, bar) == expected
     if expected:
-        # Errors grow tenfold in 2 s from about 1e-12: 0.1 of the range in some 22 s.
+        # Errors grow tenfold in 2 s, from between 1e-12 and rounding (1e-14, as far as
+        # the step's errors lie aside of the growing direction): 22 to 26 s to 0.1 of
+        # the range, where the motion is as chaotic all along.
         told = number(text_of(found, "horizon", bar), r"past t = (\S+) ")
         assert told == pytest.approx(bar.horizon, rel=1e-5)
-        assert 18.0 < told < 27.0
+        assert 18.0 < told < 28.0
 
 
 # Bars of a parallelogram, driven at one crank: flat at pi, where it could turn over.
