@@ -207,6 +207,8 @@ def crossed_within(
     before, after : (2 R,), rows and slopes there. The end of the last step where a
     crossing is at the same time: it is postponed.
     """
+    if keep_sides(s, x - low, before, after):
+        return 0.0
     for j in range(s.sections):
         s.roots[j] = inf
         if s.sides[j] == 0.0:
@@ -222,6 +224,17 @@ def crossed_within(
         past = take_crossings(s, p, root, x)
         if past > 0.0:
             return past
+
+
+def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> bool:
+    """Whether no relation comes to 0 on a stretch, as nearly all do."""
+    for j in range(s.sections):
+        k = relations(s) + j
+        side = s.sides[j]
+        least = missed.lowest(float(side), s, k, before, after, width)
+        if not least > 0.0 or s.waits[j] > 0.0:
+            return False
+    return True
 
 
 def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
