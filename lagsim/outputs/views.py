@@ -133,7 +133,9 @@ class Views:
         if self._bodies:
             for own, further in zip(ends, reached([], self._bodies).T, strict=True):
                 own.append(further)
-        ends[-1].append(np.array(self._lowest()))
+        self._hanging = self._bottoms()
+        for own, further in zip(ends, self._hanging, strict=False):
+            own.append(further)
         self._extents = [extent(*own) for own in ends]
         # A scene at rest has no size of its own.
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
@@ -225,6 +227,8 @@ class Views:
         if view:
             return [self._extents[k] for k in view]
         shown = [OBLIQUE @ p for p in self._positions.values()]
+        if self._hanging.size:
+            shown.append(OBLIQUE @ self._hanging)
         if self._bodies:
             shown.append(OBLIQUE @ reached([], self._bodies).T)
         return [extent(*c) for c in zip(*shown, strict=True)]
@@ -280,18 +284,17 @@ class Views:
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
 
-    def _lowest(self) -> list[float]:
-        """Return how low the strings hang that are drawn."""
-        return [
-            float(
-                (self._positions[a][-1, row] + self._positions[b][-1, row]) / 2.0
-                - SAG * self._slack(a, b, row, length)
-            )
-            for (a, b), kind, length in zip(
-                self._links, self._looks, self._strings, strict=True
-            )
-            for row in ((0, -1) if kind == "string" else ())
-        ]
+    def _bottoms(self) -> Array:
+        """Return where the strings that are drawn hang lowest (directions, k)."""
+        found, places = [], next(iter(self._positions.values()), ())
+        for (a, b), kind, length in zip(
+            self._links, self._looks, self._strings, strict=True
+        ):
+            for row in (0, -1) if kind == "string" else ():
+                middle = (self._positions[a][:, row] + self._positions[b][:, row]) / 2.0
+                middle[-1] -= SAG * self._slack(a, b, row, length)
+                found.append(middle)
+        return np.array(found).reshape(len(found), len(places)).T
 
     def _slack(self, a: str, b: str, row: int, length: float | None) -> float:
         """Return the root of length^2 - distance^2 of a string, 0 where it is taut.
