@@ -184,7 +184,11 @@ class Equations:
             "sections": [o.read(text) for text, _ in scene.sections.values()],
             "until": [o.side(scene.until)] if scene.until else [],
         }  # fmt: skip
-        self.sizes = {key: len(part) for key, part in parts.items()}
+        ends = itertools.accumulate(len(part) for part in parts.values())
+        self.parts = {
+            key: slice(end - len(part), end)
+            for (key, part), end in zip(parts.items(), ends, strict=True)
+        }
         inputs = [*o.inputs, *o.sides, *(x for *_, names in o.pieces for x in names)]
 
         def made(flat, more=()):
@@ -230,8 +234,7 @@ class Equations:
         x = np.array(
             self._all(t, *y, *d.modes, *d.sides, *d.pieces.flat, *signs), float
         )
-        cuts = np.cumsum(list(self.sizes.values()))[:-1]
-        found = dict(zip(self.sizes, np.split(x, cuts), strict=True))
+        found = {key: x[part] for key, part in self.parts.items()}
         found["M"] = found["M"].reshape(self.n, self.n)
         found["A"] = found["A"].reshape(self.m, self.n)
         return found

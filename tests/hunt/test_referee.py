@@ -189,11 +189,11 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
     exact = truth(scene)
     times = np.array([0.0, 1.0, 2.0])
 
-    def verdict(shift, told, *, warnings=(), code=0, outcome="done"):
+    def verdict(shift, told, *, warnings=(), code=0, outcome="done", choice="method"):
         rows = np.stack([times, np.cos(times) + shift * times, -np.sin(times)], axis=1)
         record = {
             "complete": True, "outcome": outcome, "warnings": list(warnings),
-            "method": "m", "rtol": 1e-11,
+            "method": "m", "rtol": 1e-11, "plan": [{"choice": choice, "reason": ""}],
             "error": {"coordinates": {"x": {"largest": told}}},
         }  # fmt: skip
         answer = Answer(code, "", record, ["t", "x", "x_dot"], rows)
@@ -212,6 +212,7 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
     assert verdict(0.0, 1e-12, code=70).kind == "crash"
     assert verdict(0.0, 1e-12, code=3).kind == "refused-3"
     assert verdict(0.0, 1e-12, code=-1).kind == "hang"
+    assert verdict(0.0, 1e-12, choice="repeated: radau").kind == "repeated"
 
 
 def test_scenes_follow_from_their_seed():
