@@ -273,6 +273,8 @@ class Flights:
         for j, (law, mode) in enumerate(zip(m.laws, law_modes, strict=True)):
             if law.when is not None:
                 r.value(law.when)
+            if law.height is not None:
+                r.value(law.height)
             if mode == "stick":
                 r.value(law.static or law.bound)
             if mode in (1, -1):
