@@ -5,7 +5,7 @@ u/abs(u)^q. That is how many write the direction of a velocity. At rest it would
 and no switch would be seen in it. Where 0 < q < 1, sign(u) |u|^(1 - q) is meant.
 
 A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5,
-hypot(u, 0), max(u, -u). Written so its corner is seen, and is a switch as that of abs.
+hypot(u, 0), max(u, -u), u*sign(u). Written so its corner is seen, and is a switch as that of abs.
 
 A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
 slope at 0, where its power has one: the energy of a body at rest that is written with
@@ -176,6 +176,18 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
     return g.call("pow", base, g.constant(whole))
 
 
+def signed_product(g: Builder, x: int, y: int) -> int | None:
+    """Return x y as a size where one is the sign of a multiple of the other."""
+    for a, b in ((x, y), (y, x)):
+        if g.ops[b] != "sign":
+            continue
+        (c, u), (d, v) = _multiple(g, a), _multiple(g, g.args[b][0])
+        if u == v and u != g.one:
+            size = g.call("abs", u)
+            return g.call("mul", g.constant(math.copysign(c, c * d)), size)
+    return None
+
+
 def joined_product(g: Builder, x: int, y: int) -> int | None:
     """Return (c u)(d v) as (c d)(u v), of variables u, v: exact for powers of two.
 
@@ -271,6 +283,10 @@ def mul(g: Builder, x: int, y: int) -> int | None:
         return g.call("neg", g.call("mul", g.args[x][0], y))
     if other == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
+    if one == "sign" or other == "sign":
+        found = signed_product(g, x, y)
+        if found is not None:
+            return found
     if one not in REWRITTEN and other not in REWRITTEN:
         return None
     for simpler in (joined_product, directed_product, rooted_product):

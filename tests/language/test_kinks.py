@@ -13,7 +13,8 @@ SPELLINGS = {
     "abs(x)": (
         "sqrt(x^2)", "sqrt(x*x)", "(x^2)^0.5", "hypot(x, 0)", "hypot(0, -x)",
         "max(x, -x)", "-min(x, -x)", "abs(-x)", "sqrt(4*x^2)/2", "hypot(3*x, 4*x)*0.2",
-        "cbrt(abs(x)^3)", "abs(abs(x))", "sqrt((x^2 + 3*x^2)/4)",
+        "cbrt(abs(x)^3)", "abs(abs(x))", "sqrt((x^2 + 3*x^2)/4)", "x*sign(x)",
+        "sign(-2*x)*x*(-1)", "2*x*sign(x/3)/2",
     ),
     "abs(x*y)": ("sqrt(x^2*y^2)", "sqrt((x*y)^2)", "hypot(x*y, 0)"),
     "abs(x)^3": ("(x^2)^1.5",),
