@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.corners import raised_by_corners
 from lagsim.admissibility.newton import (
     Found,
     Relations,
@@ -322,6 +323,8 @@ class _Examiner:
                 here, laws, judged.ranks.rank, sound=sound and satisfied
             )
             warnings += cautions
+        if classify and satisfied and sound:
+            sticking += raised_by_corners(here)
         if e.laws:
             place = {c.name: k for k, c in enumerate(e.model.constraints)}
             every = of_gaps([*in_force(verdicts, e), *laws])

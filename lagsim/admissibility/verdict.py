@@ -386,7 +386,7 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
     ]
     if not all(x.satisfied for x in moving):
         return moving
-    a, terms, K = _accelerations(point)
+    a, terms, K = accelerations(point)
     pushes, sizes = point.jacobian(own.rows).T @ own.multipliers, point.sizes
     f, A = point.array(e.f) + pushes, point.gradients
     lam = np.zeros(0)
@@ -618,12 +618,12 @@ class _Rows:
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
         """Accelerations without the forces of these laws; rates; their roundoff."""
         R, b = self.R, self.point.array([row.b for row in self.rows])
-        a, terms, _ = _accelerations(self.point)
+        a, terms, _ = accelerations(self.point)
         rounding = RESIDUAL_ROUNDOFF * (np.abs(R) @ terms + np.abs(b))
         return R @ a - b, self.rates, rounding
 
 
-def _accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
+def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
     """Accelerations (n,) by the rows alone, their terms (n,), and K (n, n).
 
     K f is what forces f (n,) add to them.

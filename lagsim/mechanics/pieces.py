@@ -73,6 +73,24 @@ def named(name: str, k: int) -> str:
     return f"{name}{MARK}{k}"
 
 
+class Kink(NamedTuple):
+    """Kink of a node, at u = 0: what it is above and below; all are nodes."""
+
+    node: int
+    u: int
+    above: int
+    below: int
+
+
+def kinks(
+    g: Graph, node: int, values: Mapping[str, float], moving: Collection[str]
+) -> list[Kink]:
+    """Kinks of a node by `abs`, `min`, `max` and `if`; see `pieces`."""
+    below = _Pieces(g, values, moving)
+    pairs = ((n, below.sides(n)) for n in below.kinked([node]))
+    return [Kink(n, *sides) for n, sides in pairs if sides is not None]
+
+
 def pieces(
     g: Graph, gap: int, values: Mapping[str, float], moving: Collection[str]
 ) -> tuple[int, ...]:
@@ -230,7 +248,7 @@ class _Pieces:
         """
         g = self.g
         atom = next(iter(self.kinked([n])))
-        found = self._sides(atom)
+        found = self.sides(atom)
         if found is None:
             return [Piece(n)]
         u, above, below = found
@@ -255,7 +273,7 @@ class _Pieces:
         second = g.call("if", off, y, g.call("sub", n, line))
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
 
-    def _sides(self, n: int) -> tuple[int, int, int] | None:
+    def sides(self, n: int) -> tuple[int, int, int] | None:
         """Expression u of a kink, and what the node is for u > 0, and for u < 0."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":

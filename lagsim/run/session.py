@@ -183,6 +183,11 @@ class Session(NamedTuple):
 
         None where these values need other functions.
         """
+        pieces = (
+            [x.row.residual for x in e.laws] for e in (case.equations, self.equations)
+        )
+        if len({tuple(x) for x in pieces}) > 1:  # of gaps, by the signs of parameters
+            return None
         plan = case.plan()
         if not self.system.fits(plan):
             return None

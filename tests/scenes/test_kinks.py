@@ -194,6 +194,22 @@ def test_a_yo_yo_turns_at_the_end_of_its_string():
     assert found["lambda_string"][rest] == pytest.approx(m * G, rel=1e-9)
 
 
+FREEDOM = {
+    "at rest in the corner": (wire(x=0.0), 0),
+    "beside the corner": (wire(), 1),
+    "on a ridge": (wire("y = -k*abs(x)", x=0.0), 1),
+    "leaving": (wire(x=0.0, start=", x_dot: 1"), 1),
+    "pulled away": (wire(x=0.0, more="forces: {x: 10}"), 1),
+    "pulled, but held": (wire(x=0.0, more="forces: {x: 3}"), 0),
+}
+
+
+@pytest.mark.parametrize("start", FREEDOM)
+def test_a_corner_that_holds_takes_a_degree_of_freedom(start):
+    text, expected = FREEDOM[start]
+    assert lagsim.check(lagsim.load(text)).degrees_of_freedom == expected
+
+
 # --- Gaps
 
 
@@ -335,3 +351,17 @@ def test_the_sign_of_a_parameter_makes_a_groove_or_a_ridge():
     assert ridge["y"][-1] < -0.1
     assert np.array_equal(ridge["y"], again["y"])
     assert np.min(groove["y"]) > -1e-12
+
+
+def test_a_sweep_over_the_sign_has_the_ends_of_single_runs():
+    words = {"x": 0.3, "y": 0.5, "end": 1.0}
+    model = lagsim.load(ball(["y >= k*abs(x)"], **words))
+    values = [-0.4, 0.3]
+    swept = lagsim.sweep(model, {"k": values}, jobs=1)
+    ends = [simulated_end(model.bind(k=k)) for k in values]
+    assert swept["y.end"] == pytest.approx(ends, rel=1e-9)
+
+
+def simulated_end(model):
+    """Give the last y of a run."""
+    return lagsim.simulate(model, error_bar="never")["y"][-1]

@@ -1,0 +1,60 @@
+"""Corners of equalities that hold a motion at the start: both of their rows do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.verdict import CAUTION, accelerations
+from lagsim.mechanics.constraints import constraint_row
+from lagsim.mechanics.pieces import kinks
+from lagsim.tolerances import RESIDUAL_ROUNDOFF
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.pieces import Kink
+
+
+def raised_by_corners(point: Point) -> int:
+    """Return by how much corners that hold the motion raise the rank of the rows.
+
+    At rest across a corner the motion stays there unless one of its sides alone leads
+    away.
+    """
+    e, g = point.e, point.g
+    moving = [*e.q, "t"]
+    slopes = list(point.gradients)
+    held = len(slopes)
+    for row in (x for x in e.rows if x.holonomic):
+        for kink in kinks(g, row.residual, e.model.parameter_values, moving):
+            across = constraint_row(g, row.name, kink.u, e.flow)
+            nodes = [across.residual, across.rate]
+            near = np.abs(point.array(nodes)) <= CAUTION * point.rounding(nodes)
+            if near.all() and _holds(point, row, kink, across):
+                slopes.append(point.jacobian([across])[0])
+    if len(slopes) == held:
+        return 0
+    rows = np.array(slopes) / point.sizes
+    ranks = [int(np.linalg.matrix_rank(x)) for x in (rows, rows[:held])]
+    return ranks[0] - ranks[1]
+
+
+def _holds(point: Point, row: Row, kink: Kink, across: Row) -> bool:
+    """Whether no side of a kink of a row leads away from it."""
+    e, g = point.e, point.g
+    for way, side in ((1.0, kink.above), (-1.0, kink.below)):
+        (residual,) = g.substitute([row.residual], {kink.node: side})
+        own = constraint_row(g, row.name, residual, e.flow)
+        rows = tuple(own if x is row else x for x in e.rows)
+        there = Point(replace(e, rows=rows), point.state, point.errors)
+        a, terms, _ = accelerations(there)
+        J: Floats = point.jacobian([across])[0]
+        (b,) = point.array([across.b])
+        leads = way * float(J @ a - b)
+        if leads > RESIDUAL_ROUNDOFF * float(np.abs(J) @ terms + abs(b)):
+            return False
+    return True
