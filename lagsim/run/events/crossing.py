@@ -517,7 +517,14 @@ class Crossing:
             if self.laws:  # the motion without them
                 here = Kinematics(arc, y)
                 a, others = here.free[arc.state.driven], here.accelerations[self.laws]
-            return rows.J[self.open], rows.b[self.open], a, others
+            J, b = rows.J[self.open], rows.b[self.open]
+            # The number of a table's knot has another slope in each cell.
+            size = np.max(np.abs(J), axis=1, initial=0.0)
+            whole = modes.whole[self.open] & (size > 0.0)
+            scale = np.divide(lengths, size, out=np.ones(len(J)), where=whole)
+            return J * scale[:, None], b * scale, a, others
+
+        lengths = np.max(np.abs(modes.rows().J[self.open]), axis=1, initial=0.0)
 
         def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
             J, b, a, others = terms(corner, y)
