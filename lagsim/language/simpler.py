@@ -5,7 +5,8 @@ u/abs(u)^q. That is how many write the direction of a velocity. At rest it would
 and no switch would be seen in it. Where 0 < q < 1, sign(u) |u|^(1 - q) is meant.
 
 A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5,
-hypot(u, 0), max(u, -u), u*sign(u). Written so its corner is seen, and is a switch as that of abs.
+hypot(u, 0), max(u, -u), u*sign(u). Written so its corner is seen, and is a switch as
+that of abs.
 
 A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
 slope at 0, where its power has one: the energy of a body at rest that is written with
