@@ -581,7 +581,8 @@ class _Rows:
         ]
         ranked = sorted(tied, key=lambda k: -abs(turn[k] @ x))
         rests = [k for k in (*held, *ranked) if k not in apart]
-        apart = self._movable(held, rests, apart, turn)
+        firm = [k for k in rests if k in held or not none[k]]
+        apart = self._movable(firm, rests, apart, turn)
         for k in (*held, *ranked):
             n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
@@ -606,18 +607,19 @@ class _Rows:
         return turn
 
     def _movable(
-        self, held: list[int], rests: list[int], apart: list[int], turn: Floats
+        self, firm: list[int], rests: list[int], apart: list[int], turn: Floats
     ) -> list[int]:
         """Rows of those apart that can move: a disc only along its force.
 
-        Not a bounded row that others hold, strictly within their bounds; nor a disc
-        that rows which rest hold along its force, and those on its edge across it.
+        Not a bounded row that firm ones hold, within their bounds or on the way there;
+        nor a disc that rows which rest hold along its force, and those on its edge
+        across it.
         """
         if not apart:
             return apart
         Y = self.closed.factor @ turn
         span = _Independent(Y)
-        for k in held:
+        for k in firm:
             span.takes(k)
         single = self.closed.bounded & (np.array(self.closed.pairs) < 0)
         apart = [k for k in apart if not single[k] or span.adds(k)]

@@ -154,11 +154,13 @@ def share(p: Parameters, out: Floats) -> None:
         for _ in range(HALVED):
             p.share_next[:count] = y[:count] + part * step[:count]
             found = share_by(p, count, p.share_next)
-            if found <= value - FALLS * part * slope:
+            fewer = unshared(p, count)
+            # At the least value its differences are rounding, those of slopes are not.
+            if found <= value - FALLS * part * slope or fewer <= 0.5 * left:
                 break
             part *= 0.5
-        value = share_by(p, count, p.share_next)
         y[:count] = p.share_next[:count]
+        value = share_by(p, count, y)
         left = unshared(p, count)
     if left <= SHARED:
         for k in range(p.laws):
