@@ -57,7 +57,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.mechanics.complementarity import Solution
     from lagsim.mechanics.constraints import Law
 
@@ -402,7 +402,7 @@ def modes(
     roundoff: Floats,
     slip_noise: Floats,
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
-    left: Flags | None = None,
+    left: Ints | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -419,13 +419,13 @@ def modes(
         change, and the rounding of that, (r,) each. It decides about rows on an edge, a
         contact with neither force nor acceleration or a row that rests at its bound:
         else they hold.
-    left : ndarray of bool, shape (r,), optional
-        What held until now, and has reached the edge of what it bears: there it does
-        not go on where no rate decides.
+    left : ndarray of int, shape (r,), optional
+        How often what held until now has reached the edge of what it bears at this
+        time: there it does not go on where no rate decides.
     """
     if not closed.kinds:
         return Modes((), accelerations, accelerations, paradox=False)
-    left = np.zeros(len(rates), dtype=bool) if left is None else left
+    left = np.zeros(len(rates), dtype=int) if left is None else left
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
@@ -458,6 +458,9 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
+# Where a row reaches its edge again at one time, forces beside discs are at their
+# bounds within this part.
+EDGE = 1e-8
 # At the edge of what holds, the force of a disc is known to the root of rounding: it is
 # along a way within this angle.
 ALONG = 1e-3
@@ -477,7 +480,7 @@ class _Rows:
     directions: Floats
     roundoff: Floats
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None
-    left: Flags
+    left: Ints
 
     @cached_property
     def one_sided(self) -> list[int]:
@@ -507,7 +510,8 @@ class _Rows:
         rounding = self.rounding(p, limits)
         small = rounding / np.where(own > 0.0, own, 1.0)
         if self.problem.discs:  # their forces are known to that, and so are others
-            small = np.maximum(small, SETTLED_IMPULSE * limits)
+            close = EDGE if self.left.max() > 1 else SETTLED_IMPULSE
+            small = np.maximum(small, close * limits)
         for disc in self.problem.discs:  # both of its rows are on its edge, or neither
             small[[*disc]] = small[[*disc]].max()
         modes, directions = [Mode.OFF] * len(p), self.directions.copy()

@@ -38,7 +38,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact, Modes
@@ -102,10 +102,10 @@ class Contacts(Source):
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
         self.ended = False
-        # What slid until this time, whoever asks once more at it; and what held until
-        # then, and has reached the edge of what it bears.
+        # What slid until this time, whoever asks once more at it; and how often what
+        # held until then has reached the edge of what it bears.
         self.slid: set[int] = set()
-        self.left: set[int] = set()
+        self.left: dict[int, int] = {}
         # And what is closed at it whatever its gap is; constraints whose bounces end.
         self.also: set[int] = set()
         self.rested: set[str] = set()
@@ -136,7 +136,7 @@ class Contacts(Source):
         p, pair = arc.system.p, self.laws[k].pair
         self._note_former(arc)
         if p.law_mode[k] == kept.HELD:
-            self.left.add(k)
+            self.left[k] = self.left.get(k, 0) + 1
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
             # The beginning on a disc has ended, and of those that began with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
@@ -167,7 +167,7 @@ class Contacts(Source):
         if arc.t != self.asked_at:
             slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
             self.asked_at, self.slid = arc.t, set(slid.tolist())
-            self.left, self.also, self.rested = set(), set(), set()
+            self.left, self.also, self.rested = {}, set(), set()
 
     def _report(
         self, found: Found, code: str, some: list[int], **numbers: float
@@ -536,7 +536,7 @@ class Chosen(NamedTuple):
         )
 
 
-def _chosen(here: Kinematics, some: list[int], left: Collection[int]) -> Chosen:
+def _chosen(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
     """Select modes by the accelerations of some laws."""
     if not some:
         none = np.empty(0)

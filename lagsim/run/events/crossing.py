@@ -549,11 +549,11 @@ class Crossing:
         return cone
 
     def _acting(
-        self, left: Collection[int], corner: Sequence[int]
+        self, left: Mapping[int, int], corner: Sequence[int]
     ) -> tuple[Acting, Floats]:
         """Laws at a corner; rates (k, r) that they give to the open surfaces.
 
-        left : those that have reached the edge of what they bear.
+        left : how often each has reached the edge of what it bears.
         """
         self._settle(corner)
         arc = self.modes.arc

@@ -26,9 +26,9 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Floats, Ints
     from lagsim.run.arc import Arc
 
 # How far a state is moved, by parts, to see what its rounding does.
@@ -382,13 +382,13 @@ class Kinematics:
         limits = self.bounds[at], self.statics[at]
         return Closed.of(self.laws, some, own, *limits, restitutions), own.response
 
-    def acting(self, some: Sequence[int], left: Collection[int]) -> Acting:
+    def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
         """Give some laws as rows whose modes are chosen; left : see `modes`."""
         closed, response = self.problem(some, np.zeros(len(some)), self.answer)
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
         return Acting(
             closed, self.rates[some], self.roundoff[some], slow[some],
-            np.array([k in left for k in some], dtype=bool), response,
+            np.array([left.get(k, 0) for k in some], dtype=int), response,
         )  # fmt: skip
 
 
@@ -405,12 +405,12 @@ class Acting(NamedTuple):
     rates: Floats
     roundoff: Floats
     slow: Floats
-    left: Flags
+    left: Ints
     response: Floats
 
 
 _NONE = np.zeros(0)
 NO_LAWS = Acting(
     Closed(np.zeros((0, 0)), (), (), (), _NONE, _NONE, _NONE, _NONE),
-    _NONE, _NONE, _NONE, _NONE > 0.0, _NONE,
+    _NONE, _NONE, _NONE, _NONE.astype(int), _NONE,
 )  # fmt: skip

@@ -182,6 +182,35 @@ def test_friction_of_a_contact_that_is_pressed_ever_more(friction):
     assert found.times("slip", "floor") == pytest.approx([loose], abs=GLOBAL)
 
 
+@pytest.mark.parametrize(
+    "friction", [{"static": 0.5, "dynamic": 0.2}, "if(slip_speed > 0, 0.2, 0.5)"]
+)
+def test_the_foot_of_a_ladder_slips_as_someone_climbs(friction):
+    """A weight W at the part t of a ladder of weight 3 g, at 0.9 rad to a floor.
+
+    About the foot: N_wall tan(0.9) = 1.5 g + W t, which friction bears; N_foot = 3 g + W.
+    """
+    weight = 60.0
+    text = scene(
+        "x y a", "3*(x_dot^2 + y_dot^2)/2 + a_dot^2/2", "3*g*y",
+        {"foot": contact("y - sin(a) >= 0", 0, friction=friction,
+                         slip="x_dot + a_dot*sin(a)"),
+         "wall": contact("x + cos(a) <= 0", 0)},
+        {"a": 0.9, "x": "-cos(a)", "y": "sin(a)"}, duration=0.8, output_step=0.02,
+    )  # fmt: skip
+    text += "definitions: {step: y - sin(a) + 2*t*sin(a)}\n"
+    text += f"forces: {{step: -{weight!r}}}\n"
+    found = play(text)
+    push = 0.5 * (3 * G + weight) * math.tan(0.9)
+    slips = (push - 1.5 * G) / weight
+    assert found.times("slip", "foot") == pytest.approx([slips], abs=1e-8)
+    rests = found.t < slips
+    borne = (1.5 * G + weight * found.t) / math.tan(0.9)
+    assert abs(found["friction.foot"][rests]) == pytest.approx(borne[rests], abs=1e-8)
+    ratio = abs(found["friction.foot"]) / found["lambda_foot"]
+    assert ratio[~rests] == pytest.approx(0.2, abs=GLOBAL)
+
+
 @pytest.mark.parametrize(("static", "stays"), [(2.0, True), (1.1, False)])
 def test_a_slip_that_comes_to_0_holds_where_static_friction_can(static, stays):
     """From x = 2, k = 1: at rest at -1.4 the spring pulls with 1.4."""
