@@ -188,7 +188,7 @@ def test_friction_of_a_contact_that_is_pressed_ever_more(friction):
 def test_the_foot_of_a_ladder_slips_as_someone_climbs(friction):
     """A weight W at the part t of a ladder of weight 3 g, at 0.9 rad to a floor.
 
-    About the foot: N_wall tan(0.9) = 1.5 g + W t, which friction bears; N_foot = 3 g + W.
+    About the foot: N_wall tan(0.9) = 1.5 g + W t, the friction; N_foot = 3 g + W.
     """
     weight = 60.0
     text = scene(
