@@ -137,8 +137,8 @@ def _rests(
         found[side] = modes.value.copy()
     modes.value[:] = found[BELOW]
     for j in others:
-        if found[BELOW][j] != found[ABOVE][j]:
-            modes.carry(j, Carried(k, float(found[ABOVE][j])))
+        same = bool(found[BELOW][j] == found[ABOVE][j])
+        modes.carry(j, Carried(k, float(found[ABOVE][j]), same, same))
     modes.put(k, levels[k], SLIDING)
     return True
 
@@ -265,6 +265,7 @@ class Crossing:
     laws: list[int] = field(default_factory=list)  # the numbers of those that could
     open: list[int] = field(default_factory=list)  # what forces decide
     loose: list[int] = field(default_factory=list)  # what follows from the open ones
+    hanging: list[int] = field(default_factory=list)  # open, beside some sides alone
     undecided: list[int] = field(default_factory=list)  # by nothing at all
     levels: dict[int, float] = field(default_factory=dict)
     stale: set[int] = field(default_factory=set)  # sides other than in `rows`
@@ -336,7 +337,8 @@ class Crossing:
         """Decide what a surface's own rate decides; note what is left."""
         modes = self.modes
         rows = self.rows
-        if not modes.depends[k].isdisjoint([*self.open, *self.loose]):
+        hangs = not modes.depends[k].isdisjoint([*self.open, *self.loose])
+        if hangs:
             if self._follows(k):
                 self.loose.append(k)
                 return
@@ -353,6 +355,7 @@ class Crossing:
         elif self._parallel(rows, k):
             self.loose.append(k)
         else:
+            self.hanging += [k] * hangs
             self.open.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
@@ -401,6 +404,8 @@ class Crossing:
     def _settle(self, corner: Sequence[int]) -> set[int]:
         """Put the open surfaces on these sides, and what hangs on them where it is.
 
+        So is an open one whose expression is off its level beside other open ones.
+
         Return those whose side their expression does not tell: they keep their level,
         or step together with an open one.
         """
@@ -408,12 +413,15 @@ class Crossing:
         for k, side in zip(self.open, corner, strict=True):
             modes.put(k, self.levels[k], side)
         free = set()
-        for k in self.loose:
+        for k in sorted([*self.loose, *self.hanging], key=modes.order.index):
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
             level = self._level(k, value)
             if level is None:
                 modes.put_clear(k, value)
+                continue
+            if k in self.open:
+                modes.put(k, level, corner[self.open.index(k)])
                 continue
             rows = modes.rows()
             rate = self._rate(rows, k)
@@ -480,10 +488,12 @@ class Crossing:
         below = self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
         along = [i for i, side in enumerate(sides) if side == SLIDING]
+        followed = [self.open[i] for i in along]
+        beside_open = [*self.loose, *(k for k in self.hanging if k not in followed)]
         carried = {}
         for i in along:
             above = self._settle([*base[:i], ABOVE, *base[i + 1 :]])
-            for k in self.loose:
+            for k in beside_open:
                 steps = modes.value[k] != low[k]
                 beside = k in self.levels or self._depends(k, self.open[i])
                 if steps or (beside and k not in carried):
@@ -503,9 +513,8 @@ class Crossing:
     def _depends(self, k: int, leader: int) -> bool:
         """Whether the expression of surface k depends on the side of an open one."""
         own = self.modes.depends[k]
-        return leader in own or any(
-            self._depends(j, leader) for j in own.intersection(self.loose)
-        )
+        others = own.intersection([*self.loose, *self.hanging])
+        return leader in own or any(self._depends(j, leader) for j in others)
 
     def _cone(self) -> FilippovCone:
         """Return what the forces do with each of the surfaces below or above."""

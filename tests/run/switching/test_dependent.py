@@ -416,3 +416,55 @@ simulation: {{duration: 2, {METHODS[method]}}}
     assert result.complete, result.reason
     # Over nine turns; the tolerance is 1e-11 a step.
     assert result["theta_dot"][-1] == pytest.approx(crank(2.0), rel=1e-9)
+
+
+# The velocity x' grows by 0.4 from -2 on. The force, and it as a function of x', of the
+# time and of the sign of y'. Its pieces end at multiples of a twentieth of the time.
+AT_SPEEDS = {
+    "if": (
+        "if(x_dot + sign(y_dot) < 0, 1, 0)",
+        lambda v, _t, side: float(v + side < 0),
+    ),
+    "mod": (
+        "mod(x_dot + 0.3*sign(y_dot), 1)",
+        lambda v, _t, side: mod(v + 0.3 * side, 1),
+    ),
+    "levels of both sides at once": (
+        "floor(x_dot + sign(y_dot))",
+        lambda v, _t, side: math.floor(v + side),
+    ),
+    "slopes": (
+        "mod(x_dot*(1.5 + 0.5*sign(y_dot)), 1)",
+        lambda v, _t, side: mod(v * (1.5 + 0.5 * side), 1),
+    ),
+    "three deep": (
+        "if(mod(x_dot + 0.3*sign(y_dot), 1) < 0.5 + 0.2*sign(x_dot*sign(y_dot)), 1, 0)",
+        lambda v, _t, side: float(
+            mod(v + 0.3 * side, 1) < 0.5 + 0.2 * np.sign(v * side)
+        ),
+    ),
+    "time": (
+        "if(mod(t + 0.5*sign(y_dot), 2) < 1, 1, 0)",
+        lambda _v, t, side: float(mod(t + 0.5 * side, 2) < 1),
+    ),
+}
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+@pytest.mark.parametrize("name", one_quick(*AT_SPEEDS))
+def test_surfaces_of_velocities_are_watched_on_both_sides(name, method):
+    text, force = AT_SPEEDS[name]
+    model = SLIDING.format(force=text, more=METHODS[method])
+    model = model.replace("x_dot: 1", "x_dot: -2").replace(
+        "forces: {", "forces: {x: 0.4, "
+    )
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    t = PIECE * (np.arange(200) + 0.5)
+    each = [
+        ABOVE * force(0.4 * x - 2, x, 1) + (1 - ABOVE) * force(0.4 * x - 2, x, -1)
+        for x in t
+    ]
+    rows = np.round(result.t / PIECE).astype(int)
+    pushed = np.append(0.0, np.cumsum(PIECE * np.array(each)))[rows]
+    assert result["w_dot"] == pytest.approx(pushed, abs=BOUND)
