@@ -37,6 +37,7 @@ from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 from lagsim.studies.moments import rows_at
 from lagsim.studies.spectrum import Spectrum, spectrum
+from lagsim.tolerances import SAME_INSTANT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -316,8 +317,9 @@ class Result:
         Parameters
         ----------
         t
-            One time, or an array of times in any order. At the time of an impact or a
-            switch the state is the one after it.
+            One time, or an array of times in any order. At the time of an event the
+            state is the one after it; a time within 4 units in the last place of that
+            of an event is that time.
 
         Returns
         -------
@@ -335,11 +337,23 @@ class Result:
         if outside.any():
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
-        rows = rows_at(self._made.session, times.ravel())
+        rows = rows_at(self._made.session, self._instants(times.ravel()))
         columns = zip(self.columns, rows.T, strict=False)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns}
         return {name: values.reshape(times.shape) for name, values in columns}
+
+    def _instants(self, times: Floats) -> Floats:
+        """Return times (k,), those close to an event as the time of that event."""
+        known = np.unique([event.time for event in self.events])
+        if not len(known):
+            return times
+        above = np.minimum(np.searchsorted(known, times), len(known) - 1)
+        sides = known[np.maximum(above - 1, 0)], known[above]
+        near = np.where(abs(sides[0] - times) < abs(sides[1] - times), *sides)
+        start = abs(self._made.trajectory.start)
+        same = abs(near - times) <= SAME_INSTANT * np.maximum(abs(times), start)
+        return np.where(same, near, times)
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame; units are in its `attrs`.

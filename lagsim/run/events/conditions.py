@@ -35,6 +35,9 @@ LEAST = 1e-250
 # What is located at 0 but for a part of the sizes that it depends on is known to it:
 # constraints have been satisfied by such a part. More is a jump of the condition.
 LOCATED = 1e-7
+# No condition changes at an instant that is so many times farther from 0 than what
+# counted as 0 before.
+FAR = 1024.0
 # Slopes are differences over this part of the size of a component.
 PART = 2.0**-10
 
@@ -114,9 +117,12 @@ class Truth:
 
     def __init__(self, arc: Arc, found: int = -1) -> None:
         """Look at the state just before an instant."""
-        self.arc, self.state = arc, arc.state
-        self.now = look(arc, found)
-        self.found = found
+        self.arc, self.state, self.found = arc, arc.state, found
+        values, zero = arc.located(arc.t, arc.y), arc.state.zero
+        if found < 0 and (np.abs(values) > FAR * zero).all() and arc.steps:
+            self.now = Look(values, zero.copy(), np.zeros(len(values)))
+        else:
+            self.now = look(arc, found)
 
     def begin(self) -> None:
         """Decide the truth of all conditions at the start.
@@ -171,11 +177,27 @@ class Truth:
     def settled(self) -> set[int]:
         """Conditions that become true by the state just after the instant."""
         before, side = self.now, self.state.orientation
+        if not self._may_change():
+            return set()
         self.now = now = look(self.arc)
         rises = (now.rates * side < 0.0) & (self.state.equation == 0.0)
         found = self._become(now, before.clear, rises)
         self._turn(now)
         return found
+
+    def _may_change(self) -> bool:
+        """Whether a condition is close to 0 that is false, or past it that is true.
+
+        One that has been met is at 0; the kernel follows it from there.
+        """
+        state, before = self.state, self.now
+        values, side = self.arc.located(self.arc.t, self.arc.y), state.orientation
+        far = 4.0 * np.maximum(before.zero, np.abs(state.leeway))
+        past = (values < -far) | ((state.equation > 0.0) & (np.abs(values) > far))
+        changes = np.where(side != 0.0, values * side <= far, past).any()
+        if not changes:
+            self.now = before._replace(values=values)
+        return bool(changes)
 
     def _become(self, now: Look, were_clear: Flags, rises: Flags) -> set[int]:
         """Conditions that were false and are true; note those that are false now."""
