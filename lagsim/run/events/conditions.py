@@ -115,8 +115,12 @@ class Truth:
     Written to the memory of the kernels, from which it is read at the next instant.
     """
 
-    def __init__(self, arc: Arc, found: int = -1) -> None:
-        """Look at the state just before an instant."""
+    def __init__(self, arc: Arc, found: int = -1, *, set_by_modes: bool = True) -> None:
+        """Look at the state just before an instant.
+
+        set_by_modes : conditions contain modes that events set.
+        """
+        self.set_by_modes = set_by_modes
         self.arc, self.state, self.found = arc, arc.state, found
         values, zero = arc.located(arc.t, arc.y), arc.state.zero
         if found < 0 and (np.abs(values) > FAR * zero).all() and arc.steps:
@@ -169,15 +173,20 @@ class Truth:
 
     def changed(self) -> set[int]:
         """Conditions that become true by what has been set, whatever rates follow."""
+        if not self.set_by_modes:
+            return set()
         before = self.now
         values = self.arc.located(self.arc.t, self.arc.y)
         self.now = now = before._replace(values=values)
         return self._become(now, before.clear, np.zeros(len(values), bool))
 
-    def settled(self) -> set[int]:
-        """Conditions that become true by the state just after the instant."""
+    def settled(self, *, struck: bool) -> set[int]:
+        """Conditions that become true by the state just after the instant.
+
+        struck : velocities have jumped.
+        """
         before, side = self.now, self.state.orientation
-        if not self._may_change():
+        if not self._may_change(struck=struck):
             return set()
         self.now = now = look(self.arc)
         rises = (now.rates * side < 0.0) & (self.state.equation == 0.0)
@@ -185,13 +194,15 @@ class Truth:
         self._turn(now)
         return found
 
-    def _may_change(self) -> bool:
+    def _may_change(self, *, struck: bool) -> bool:
         """Whether a condition is close to 0 that is false, or past it that is true.
 
         One that has been met is at 0; the kernel follows it from there.
         """
-        state, before = self.state, self.now
-        values, side = self.arc.located(self.arc.t, self.arc.y), state.orientation
+        state, before, side = self.state, self.now, self.state.orientation
+        values = before.values
+        if struck or self.set_by_modes:
+            values = self.arc.located(self.arc.t, self.arc.y)
         far = 4.0 * np.maximum(before.zero, np.abs(state.leeway))
         past = (values < -far) | ((state.equation > 0.0) & (np.abs(values) > far))
         changes = np.where(side != 0.0, values * side <= far, past).any()

@@ -67,6 +67,9 @@ class Transitions(Source):
         self.begun = self.is_over = False
         self.energetic = arc.system.equations.is_set
         self._truth: Truth | None = None
+        nodes = [x.node for x in arc.equations.model.located]
+        modes = {mode for x in events for mode, _ in x.sets}
+        self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
 
     def begin(self, arc: Arc) -> Decision:
         """List the events that have acted at the start, before the first row."""
@@ -108,7 +111,8 @@ class Transitions(Source):
         periodic = frozenset(k for k, time in times if time <= soon)
         if not len(arc.state.orientation):
             return Due(periodic)
-        self._truth = Truth(arc, int(arc.state.event) - 1)
+        found = int(arc.state.event) - 1
+        self._truth = Truth(arc, found, set_by_modes=self.set_by_modes)
         return Due(periodic, frozenset(self._truth.met()))
 
     def due_after(self, arc: Arc, *, struck: bool) -> Due:
@@ -120,8 +124,8 @@ class Transitions(Source):
             self.acted.clear()
         if not len(arc.state.orientation):
             return NOTHING
-        truth = self._truth or Truth(arc)
-        found = truth.settled()
+        truth = self._truth or Truth(arc, set_by_modes=self.set_by_modes)
+        found = truth.settled(struck=struck)
         self._truth = truth if found else None
         return Due(conditions=frozenset(found))
 
