@@ -1,4 +1,4 @@
-"""Equations that people read: what `lagsim derive` prints.
+"""Equations for readers: the output of `lagsim derive`.
 
 sympy is loaded by this room alone, and not for the format `python`, which is written
 straight from the graph.
@@ -6,8 +6,8 @@ straight from the graph.
     equations -> lagrange (graph, then sympy) -> content, tidy -> text, latex, printers
     equations -> as_python
 
-Here is a derivation as sympy expressions, and the conditions of constraints in signs:
-the same statements in every style, which says how gap and rate are called there.
+This module holds a derivation as sympy expressions, and the conditions of constraints
+as statements; a style supplies its signs and its names of gap and rate.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Content(NamedTuple):
     translation
         The model, and how its symbols are shown.
     document
-        What JSON gives, by the keys of docs/derive.md, with sympy expressions in place
-        of texts; `gauss.a` is a tuple (n,). The `conditions` are left to each format.
+        The document of JSON, by the keys of docs/derive.md, with sympy expressions in
+        place of texts; `gauss.a` is a tuple (n,). Each format adds its `conditions`.
     """
 
     translation: Translation
@@ -44,7 +44,7 @@ MOST_ROWS = 20
 
 
 def has_many_rows(model: Model) -> bool:
-    """Tell whether the matrices of a model are too large to be read."""
+    """Whether the matrices of a model are too large to be read."""
     return len(model.coordinates) + len(model.constraints) > MOST_ROWS
 
 
@@ -67,7 +67,7 @@ _PLAIN = {
 
 
 def in_ascii(signs: Mapping[str, str]) -> dict[str, str]:
-    """Give how signs are written in ASCII."""
+    """Return the signs of a style in ASCII."""
     found = dict(signs)
     for sign, letters in _PLAIN.items():
         found = {k: text.replace(sign, letters) for k, text in found.items()}
@@ -102,12 +102,12 @@ RESTITUTION_LAW = {"restitution_law": "poisson"}
 
 
 def always(k: Mapping[str, Any]) -> bool:
-    """Tell whether a constraint of the document is an equality that always holds."""
+    """Whether a constraint of the document is an equality that always holds."""
     return all(k[key] is None for key in _LAW)
 
 
 def on_velocities(k: Mapping[str, Any]) -> bool:
-    """Tell whether a constraint is one between velocities: its function is its rate."""
+    """Whether a constraint is between velocities, so that its function is its rate."""
     return k["rate"] is k["function"]
 
 
@@ -118,16 +118,16 @@ def conditions(
     called: tuple[str, str],
     signs: Mapping[str, str],
 ) -> dict[str, str]:
-    """Give the conditions on a constraint of the document: key -> statement.
+    """Return the conditions on a constraint of the document: key -> statement.
 
     Parameters
     ----------
     multiplier
-        Its symbol.
+        Symbol of its multiplier.
     called
-        The names of the gap and its rate.
+        Names of the gap and its rate.
     signs
-        Those of the style, above.
+        Signs of the style, such as `ASCII`.
     """
     parts = {
         "lam": multiplier, "limit": k["limit"], "when": k["when"],
@@ -146,7 +146,7 @@ def conditions(
 
 
 def in_words(constraint: Constraint) -> tuple[str, ...]:
-    """Give the same with letters for what has an expression of its own."""
+    """Return conditions with letters in place of expressions that are printed apart."""
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
     words = _WORDS
     if constraint.static is None:
@@ -157,7 +157,7 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
 
 
 def law_of(constraint: Constraint) -> dict[str, Any]:
-    """Give restitution and the nodes of friction; None where there is none."""
+    """Return restitution and the nodes of friction, None where a law has none."""
     law = constraint.law
     if law is None:
         return dict.fromkeys(_LAW[:3])

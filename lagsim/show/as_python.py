@@ -69,7 +69,7 @@ DATA = (
 
 
 def as_python(equations: Equations, version: str) -> str:
-    """Give the module; see the section `derive --format python` of the contract."""
+    """Return the text of the module; see `derive --format python` in docs/derive.md."""
     e, g = equations, equations.graph
     model = e.model
     flow = e.flow
@@ -109,7 +109,7 @@ def _data(g: Graph) -> list[int]:
 
 
 def _tables(g: Graph) -> str:
-    """Give the arrays of tables, and the functions that read them."""
+    """Return the code of arrays and functions of tables."""
     arrays = [g.payload(n).values for n in _data(g)]
     rows = "".join(f"    {row!r},\n".replace("nan", 'float("nan")') for row in arrays)
     numbers = "".join(
@@ -136,7 +136,7 @@ def _quoted(name: str) -> str:
 def _function(
     e: Equations, name: str, letter: str, nodes: list[int], shape: tuple[int, ...]
 ) -> str:
-    """Give one function: its inputs, its steps, its array."""
+    """Return the code of one function: its inputs, its steps, its array."""
     g, first = e.graph, ", s" if e.states else ""
     size = ", ".join(map(str, shape))
     lines = [
@@ -157,9 +157,9 @@ def _function(
 
 
 def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
-    """Give assignments that compute nodes, and an expression for each node.
+    """Return assignments that compute nodes, and an expression for each node.
 
-    What is used once is written where it is used.
+    A node that is used once is written in the expression that uses it.
     """
     g = e.graph
     cone = g.cone(nodes)
@@ -183,7 +183,7 @@ def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
 
 
 def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
-    """Give the variables of a function: node -> local name, and what it stands for."""
+    """Return the variables of a function: node -> local name and its expression."""
     sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
     sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
     sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
@@ -205,7 +205,7 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
 
 
 def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
-    """Give a node as code, and its number of operations."""
+    """Return a node as code, and its number of operations."""
     op = g.ops[n]
     if op == DATA:
         return f"DATA[{_data(g).index(n)}]", 0
@@ -223,5 +223,5 @@ _ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")
 
 
 def _is_atom(text: str) -> bool:
-    """Tell whether text binds tightly: a name, a number, a call of plain arguments."""
+    """Whether text needs no parentheses: a name, a number, a call."""
     return bool(_ATOM.match(text)) or (text[0] == "(" and ")" not in text[:-1])

@@ -52,7 +52,7 @@ def conserved_quantities(
     lines: Sequence[Part],
     constraints: Sequence[Part],
 ) -> list[Part]:
-    """Give what is seen to be conserved; the slopes dL/dq (n,) are nodes."""
+    """Return the conserved quantities that are found; slopes : nodes of dL/dq, (n,)."""
     found = _energy(x, lagrangian, dL_dt, lines)
     single = [
         _momentum(x, slope, j, line, constraints)
@@ -73,7 +73,7 @@ def conserved_quantities(
 
 
 def evident(x: Translation) -> list[Part]:
-    """Give the energy, and the momenta of coordinates that are not in L, as written."""
+    """Return the energy, and the momenta of coordinates that L does not contain."""
     e = x.equations
     if e.laws or e.model.events:
         return []
@@ -107,7 +107,7 @@ def _energy(
 def _momentum(
     x: Translation, dL_dq: int, j: int, line: Part, constraints: Sequence[Part]
 ) -> Part | None:
-    """Give the momentum of coordinate j where it is conserved.
+    """Return the momentum of coordinate j where it is conserved, else None.
 
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
@@ -136,7 +136,7 @@ def _momentum(
 
 
 def _part(kind: str, of: Sequence[str], value: Any) -> Part:
-    """Give what is conserved as a part of the document."""
+    """Return a conserved quantity as a part of the document."""
     return {"kind": kind, "of": of, "expression": value, "definition": None}
 
 
@@ -146,7 +146,7 @@ def _symmetries(
     functions: Sequence[tuple[Sequence[Any], Sequence[Any]]],
     momenta: Sequence[Any],
 ) -> list[Part]:
-    """Give the momenta of what changes none of the functions.
+    """Return the momenta of generators that change none of the functions.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def _cleared(slopes: Sequence[Sequence[Any]]) -> list[list[Any]]:
 
 
 def _opened(e: Any) -> Any:
-    """Give choices as sums of their cases, each times 1 where it holds, else 0."""
+    """Return `if` as a sum of its cases, each times the indicator of its condition."""
 
     def opened(choice: Any) -> Any:
         values, asked = zip(*choice.args, strict=True)
@@ -222,7 +222,7 @@ def _changes(
     slopes: Sequence[Sequence[Terms]],
     states: Sequence[Sequence[int]],
 ) -> dict[int, dict[int, Any]]:
-    """Give what generators change: for each product, by how much each changes it.
+    """Return the changes by generators: for each product, its change by each generator.
 
     A turn of coordinates turns the velocities, too; a shift leaves them.
     """
@@ -248,7 +248,7 @@ def _changes(
 def _null_vectors(
     rows: Iterable[Mapping[int, Any]], size: int
 ) -> Iterable[Sequence[int]]:
-    """Give a basis of the null space, those of its vectors made of -1, 0 and 1."""
+    """Return the vectors of a basis of the null space that consist of -1, 0 and 1."""
     found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
     entries = [row for row in found if row]
     shape = len(entries), size
@@ -260,14 +260,14 @@ def _null_vectors(
 
 
 def _rounded(x: int | Fraction) -> Any:
-    """Give a number without what rounding has added to its digits: 1/3 has none."""
+    """Return a short fraction or decimal equal to a number within rounding."""
     x = min(Fraction(DIGITS.divide(x.numerator, x.denominator)), Fraction(x),
             key=lambda c: c.denominator)  # fmt: skip
     return sp.QQ(x.numerator, x.denominator)
 
 
 def _named(x: Translation, found: list[Part]) -> list[Part]:
-    """Say which definitions of the file they are, by the values at random states.
+    """Return the definitions of the file that equal some nodes at random states.
 
     Parameters are random too. All are near 1, so that roots and logarithms exist.
     """

@@ -63,7 +63,7 @@ LARGEST_BLOCK = 3
 class _Solver:
     """M q'' = f + A^T lambda, A q'' = b of a document in closed form, if that is short.
 
-    What is left out is added to the notes.
+    A note says which part is left out.
     """
 
     def __init__(self, x: Translation, document: Part, notes: list[str]) -> None:
@@ -91,8 +91,8 @@ class _Solver:
         )
 
     def solution(self, *, insist: bool) -> Part | None:
-        """Give accelerations and multipliers, or None where they are too long."""
-        # Those of numbered steps nobody reads.
+        """Return accelerations and multipliers, or None where they are too long."""
+        # Closed forms in numbered steps are for no reader.
         found = None if self.in_words else self._closed()
         if found and _readable((*found["q_ddot"], *found["lambda"])):
             return found
@@ -136,7 +136,7 @@ class _Solver:
         return {"steps": {}, "q_ddot": accelerations, "lambda": multipliers}
 
     def _stepwise(self) -> Part:
-        """Give the elimination step by step: what is used twice has a name."""
+        """Return the elimination step by step: an expression used twice has a name."""
         x, e, g = self.x, self.x.equations, self.x.g
         elimination = Elimination(e)
         known = dict(x.known)
@@ -151,7 +151,7 @@ class _Solver:
         return {"steps": steps, "q_ddot": q_ddot, "lambda": multipliers}
 
     def gauss(self) -> Part:
-        """Give Gauss's principle.
+        """Return Gauss's principle as a part of the document.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class _Solver:
         return {"a": a, "G": G, "K": K, "Qc": Qc}
 
     def _gain(self, free: list[Any]) -> tuple[Any, Any]:
-        """Give K and Qc = K (A a - b), or None twice."""
+        """Return K and Qc = K (A a - b), or None for both where they are too long."""
         assert self.gram is not None
         x, held = self.x, self.held
         columns = ([k["A"][j] for k in held] for j in range(len(x.q)))
@@ -200,7 +200,7 @@ class _Solver:
 
 
 def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]:
-    """Give the inverse times a vector, each entry as one fraction."""
+    """Return the inverse times a vector, each entry as one fraction."""
     out = [sp.S.Zero] * len(right)
     for indices, adjugate, determinant in inverse:
         under = x.tidy.one_fraction(determinant)
@@ -215,7 +215,7 @@ def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]
 
 
 def _inverted(x: Translation, M: Matrix) -> Inverse | None:
-    """Give the inverse, or None where a block is too large or singular."""
+    """Return the inverse of M, or None where a block is too large or singular."""
     whole, blocks = sp.Matrix(M), list[tuple[list[int], Matrix, Any]]()
     for indices in whole.connected_components():
         if len(indices) > LARGEST_BLOCK:
@@ -232,7 +232,7 @@ def _inverted(x: Translation, M: Matrix) -> Inverse | None:
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Give the sum of products."""
+    """Return the scalar product of two vectors."""
     return sp.Add(*(p * q for p, q in zip(a, b, strict=True)))
 
 
@@ -241,7 +241,7 @@ def _readable(parts: Sequence[Any]) -> bool:
 
 
 def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
-    """Name what is used more than once; leave the value of each node in `known`."""
+    """Name expressions used more than once; store the value of each node in `known`."""
     g = x.g
     cone = g.cone(wanted, ends=known)
     uses = Counter({*wanted})
@@ -264,9 +264,9 @@ STATES = 3
 
 
 def without_inertia(e: Equations) -> str | None:
-    """Give a coordinate with little inertia, or None where M is positive definite.
+    """Return a coordinate with little inertia, or None where M is positive definite.
 
-    Looks at random states, with the parameters of the file.
+    M is evaluated at random states, with the parameters of the file.
     """
     random = np.random.default_rng(3)
     n = len(e.q)
@@ -300,22 +300,22 @@ def content(
     expand: bool = False,
     matrices: bool = True,
 ) -> Content:
-    """Derive the equations of a model, and what follows from them.
+    """Derive the equations of a model, their solution and conserved quantities.
 
     Parameters
     ----------
     equations
         The model.
     substitute
-        Put the numbers of the parameters in.
+        Insert the numbers of the parameters.
     expand
-        Write definitions out, however long that is; so does Gauss's principle.
+        Write definitions out, however long the result; implied by `with_gauss`.
     solve
-        Give the accelerations in closed form, however long.
+        Solve for the accelerations in closed form, however long.
     with_gauss
-        Give Gauss's principle too.
+        Add Gauss's principle.
     matrices
-        Give M, f, A and b of equations in the definitions of the file, too.
+        Add M, f, A and b to equations in the definitions of the file.
 
     Raises
     ------
@@ -382,7 +382,7 @@ _Found: TypeAlias = "tuple[Part, Part, list[Part]]"
 def _in_full(x: Translation) -> _Found:
     """Derive the equations term by term.
 
-    What is differentiated on the graph is tidy, so that the slopes are short.
+    Expressions are tidied before they are differentiated, so that slopes are short.
     """
     e, g, flow, model = x.equations, x.g, x.equations.flow, x.equations.model
     n = len(e.q)
@@ -493,7 +493,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
 
 
 def _energies(x: Translation) -> Part:
-    """Give T, V, L and F as they are written."""
+    """Return T, V, L and F as they are written in the file."""
     model = x.equations.model
     energies = [model.kinetic, model.potential, model.dissipation]
     T, V, F = x.sympy(energies, written=True)
@@ -502,7 +502,7 @@ def _energies(x: Translation) -> Part:
 
 
 def _tidied(x: Translation, nodes: Sequence[int]) -> list[int]:
-    """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
+    """Return nodes of the tidy forms of `nodes`, whose slopes are short."""
     return [x.node(e, n) for e, n in zip(x.sympy(nodes), nodes, strict=True)]
 
 
@@ -513,16 +513,16 @@ def _force(x: Translation, force: Force) -> Part:
 
 
 def _work(x: Translation, force: Force) -> list[int]:
-    """Give the generalized force that it is on each coordinate: nodes (n,)."""
+    """Return the generalized force of a force on each coordinate: nodes (n,)."""
     velocity = force.level is not Level.POSITION
     levers = x.equations.flow.gradient(x.g, force.direction, by_rates=velocity)
     return [x.g.call("mul", force.node, lever) for lever in levers]
 
 
 def _sides(x: Translation, left: Any, Q: Any) -> Part:
-    """Give left = Q with what depends on the state on the left.
+    """Return both sides of an equation, terms that depend on the state on the left.
 
-    Multipliers, and what is given in time, stand right.
+    Multipliers and functions of t alone are on the right.
     """
     state = {*x.q, *x.v, *x.states}
     right = sp.Add(
@@ -536,14 +536,14 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
 
 
 def _moved(x: Translation, A: list[Any], b: Any) -> Part:
-    """Give A q'' - b of a constraint, and what it is made of."""
+    """Return A q'' - b of a constraint, and its parts A and b."""
     return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
 
 def _constraint(
     x: Translation, c: Constraint, row: Row, values: Sequence[Any], moved: Part
 ) -> Part:
-    """Give a constraint by its function and rate, and how it holds q''."""
+    """Return a constraint: its function, its rate, and its row A q'' = b."""
     law, given = c.law, law_of(c)
     nodes = [given["friction"], given["static_friction"], c.limit, c.static, c.when]
     nodes += [law.bounce, *law.slips] if law else [None]
@@ -573,7 +573,7 @@ def _constraint(
 
 
 def _on_contacts(constraints: Sequence[Part]) -> list[str]:
-    """Say what the equations of a model with contacts do not show."""
+    """Return notes on contacts that the equations do not show."""
     notes = []
     if any(k["kind"] == "one-sided" for k in constraints):
         notes.append("the multiplier of a contact is 0 while it is open")

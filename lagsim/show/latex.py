@@ -75,7 +75,7 @@ _SIGNS = {
 
 
 def as_latex(content: Content) -> str:
-    """Give a derivation as a LaTeX document."""
+    """Return a derivation as a LaTeX document."""
     x, found = content
     plain = x.own_names
     names = LatexNames(plain)
@@ -159,7 +159,7 @@ class _Latex(Outline):
     # Terms that are longer than a line
 
     def pieces(self, e: Any, room: int) -> Pieces:
-        """Give the terms of a sum; a long one is broken within its longest factor."""
+        """Return the terms of a sum; a long one is broken within its longest factor."""
         found: Pieces = []
         for minus, term in map(signed, self.write.ordered(e)):
             sign, text = "-" if minus else "+", self.write.factor(term)
@@ -248,7 +248,7 @@ class _Latex(Outline):
 
 
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
-    """Give lines with room for so much, filled with parts; `begin` starts the next."""
+    """Return lines of limited length, filled with parts; `begin` starts a new line."""
     lines, used = [], 0
     for k, (sign, text) in enumerate(parts):
         shown = "" if not sign or (k == 0 and sign == "+") else f"{sign} "
@@ -277,7 +277,7 @@ _FORMULA = re.compile(r"(\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\})", re
 
 
 def as_markdown(content: Content) -> str:
-    """Give what `as_latex` gives, without its document."""
+    """Return a derivation as Markdown with formulas of LaTeX."""
     body = as_latex(content).partition("\\begin{document}\n")[2]
     body = body.partition("\\end{document}")[0]
     pieces = []

@@ -47,7 +47,7 @@ LARGEST_DENOMINATOR = 16
 
 
 def symbol(name: str) -> Any:
-    """Give the sympy symbol of the variable `name`: real, and of exactly this name."""
+    """Return the real sympy symbol of exactly this name."""
     return sp.Symbol(name, real=True)
 
 
@@ -89,7 +89,7 @@ def _refuse_digits(base: Any, exponent: Any) -> None:
 
 @functools.cache
 def _table(name: str, orders: tuple[int, ...]) -> type[Spelled]:
-    """Give the function of a table, or a derivative: f', or ∂₁f of two arguments."""
+    """Return the sympy function of a table or of its derivative: f', or ∂₁f."""
     signs = (f"∂{'₁₂'[k]}" * order for k, order in enumerate(orders))
     spelled = name + "'" * orders[0] if len(orders) == 1 else "".join(signs) + name
     known = {"spelled": spelled, "orders": orders, "table": name}
@@ -119,7 +119,7 @@ def to_sympy(
     known: dict[int, Any] | None = None,
     twins: Mapping[str, Callable[..., Any]] = TWINS,
 ) -> list[Any]:
-    """Give `nodes` as sympy expressions.
+    """Return `nodes` as sympy expressions.
 
     sympy simplifies as it builds, so that an expression without a finite value may
     become its `zoo` or `nan`.
@@ -127,10 +127,10 @@ def to_sympy(
     Parameters
     ----------
     g, nodes
-        What to give.
+        Nodes of the graph `g`.
     known
-        Expressions of some nodes, below which nothing is reached; what is found is
-        added.
+        Expressions of some nodes, whose arguments are not visited; expressions of
+        further nodes are added.
     twins
         The functions of sympy, by the names of operations.
 
@@ -164,7 +164,7 @@ def to_sympy(
 
 
 def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
-    """Give what is to be made, in order of evaluation: `nodes` down to `known`."""
+    """Return the nodes to translate, from `known` up to `nodes`, arguments first."""
     seen = set(nodes).difference(known)
     stack = list(seen)
     while stack:
@@ -176,9 +176,9 @@ def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
 
 
 def _operands(g: Graph, n: int, known: Collection[int]) -> list[tuple[int, bool]]:
-    """Give the arguments of a node, and whether each is subtracted.
+    """Return the arguments of a node, and whether each is subtracted.
 
-    Of a sum those of the sums in it, too; and so of a product.
+    Nested sums are flattened, and nested products.
     """
     chain = _CHAINS.get(g.ops[n])
     if chain is None:
@@ -211,7 +211,7 @@ class Translation:
     equations
         The model and its graph.
     substitute
-        Put the numbers of the parameters in.
+        Insert the numbers of the parameters.
     named
         Nodes that keep these names, whatever they are, instead of those of definitions
         that read better so.
@@ -278,7 +278,7 @@ class Translation:
         self._operations = 0
 
     def _well_read(self, physics: list[int]) -> dict[int, Name]:
-        """Give the nodes of definitions that keep their names, see above."""
+        """Return the nodes of definitions that keep their names, see above."""
         g = self.g
         used = set(g.cone(physics))
         arguments = {
