@@ -468,8 +468,8 @@ def functions(
     }
     if located := equations.model.located:
         found["located"] = [x.node for x in located]
-        nodes, state = [x.node for x in located], equations.moving[:-1]
-        found["located_slopes"] = _slopes(equations, nodes, state)
+        nodes = [x.node for x in located]
+        found["located_slopes"] = _slopes(equations, nodes, equations.moving)
     if events := equations.model.events:
         found["sets"] = [node for event in events for _, node in event.sets]
     if moreau is not None:
@@ -496,10 +496,10 @@ def section_functions(
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
 
-def _slopes(e: Equations, nodes: Sequence[int], state: Sequence[str]) -> list[int]:
-    """Sizes of the terms of conditions (C,), then their slopes (C, state)."""
+def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[int]:
+    """Sizes of the terms of conditions (C,), then their slopes by the names (C, V)."""
     g = e.graph
-    variables = [g.variable(name) for name in (*state, "t")]
+    variables = [g.variable(name) for name in names]
     rows = [gradient(g, node, variables) for node in nodes]
     scales = [
         scale_of(g, node, variables, dict(enumerate(row)))

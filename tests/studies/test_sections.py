@@ -501,3 +501,21 @@ def test_relations_of_states_rates_and_members():
         for k in np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     ]
     assert found[2]["t"] == pytest.approx(turns, abs=1e-10)
+
+
+def test_sections_beside_others_have_rows_of_their_own():
+    """Far from the origin, from a start on the section: x - 1000 = sin t."""
+    result = simulate(load("""
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: (x - 1000)^2/2}
+forces: {x: 1e-300*x_dot*abs(x_dot)}
+initial: {x: 1000, x_dot: 1}
+simulation: {duration: 7, output_step: 0.125}
+output:
+  sections: {s: {at: x = 1000}, s1: {at: "sign(2*(x - 1000)) + 0.46 = 0"}, s2: {at: x = 1000.5}}
+"""), error_bar="never")  # fmt: skip
+    assert result.sections["s"]["t"] == pytest.approx([math.pi, 2 * math.pi], abs=1e-9)
+    assert result.sections["s"]["x"] == pytest.approx([1000.0] * 2, abs=1e-9)
+    assert len(result.sections["s1"]["t"]) == 0
+    third = np.array([math.pi / 6, 5 * math.pi / 6, 13 * math.pi / 6])
+    assert result.sections["s2"]["t"] == pytest.approx(third, abs=1e-9)
