@@ -512,7 +512,10 @@ forces: {x: 1e-300*x_dot*abs(x_dot)}
 initial: {x: 1000, x_dot: 1}
 simulation: {duration: 7, output_step: 0.125}
 output:
-  sections: {s: {at: x = 1000}, s1: {at: "sign(2*(x - 1000)) + 0.46 = 0"}, s2: {at: x = 1000.5}}
+  sections:
+    s: {at: x = 1000}
+    s1: {at: "sign(2*(x - 1000)) + 0.46 = 0"}
+    s2: {at: x = 1000.5}
 """), error_bar="never")  # fmt: skip
     assert result.sections["s"]["t"] == pytest.approx([math.pi, 2 * math.pi], abs=1e-9)
     assert result.sections["s"]["x"] == pytest.approx([1000.0] * 2, abs=1e-9)
