@@ -307,6 +307,8 @@ class Run:
     def _cross_sections(self, now, arc, clocks):
         for s in self.m.sections:
             sign = None if s.every else self._crossed(s.name, now, arc)
+            # Acts at the start come before the first row: nothing has been crossed.
+            sign = None if now.start else sign
             right = s.direction == "both" or (s.direction == "up") == (sign == 1.0)
             if s.name in clocks or (sign is not None and right):
                 self.crossings[s.name].append((now.t, arc.state(), dict(arc.modes)))
