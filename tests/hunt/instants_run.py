@@ -218,7 +218,12 @@ class Run:
             if e.name in fired:
                 series = arc.series | {u: constant(x) for u, x in modes.items()}
                 r = Reading(series, {})
-                modes = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
+                new = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
+                if not e.every:
+                    now.seen.append(modes)
+                    if new != modes and new in now.seen:
+                        raise UndecidedError("events undo each other")
+                modes = new
                 now.acted.append(e.name)
                 if e.once:
                     self._spent.add(e.name)
@@ -344,6 +349,7 @@ class Instant:
         self.t, self.y, self.before, self.keys, self.start = t, y, before, keys, start
         self.struck = self.jumped = False
         self.acted: list[str] = []
+        self.seen: list[dict[str, float]] = []  # modes before acts of located events
 
 
 def _at_point(_reading, tree, _point, _low, high):
