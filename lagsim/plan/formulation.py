@@ -1,20 +1,25 @@
-"""Formulations: treatment of the constraints, and reduction of the equations.
+"""Formulations: enforcement of the constraints, and reduction of the equations.
 
-- `none`: no constraints; the equations as they are.
-- `projection`: q'' and lambda from the equations as they are; states are projected.
-- `velocity projection`: the same where all constraints hold velocities.
-- `elimination`: constraints that give a coordinate are solved; others are projected.
-- `baumgarte`: b - 2 a (A q' + g_t) - a^2 g stands for b, and b - a phi for relations
-  between velocities: what is off the constraints decays at the rate a. Nothing is
-  projected. The rows show q'' and lambda without this pull.
-- `drift`: nothing is done about what is off the constraints.
-- `apart`: subsystems that do not touch are integrated apart, see `subsystems`.
-- `ignorable`: coordinates that keep their momentum are integrated by quadrature.
+- `none`: no constraints; the equations are integrated unchanged.
+- `projection`: q'' and lambda from the full equations; after each step the state is
+  projected onto the constraints.
+- `velocity projection`: projection of models all of whose constraints are on
+  velocities.
+- `elimination`: a constraint that determines one coordinate eliminates this
+  coordinate; the state is projected onto the remaining constraints.
+- `baumgarte`: b is replaced by b - 2 a (A q' + g_t) - a^2 g for holonomic rows, and by
+  b - a phi for velocity constraints phi = 0, so that residuals decay at the rate a.
+  There is no projection. The output shows q'' and lambda without these terms.
+- `drift`: the constraint residuals are neither projected nor stabilised.
+- `apart`: decoupled subsystems are integrated separately, see `subsystems`.
+- `ignorable`: coordinates with a conserved momentum are integrated by quadrature.
+- `full`: `none`, `projection` or `velocity projection`, by the constraints of the
+  model, without reduction.
 
-`auto` takes what costs the least operations; any name keeps all else as it is, and
-`full` everything: it stands for one of the first three.
+`auto` selects the formulation with the fewest operations per step; each other name
+fixes the formulation.
 
-Source: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), of his method; of the
+Source: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), of `baumgarte`; of the
 others see `reduction` and `methods._projection`.
 """
 
@@ -55,35 +60,36 @@ if TYPE_CHECKING:
 
 
 GAIN = "baumgarte.gain"
-# Of what is eliminated a choice names this many.
+# Number of eliminated coordinates that a choice names.
 SHOWN = 4
-# With more coordinates than this nobody looks for what can be eliminated unasked: M
-# fills, and little is saved (10 rods in Cartesian coordinates: 0.85 of the time).
+# With more coordinates than this `auto` does not try elimination: M fills, and little
+# is saved (10 rods in Cartesian coordinates: 0.85 of the time).
 LARGEST = 24
-# A reduction is taken where the cost of a step falls below this part of the whole's.
-# Without constraints less is saved than operations tell (the heavy top, two of three
-# coordinates ignorable: 0.7 of the operations, 0.95 of the time).
+# A reduction is chosen where the cost of a step falls below this ratio to that of the
+# full equations. Without constraints time falls less than operations (the heavy top,
+# two of three coordinates ignorable: 0.7 of the operations, 0.95 of the time).
 PAYS = 0.8
 PAYS_IGNORING = 0.6
-# Multiplications to solve for what is ignorable: about 50 coordinates, all coupled.
+# Multiplications to solve for ignorable velocities: about 50 coordinates, all coupled.
 LONGEST = 20_000
 
 
 class Formulation(NamedTuple):
-    """The equations that are integrated, and the treatment of constraints.
+    """The equations that are integrated, and how their constraints are enforced.
 
     Attributes
     ----------
     name : str
     reduction : Reduction
-        The equations that are integrated.
+        The equations that are integrated, with the map to the full equations.
     start : Start
-        Of those equations.
+        The start of the reduced equations.
     projected : bool
-        States are projected onto the constraints left.
+        Whether states are projected onto the remaining constraints.
     gain : float
-        Of `baumgarte`; 0 for others.
+        The rate a of `baumgarte`, per unit of time; 0 for other formulations.
     choices : tuple of Choice
+        The decisions, each with its reason.
     """
 
     name: str
@@ -100,17 +106,22 @@ def formulate(
     settings: Settings,
     suits: Callable[[Equations], bool],
 ) -> Formulation:
-    """Choose the formulation, or take the one that is asked for.
+    """Select the formulation that the settings name, or the cheapest one for `auto`.
 
     Parameters
     ----------
-    suits
-        Whether the method, if one is asked for, can handle equations.
+    equations : Equations
+        The full equations.
+    start : Start
+        Their start.
+    settings : Settings
+    suits : function
+        Whether the method can integrate given equations; always true for `auto`.
 
     Raises
     ------
     InputError
-        Where the formulation asked for cannot be had.
+        If the formulation named by the settings is impossible for these equations.
     """
     asked, place = settings.formulation, settings.formulation_place
     if asked == "auto":
@@ -123,7 +134,13 @@ def formulate(
 
 
 def formulations() -> list[str]:
-    """Return the names that a formulation may be asked for by."""
+    """Return the names of the formulations, as in `--formulation`.
+
+    Examples
+    --------
+    >>> formulations()[:4]
+    ['auto', 'full', 'apart', 'none']
+    """
     return [
         "auto", "full", "apart", "none", "projection", "velocity projection",
         "elimination", "baumgarte", "drift", "ignorable",
@@ -131,7 +148,16 @@ def formulations() -> list[str]:
 
 
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
-    """Fault of a formulation that does not exist."""
+    """Return a fault, in a list, if there is no formulation `asked`, else [].
+
+    Examples
+    --------
+    >>> formulation_problems("projection")
+    []
+    >>> [problem] = formulation_problems("projektion")
+    >>> problem.text
+    'there is no formulation `projektion`'
+    """
     known = formulations()
     if asked in known:
         return []
@@ -141,7 +167,7 @@ def formulation_problems(asked: str, place: Place | None = None) -> list[Problem
 
 
 class _CannotError(Exception):
-    """A formulation cannot be had for these equations: why."""
+    """The formulation is impossible for these equations; the message is the reason."""
 
 
 def _whole(
@@ -153,13 +179,13 @@ def _whole(
     projected: bool = False,
     gain: float = 0.0,
 ) -> Formulation:
-    """Formulation with the equations as they are."""
+    """Return a formulation of the full equations."""
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
 
 
 def _full(equations: Equations, start: Start) -> Formulation:
-    """Formulation with all that the model has."""
+    """Return the formulation of the full equations that fits their constraints."""
     rows, laws = equations.rows, {law.name for law in equations.laws}
     name, held = _projection(rows), sum(row.holonomic for row in rows)
     if laws:
@@ -175,7 +201,7 @@ def _full(equations: Equations, start: Start) -> Formulation:
 
 
 def _projection(rows: Sequence[Row]) -> str:
-    """Name of the formulation that projects onto `rows`."""
+    """Return the name of the formulation that projects onto `rows`."""
     if not rows:
         return "none"
     held = any(row.holonomic for row in rows)
@@ -183,11 +209,12 @@ def _projection(rows: Sequence[Row]) -> str:
 
 
 def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
-    """Formulation by its name.
+    """Return the formulation called `name`.
 
     Raises
     ------
     _CannotError
+        If it is impossible for these equations.
     """
     e = equations
     if e.laws:
@@ -212,7 +239,13 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
 
 
 def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulation:
-    """Formulation of a model with constraints that always hold."""
+    """Return the formulation called `name`, of a model whose constraints always hold.
+
+    Raises
+    ------
+    _CannotError
+        If it is impossible for these equations.
+    """
     if name == "elimination":
         reduction, why = _eliminated(e, start)
         if not reduction.eliminated:
@@ -232,10 +265,12 @@ def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulat
 
 
 def _with_quaternions(found: Formulation) -> Formulation:
-    """Project onto the lengths of quaternions, which are no constraints of the file.
+    """Return the formulation with projection onto |quaternion| = 1 alone.
 
-    The other rows leave a projection nothing to do. Where the rate of one may jump,
-    nothing is projected: its impact is an error that the projection would hide.
+    Lengths of quaternions are not constraints of the model file, so they are projected
+    even by `drift` and `baumgarte`; in the projection, residual and rate of all other
+    rows are replaced by 0. Where the rate of a row may jump, the formulation is returned
+    unchanged: a projection would hide the error of the impact.
     """
     e = found.reduction.equations
     held = e.model.quaternions
@@ -251,7 +286,7 @@ def _with_quaternions(found: Formulation) -> Formulation:
 
 
 def _stabilised(equations: Equations) -> Equations:
-    """Let b drive the state back to the constraints."""
+    """Return equations with Baumgarte's stabilising terms in b."""
     g = equations.graph
     a = g.variable(GAIN)
     rows = []
@@ -267,7 +302,7 @@ def _stabilised(equations: Equations) -> Equations:
 def _chosen(
     equations: Equations, start: Start, suits: Callable[[Equations], bool]
 ) -> Formulation:
-    """Return the least costly of the formulations that the method can handle."""
+    """Return the cheapest formulation that the method can integrate."""
     whole = _full(equations, start)
     candidates = [] if equations.laws else _candidates(equations, start)
     if not candidates:
@@ -284,7 +319,10 @@ def _chosen(
 
 
 def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
-    """Possible reductions, each with the part of the cost at which it pays."""
+    """Return the possible reductions, each with the greatest cost ratio that selects it.
+
+    The ratio of operations per step, of the reduced to the full equations.
+    """
     found: list[tuple[Reduction, float]] = []
     if equations.chains is not None and len(equations.q) > LARGEST:
         return found  # M would be written out
@@ -305,7 +343,7 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
 
 
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
-    """Formulation of a reduction, with its start and its choices."""
+    """Return the formulation of a reduction, with its start and its choices."""
     rows = reduction.equations.rows
     name = _projection(rows)
     if reduction.eliminated:
@@ -331,7 +369,10 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
 def _eliminated(
     equations: Equations, start: Start, base: Reduction | None = None
 ) -> tuple[Reduction, str]:
-    """Reduction by all eliminable coordinates; the reason if there are none."""
+    """Return the reduction that eliminates all eliminable coordinates, and "".
+
+    If there are none: `base`, or the unreduced equations, and the reason.
+    """
     reduction = base or Reduction(equations)
     if start.ranks.rank < len(equations.rows):
         many, rank = len(equations.rows), start.ranks.rank
@@ -359,9 +400,10 @@ PER_COMPONENT = 16
 
 
 def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
-    """Operations of an evaluation of `nodes`, with those of a solve by `loops`.
+    """Return the number of operations of one evaluation of `nodes`.
 
-    What depends on parameters alone is computed once.
+    `loops` adds the operations of a dense solve. Expressions of parameters alone are
+    not counted, since they are computed once.
     """
     moving = {*equations.moving}
     solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0
@@ -369,7 +411,7 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
 
 def step_cost(equations: Equations) -> float:
-    """Operations of a step, projection included."""
+    """Return the number of operations of one step of order 8, with its projection."""
     solved = eliminated(equations)
     if solved is not None:
         return sum(step_parts(equations, solved))
@@ -379,7 +421,10 @@ def step_cost(equations: Equations) -> float:
 
 
 def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]:
-    """Operations of a step of order 8: of its projection, and of its stages."""
+    """Return the numbers of operations of a step's projection and of its stages.
+
+    Of a step of order 8 with the equations solved on the graph (`solved`).
+    """
     q, lam = solved.motion()
     nodes = [*q, *lam, *_rates(equations)]
     return _parts(equations, evaluation_cost(equations, nodes, loops=False))
@@ -401,7 +446,7 @@ def _rates(equations: Equations) -> list[int]:
 # Two coordinates touch where one stands in an entry of M, a force or a constraint of
 # the other. Groups that do not are integrated apart, each with its own steps.
 
-# With more coordinates than this nobody looks, unasked, how fast the subsystems are.
+# With more coordinates than this `auto` does not estimate the pace of subsystems.
 LARGEST_APART = 40
 # Compiling and linking a subsystem takes as long as this many operations.
 COMPILING = 1e8
@@ -410,15 +455,17 @@ RADIANS = 1.0
 
 
 class Subsystem(NamedTuple):
-    """A group of coordinates with its equations.
+    """A group of coordinates that is decoupled from the others, with its equations.
 
     Attributes
     ----------
     coordinates : tuple of int
-        Their indices in the whole.
+        Indices of its coordinates in the full equations.
     equations : Equations
-        On the graph of the whole; their rows show q, q' and what belongs to them.
+        Its equations, on the graph of the full equations. Their output has only columns
+        of this group.
     start : Start
+        The start of its equations.
     """
 
     coordinates: tuple[int, ...]
@@ -426,18 +473,18 @@ class Subsystem(NamedTuple):
     start: Start
 
     def at(self, whole: Instant) -> Instant:
-        """Subsystem's part of a state of the whole."""
+        """Return the state of this subsystem from a state of the full equations."""
         return part_of(whole, self.coordinates)
 
 
 def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
-    """State of some of the coordinates."""
+    """Return the state of the coordinates with the given indices."""
     chosen = list(coordinates)
     return Instant(whole.t, whole.q[chosen], whole.v[chosen], whole.s)
 
 
 def why_not_apart(equations: Equations) -> str:
-    """Say why subsystems cannot be integrated apart, or return ""."""
+    """Return the reason why subsystems cannot be integrated separately, else ""."""
     if equations.works or equations.quadratures:
         return "work and action depend on all of them"
     if equations.model.until:
@@ -450,7 +497,10 @@ def why_not_apart(equations: Equations) -> str:
 
 
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
-    """Subsystems of equations of which `why_not_apart` gives no reason."""
+    """Return the decoupled subsystems of equations that can be integrated separately.
+
+    `why_not_apart` returns "" for such equations. `start` is that of the full equations.
+    """
     found = groups(equations)
     energies, _ = shared(equations, found, equations.energy)
     forms, _ = shared(equations, found, equations.kinetic_form)
@@ -474,7 +524,7 @@ def _part(
     group: Sequence[int],
 ) -> Subsystem:
     g = e.graph
-    # What its energies still hold of the others is a constant: at their start values.
+    # Variables of other groups in its energies only add constants: use start values.
     fixed: dict[str, float] = {}
     for name in sorted(g.depends([e.energy, e.kinetic_form]) & names.keys()):
         j = names[name]
@@ -497,7 +547,7 @@ def _part(
 def _model(
     model: Model, group: Sequence[int], added: Sequence[Parameter], zero: int
 ) -> Model:
-    """Model without outputs that depend on other groups."""
+    """Return the model of one group, without outputs that depend on other groups."""
     return replace(
         model,
         parameters=(*model.parameters, *added),
@@ -512,7 +562,10 @@ def _model(
 
 
 def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
-    """Return about how many operations it saves to integrate the parts apart."""
+    """Estimate the operations that separate integration saves in a run of `duration`.
+
+    Negative where separate integration of the subsystems `parts` is more expensive.
+    """
     steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     whole = steps * max(paces) * step_cost(equations) - COMPILING * len(parts)
@@ -525,9 +578,10 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
 
 
 def pace(part: Subsystem) -> float:
-    """Return the largest rate of the motion near its start, in radians per unit time.
+    """Return the largest |eigenvalue| at the start, in radians per unit of time.
 
-    0 where there is none, or it overflows.
+    Of the equations linearised at the start; 0 if there are no eigenvalues or they
+    overflow.
     """
     start = part.start
     try:

@@ -1,4 +1,4 @@
-"""The choices of a run, and their reasons."""
+"""The plan of a run: formulation, linear solver and method, each with its reason."""
 
 from __future__ import annotations
 
@@ -51,7 +51,10 @@ if TYPE_CHECKING:
 
 
 def newton_of(name: str, equations: Equations) -> Newton | None:
-    """Newton's matrix of a method where its few entries are made use of."""
+    """Return the sparse Newton matrix of an implicit method, or None.
+
+    None if the method has no sparse solver, or if a dense matrix is cheaper.
+    """
     if not hasattr(method(name), "SPARSE"):
         return None
     return newton(equations)
@@ -62,7 +65,7 @@ ANY = "dop853"
 
 
 class Part(NamedTuple):
-    """A subsystem that is integrated apart, and its own plan."""
+    """A decoupled subsystem, and the plan of its separate integration."""
 
     subsystem: Subsystem
     plan: Plan
@@ -70,7 +73,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The choices of a run.
+    """The decisions of a run.
 
     Attributes
     ----------
@@ -80,30 +83,34 @@ class Plan:
     reduction : Reduction
         The equations that are integrated.
     projected : bool
-        States are projected onto their constraints.
+        Whether states are projected onto their constraints.
     gain : float
-        Of the formulation `baumgarte`; else 0.
+        The rate of the formulation `baumgarte`, per unit of time; else 0.
     elimination : Elimination or None
-        The equations solved on the graph; None where loops solve them.
+        Symbolic solution for q'' and lambda on the graph; None where kernels solve the
+        equations numerically, by loops.
     tape : bool
-        The model's functions are run from tapes, not compiled.
+        Whether the model's functions are interpreted from tapes instead of compiled.
     rank : int
-        Of the constraint rows, in general.
+        Generic rank of the constraint rows.
     smallest_singular_value : float
-        The smallest singular value of the scaled rows, in general; with tapes, what
-        the pivots of `elimination` tell at the start.
+        Generic smallest singular value of the scaled constraint rows; with tapes, its
+        estimate from the pivots of `elimination` at the start.
     set_aside : tuple of bool, length m
-        The rows that others imply everywhere.
+        Marks rows that are combinations of other rows in every state.
     lengths : tuple of float, length m
-        Of the rows in the metric of M, as they usually are.
+        Typical length of each row in the metric of M, see `usual_lengths`.
     constant : int
-        What is factored once in an arc: 2 M and A, 1 only M, 0 neither.
+        The matrices that are factored once in an arc: 2 for M and A, 1 for M, else 0.
     augmented : bool
-        M is singular and is solved together with the constraints.
+        Whether M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
-    parts : tuple of Part
-        Subsystems that are integrated apart; empty where all is in one piece.
+        Tolerances of an adaptive method, or the step of a fixed-step method.
     switches : Switches
+    parts : tuple of Part
+        Subsystems that are integrated separately; empty where there are none.
+    choices : tuple of Choice
+        The decisions with their reasons, as shown to the user.
     """
 
     method: str
@@ -128,9 +135,10 @@ class Plan:
 
     @property
     def form(self) -> tuple[object, ...]:
-        """Key of the functions that are compiled for given equations.
+        """Key of the compiled functions of given equations.
 
-        Of all that a start, or values of parameters, may change.
+        It contains each decision that may change with the start or with values of
+        parameters.
         """
         reduction, solved = self.reduction, self.elimination
         parts = ((x.subsystem.coordinates, x.plan.form) for x in self.parts)
@@ -142,31 +150,34 @@ class Plan:
 
     @property
     def newton(self) -> Newton | None:
-        """Newton's matrix of an implicit method, where it is sparse."""
+        """Sparse Newton matrix of an implicit method; None where there is none."""
         if self.elimination is None:
             return None
         return newton_of(self.method, self.reduction.equations)
 
     @property
     def tolerance(self) -> float:
-        """Relative tolerance of all that controls its error, given or by default."""
+        """Relative tolerance of an adaptive method, given or by default."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol
 
 
 # --- From a scene to its plan: structure, formulation, solve, method
 #
-# A row's length, in the metric in which the motion is solved for, is that at the start.
-# Only a row that is zero there is looked at nearby, as far away as its own relation is
-# long.
+# A row's length in the metric of M is its length at the start. For a row that vanishes
+# there it is evaluated at states nearby, at distances over which its relation changes.
 #
-# What a method or a formulation can handle, and what a scene does not need, is decided
-# by the structure of its equations, as far as the expressions show it: a structure that
-# only shows at some values of the parameters is not found.
+# The structure of the equations decides which methods and formulations can handle a
+# scene, as far as the expressions show this structure: one that only appears at some
+# values of the parameters is not found.
 
 
 @memoized_by_motion
 def structure(equations: Equations) -> Structure:
-    """Find the structure of `equations`."""
+    """Return the structure of `equations`: mass matrix, constraints, linearity.
+
+    Decided from the expressions alone: a structure that only appears at some values of
+    the parameters is not found.
+    """
     g, entries = equations.graph, equations.mass_nodes
     coupled = [together for _, together in equations.coupled]
     rows = equations.rows
@@ -208,19 +219,28 @@ def _varies(equations: Equations, entries: list[int]) -> str:
 
 
 def coupled(e: Equations) -> list[int]:
-    """Return for each coordinate the first that M and all rows join it with."""
+    """Return, for each coordinate, the first one to which M or a row couples it.
+
+    Returns
+    -------
+    list of int, length n
+    """
     slopes = (row.entries for row in e.slopes)
     return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
 
 
-# How many states around the start are looked at, and how far away they are, against the
-# distance over which a relation changes.
+# Number of states around the start at which lengths are evaluated, and their distance
+# from the start, relative to the distance over which a relation changes.
 AROUND = 3
 NEARBY = 0.1
 
 
 def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
-    """Length of each row at the start, or around it where it vanishes."""
+    """Return the length (m,) of each row at the start, in the metric of M.
+
+    For a row that vanishes at the start: the largest of its lengths at random states
+    nearby.
+    """
     if not equations.rows:
         return ()
     point = Point(equations, start)
@@ -237,30 +257,30 @@ def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
 
 
 def _lengths(point: Point) -> Floats:
-    """Lengths (m,), 0 where they are roundoff; nan where M is not finite."""
+    """Return lengths (m,): 0 where they are roundoff, nan where M is not finite."""
     names = point.e.state
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
     return row_lengths(point.at(errors=dict(zip(names, errors, strict=False))))
 
 
-# Needs of a method that are made from y' as nodes of the graph.
+# Needs of a method that are derived from y' as nodes of the graph.
 STRAIGHT_ONLY = frozenset(("series", "linear"))
 # The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
 # 120 nine times as much.
 MOST_STATES = 50
-# With more operations of y' that move no series pays, and nobody looks at it: what an
-# order keeps leaves the processor's nearest memory.
+# With more operations of y' that depend on the state no series pays, and none is tried:
+# the coefficients of an order exceed the processor's first-level cache.
 MOST_MOVING = 1500
-# What a step takes, in ns (measured on six scenes of 4 to 40 components, within a third
-# but for ten rods at 1e-8): DOP853's for itself and each operation, a series' likewise.
+# Time of a step in ns (measured on six scenes of 4 to 40 components, within a third but
+# for ten rods at 1e-8): fixed part and part per operation, of DOP853 and of a series.
 DOP853_STEP, DOP853_OPERATION = 450.0, 0.22
 SERIES_STEP, SERIES_OPERATION = 150.0, 0.18
-# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.0 to 1.3), and
-# so many times as many at a tenth of a tolerance (2.6 to 3.4 at 1e-12).
+# Steps of DOP853 for one step of the series at 1e-8 (measured: 1.0 to 1.3), and the
+# factor of this ratio for a tenth of the tolerance (measured at 1e-12: 2.6 to 3.4).
 MORE_STEPS, PER_DECADE = 1.2, 1.23
-# What gains less than this is not worth the time that a series takes to compile.
+# Smallest gain in speed that is worth the time that a series takes to compile.
 PAYS = 1.25
-# At looser tolerances a tenth and more of its steps are made in vain.
+# At looser tolerances a tenth and more of the steps of a series are rejected.
 SERIES_RTOL = 1e-6
 
 
@@ -273,19 +293,31 @@ def choose(
     *,
     switching: bool,
 ) -> str:
-    """Choose the method: the one asked for, or one that suits the scene.
+    """Select the method of the settings, or for `auto` the one estimated to be fastest.
 
     Parameters
     ----------
-    solved
-        The equations as nodes of the graph; None where there are none to compile.
-    switching
-        The motion has switches that depend on the state.
+    equations : Equations
+        The equations that are integrated.
+    scene : Structure
+        Their structure.
+    solved : Elimination or None
+        Symbolic solution for q'' and lambda; None where kernels solve by loops.
+    settings : Settings
+    choices : list of Choice
+        The choice of the method is appended.
+    switching : bool
+        Whether the motion has switches that depend on the state.
+
+    Returns
+    -------
+    str
+        Name of the method.
 
     Raises
     ------
     InputError
-        Where the method asked for cannot handle the model.
+        If the method of the settings cannot integrate the model.
     """
     if settings.method == "auto":
         plain = solved is not None and not switching and not equations.quadratures
@@ -317,7 +349,10 @@ def _automatic(
 
 
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
-    """Estimate DOP853's time in units of that of a series; 0 where it is too long."""
+    """Estimate the time of DOP853 divided by that of a Taylor series.
+
+    0 where the series is too long, or the tolerance is too loose for a series.
+    """
     names = equations.moving
     moving = equations.graph.dependent(motion_rates(equations, solved), names)
     if not 0.0 < rtol <= SERIES_RTOL or len(moving) > MOST_MOVING:
@@ -345,14 +380,17 @@ def _asked(
 
 
 def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
-    """Raise InputError where there is a reason why a method cannot handle a scene."""
+    """Raise InputError with the reason `why`, if there is one.
+
+    The message says that the method `name` cannot handle the model.
+    """
     if why:
         text = f"`{name}` cannot handle this model: {why}"
         raise unusable("method-refused", text, settings.method_place, hint)
 
 
 def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
-    """Say why a method cannot handle equations, or return ""."""
+    """Return the reason why the method `name` cannot integrate `equations`, else ""."""
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
@@ -377,7 +415,7 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 
 def smooth_tables(equations: Equations) -> str:
-    """Name of a table at whose points no step ends; empty where there is none."""
+    """Return the name of a smooth table at whose points no step ends, else ""."""
     if all(t.interpolation == "linear" for t in equations.model.tables):
         return ""
     g = equations.graph
@@ -390,18 +428,24 @@ def smooth_tables(equations: Equations) -> str:
 
 
 def needs_regular_mass(name: str) -> bool:
-    """Whether a method that is asked for needs M to be regular without constraints."""
+    """Whether the method `name` needs M to be regular without the constraints."""
     straight = name != "auto" and STRAIGHT_ONLY.intersection(method(name).NEEDS)
     return bool(straight) or not locates(name)
 
 
 def locates(name: str) -> bool:
-    """Whether a method stops at switches and contacts; `auto` chooses such."""
+    """Whether a method locates events of switches and contacts; true for `auto`.
+
+    Examples
+    --------
+    >>> locates("dop853"), locates("auto")
+    (True, True)
+    """
     return name == "auto" or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:
-    """Whether the method that is asked for can handle `equations`."""
+    """Whether the method `asked` can integrate `equations`; true for `auto`."""
     if asked == "auto":
         return True
     return not method_refusal(asked, equations, structure(equations))
@@ -414,7 +458,7 @@ def _check_straight(
     settings: Settings,
     choices: list[Choice],
 ) -> None:
-    """Refuse a method that needs y' as nodes where there are none."""
+    """Refuse a method that needs y' as graph nodes, where the solution has none."""
     text = "its equations are solved by loops, not by straight-line code"
     hint = "`--method dop853` handles it"
     if elimination is not None:
@@ -435,8 +479,8 @@ def _check_straight(
     refuse(name, text, settings, hint)
 
 
-# Loops of so many multiplications take a millisecond: that is no reason to do without
-# their QR decomposition.
+# Loops of this many multiplications take a millisecond, so that their QR decomposition
+# is affordable.
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
@@ -447,7 +491,20 @@ SLOPES = frozenset(("jacobian", "lagrangian"))
 def eliminate(
     equations: Equations, start: Start, lengths: Sequence[float], choices: list[Choice]
 ) -> Elimination | None:
-    """Solve on the graph; None, with the reason among the choices, where loops do."""
+    """Solve for q'' and lambda on the graph.
+
+    Parameters
+    ----------
+    lengths : sequence of float, length m
+        Lengths of the rows, see `usual_lengths`.
+    choices : list of Choice
+        The choice of the solver, with its reason, is appended.
+
+    Returns
+    -------
+    Elimination or None
+        None where kernels solve the equations numerically, by loops.
+    """
     if start.augmented:
         return None
     if start.ranks.rank < len(equations.rows):
@@ -486,7 +543,7 @@ def eliminate(
 
 
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
-    """Whether compiled code would be too long."""
+    """Whether the model's functions are too long to compile, and run from tapes."""
     if elimination is not None:
         return elimination.operations > BUDGET
     if equations.chains is not None:  # whose M is full, and made where it is read
@@ -501,7 +558,7 @@ def many_slopes(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Whether the slopes that a method needs would compile for long."""
+    """Whether the derivatives that the method needs are too many to compile."""
     n, m = len(equations.q), len(equations.rows)
     sparse = None if elimination is None else newton_of(name, equations)
     slopes = 2 * n * (n + m)
@@ -521,7 +578,10 @@ def singular_value_of(
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:
-    """How independent the rows are at the start by the pivots of `elimination`."""
+    """Estimate the smallest singular value of the scaled rows at the start.
+
+    From the pivots of `elimination`.
+    """
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
@@ -531,19 +591,19 @@ def singular_value_of(
 
 
 def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
-    """Which rows others imply everywhere, shape (m,)."""
+    """Return a mark for each row (m,): whether other rows imply it in every state."""
     redundant = {d.name for d in start.ranks.dependences if d.everywhere is not False}
     return tuple(row.name in redundant for row in equations.rows)
 
 
 def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
-    """Choose for the model.
+    """Return the plan of a run: formulation, linear solver, method, with reasons.
 
     Raises
     ------
     InputError
-        Where the method or the formulation asked for cannot be had, or `output` asks
-        for what the model or the method has not.
+        If the method or the formulation of the settings is impossible, or `output`
+        contains a quantity that the model or the method does not provide.
     """
     if (
         start.augmented
@@ -589,7 +649,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape:
-        # As the run will see it: of long chains the smallest singular value is small.
+        # The estimate that the run will use: for long chains the value is small.
         smallest = singular_value_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
     switching = bool(switches.sides or equations.laws)
@@ -628,7 +688,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _with_switches(
     equations: Equations, settings: Settings
 ) -> tuple[Equations, Switches]:
-    """Switches, and equations with what holds the motion at corners of equalities."""
+    """Return equations and switches, with forces at corners of equalities added."""
     switches = model_switches(equations, located=locates(settings.method))
     bent = corners(equations, switches)
     if not bent:
@@ -639,7 +699,13 @@ def _with_switches(
 
 
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
-    """Subsystems to be integrated apart, if there are any and it pays."""
+    """Return the subsystems to integrate separately, () where one system is faster.
+
+    Raises
+    ------
+    InputError
+        If the settings demand formulation `apart` and it is impossible.
+    """
     asked = settings.formulation
     if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST_APART):
         return ()
@@ -665,7 +731,7 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
 
 
 def _of_parts(parts: tuple[Part, ...], settings: Settings) -> list[Choice]:
-    """Say which subsystems there are, or why there are none that are asked for."""
+    """Return the choice that lists the subsystems, or says why there are none."""
     if parts:
         return [_apart(parts)]
     if settings.formulation == "apart":
@@ -681,9 +747,10 @@ def _apart(parts: tuple[Part, ...]) -> Choice:
 
 
 def by_loops(plan: Plan) -> Plan:
-    """Return the same plan with the equations solved by loops.
+    """Return a plan in which kernels solve the equations numerically, by loops.
 
-    Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
+    Used during a run when constraints become dependent. A method that needs y' as nodes
+    of the graph is replaced by `ANY`.
     """
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
     choices.append(Choice("solve: loops with QR", "the constraints became dependent"))
