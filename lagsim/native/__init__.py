@@ -1,1 +1,1 @@
-"""Native code: kernels and equations as LLVM IR, object code kept and linked."""
+"""Native code: kernels and equations as LLVM IR; cache and linking of object code."""

@@ -1,15 +1,16 @@
-"""Elementary functions as kernels: the same bits on every target.
+"""Elementary functions as kernels, with equal bits on every target.
 
-They stand in for the C library's where the target is portable, see `link.engine`:
-nothing but IEEE 754's operations, each rounded as it stands. `exponential` and
-`logarithm` carry what their sums round off, so that powers, roots and hyperbolic
-functions are made from the same two. Results are within two units of the last place;
-of 800,000 random arguments of each none was more than 1.6 units off.
+They replace the C library's functions where the target is portable, see `link.engine`.
+They use operations of IEEE 754 alone, each rounded in the order written. `exponential`
+and `logarithm` take and return a correction term for rounding, so that powers, roots
+and hyperbolic functions can be computed from these two. Results are within two units
+of the last place; of 800,000 random arguments of each function none was more than 1.6
+units off.
 
 Sources: J.-M. Muller, Elementary Functions, 3rd ed.: 11.2 and 11.4 (reduction by Cody
-and Waite, by Payne and Hanek), 2.2 (Fast2Sum, 2Sum, Dekker's product: what a sum or a
-product rounds off); special values: C11, annex F.10. Polynomials are partial sums of
-Taylor series; arguments are reduced until the terms left out are below 2^-57.
+and Waite, by Payne and Hanek), 2.2 (Fast2Sum, 2Sum, Dekker's product: rounding error of
+a sum or a product); special values: C11, annex F.10. Polynomials are partial sums of
+Taylor series; arguments are reduced until the truncation error is below 2^-57.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Final
 from lagsim.native.graph.lines import COSINE, LARGEST, PARTS, SINE
 from lagsim.native.kernels.words import Static, bits, from_bits, unrolled
 
-# Of the exponent, in the bits of a number.
+# The exponent in the bits of a double.
 ONE_POWER: Final = 2**52
 BIAS: Final = 1023
 SMALLEST: Final = 2.0**-1022
@@ -68,17 +69,23 @@ DIGITS: Final = tuple(
 )
 # Adding and subtracting these rounds to multiples of 2^30, of 4.
 TO_2_30, TO_4 = 1.5 * 2.0**82, 1.5 * 2.0**54
-# So many digits of a turn leave, past all that angles can cancel, 2^-120.
+# Digits of a turn used: the error is 2^-120 after the worst cancellation of an angle.
 USED: Final = 9
 
-# What `exponential` and `logarithm` give.
+# Kinds of results of `exponential` and `logarithm`.
 VALUE, LESS_ONE, POWER = 0, 1, 2
-# What `circular` gives besides sines.
+# Kind of result of `circular` besides sines.
 TANGENT: Final = -1
 
 
 def lost(a: float, b: float, product: float) -> float:
-    """Return a*b - product, exactly, where product is a*b (Dekker)."""
+    """Return the rounding error a*b - product of product = fl(a*b), exactly (Dekker).
+
+    Examples
+    --------
+    >>> lost(0.1, 10.0, 1.0) == 2.0**-54  # 0.1 is a little more than 1/10
+    True
+    """
     x = SPLIT * a
     high = x - (x - a)
     low = a - high
@@ -89,19 +96,28 @@ def lost(a: float, b: float, product: float) -> float:
 
 
 def missed(a: float, b: float, total: float) -> float:
-    """Return a + b - total, exactly, where total is a + b (2Sum)."""
+    """Return the rounding error a + b - total of total = fl(a + b), exactly (2Sum).
+
+    Examples
+    --------
+    >>> missed(1.0, 1e-20, 1.0)
+    1e-20
+    """
     back = total - a
     return (a - (total - back)) + (b - back)
 
 
 def remainder(a: float, b: float, b_low: float, quotient: float) -> float:
-    """Return a/(b + b_low) - quotient, where quotient is a/b."""
+    """Return a/(b + b_low) - quotient, the correction of quotient = fl(a/b)."""
     product = quotient * b
     return ((a - product) - lost(quotient, b, product) - quotient * b_low) / b
 
 
 def fused(a: float, b: float, c: float) -> float:
-    """Return a*b + c, where the error of the product counts, but that of the sum."""
+    """Return a*b + c, corrected by the rounding error of the product.
+
+    The sum is rounded twice, in contrast to IEEE 754's fusedMultiplyAdd.
+    """
     product = a * b
     error = lost(a, b, product)
     found = product + c
@@ -120,7 +136,7 @@ def scaled(x: float, k: int) -> float:
 
 
 def exponential(x: float, low: float, twos: int, kind: Static) -> float:
-    """Return 2^twos e^(x + low), or e^x - 1; `low` is small beside x."""
+    """Return 2^twos e^(x + low), or e^x - 1 for `kind` LESS_ONE; |low| << |x|."""
     if not abs(x) < 746.0:
         if x != x or x > 0.0:
             return x * inf if x > 0.0 else x
@@ -143,7 +159,10 @@ def exponential(x: float, low: float, twos: int, kind: Static) -> float:
 
 
 def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> float:
-    """Return (y + y_low) log(x), plus what is not much more, or e to that power."""
+    """Return (y + y_low) log(x) + more, or e to the power (y + y_low) log(x).
+
+    `kind` is VALUE or POWER; POWER ignores `more`, which is a small correction.
+    """
     if not x > 0.0 or x == inf:
         return nan if x < 0.0 else -inf if x == 0.0 else x
     k = -BIAS
@@ -230,7 +249,7 @@ def pow(x: float, y: float) -> float:
     if size == 0.0 or size == inf:
         grows = y < 0.0 if size == 0.0 else y > 0.0
         return sign * (inf if grows else 0.0)
-    # What is larger gives 0, 1 or inf as well.
+    # Larger exponents result in 0, 1 or inf as well.
     return sign * logarithm(size, max(-(2.0**65), min(y, 2.0**65)), 0.0, 0.0, POWER)
 
 
@@ -296,7 +315,7 @@ def atanh(x: float) -> float:
 
 
 def circular(x: float, shift: Static) -> float:
-    """Return the sine of x and `shift` quarter turns, or the tangent of x."""
+    """Return the sine of x + shift pi/2, or the tangent of x for `shift` TANGENT."""
     if not abs(x) < inf:
         return nan
     if abs(x) <= LARGEST:
@@ -377,7 +396,7 @@ def tan(x: float) -> float:
 
 
 def angle(y: float, y_low: float, x: float, x_low: float) -> float:
-    """Return the angle of the direction (x + x_low, y + y_low)."""
+    """Return atan2(y + y_low, x + x_low)."""
     if x != x or y != y:
         return x + y
     a, b = abs(y), abs(x)
@@ -427,7 +446,7 @@ def atan(x: float) -> float:
 
 
 def beside_root(x: float, root: float) -> float:
-    """Return sqrt(1 - x^2) - root, where root is about that."""
+    """Return sqrt(1 - x^2) - root, the correction of an approximate value `root`."""
     square = x * x
     rest = 1.0 - square
     product = root * root

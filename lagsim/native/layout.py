@@ -1,25 +1,25 @@
-"""The memory of a kernel, declared once: named numbers, sizes and arrays.
+"""Memory of a kernel, declared once: named numbers, sizes and arrays.
 
     class Walk(Memory):
         t: float  # a number
-        size: int  # a size: given when the memory is made; kernels only read it
-        stages: int = 4  # one that is always the same
+        size: int  # a size: an argument of `made`; read-only for kernels
+        stages: int = 4  # a size with a default
         y: Floats = array("size")
-        half: Block = block("size", lambda s: s.size // 2)  # a stretch of vectors
+        half: Block = block("size", lambda s: s.size // 2)  # a range of components
         slopes: Floats = array(lambda s: s.stages * s.size)
-        first: Floats = part("slopes", "size")  # within `slopes`, at its beginning
+        first: Floats = part("slopes", "size")  # the first elements of `slopes`
         second: Floats = after("first", "size")
-        low: Floats = array("size", inf)  # what it is filled with at first
+        low: Floats = array("size", inf)  # with its initial value
 
-All of it lies in one flat array of numbers, so that it can be copied, kept and handed
-to native code as it is: first the words of each name, in the order of the declarations
-(those of a base class before its own, which may give some another value), then the
-arrays. The word of a number or a size is its value; an array has two, where it begins
-and its length, and a block two, where it begins and where it ends.
+A memory is one flat array of doubles, which can be copied, stored and passed to native
+code: first the words of all names, in the order of the declarations (those of a base
+class first; a subclass may change initial values), then the arrays. The word of a
+number or a size is its value; an array has two words, its first index and its length,
+and a block two, its first index and its end.
 
 A kernel whose parameter `s` is annotated with such a class writes `s.t`, `s.y[i]`,
-`s.y[s.half]`; the translator makes loads and stores of that. Under CPython, and beside
-numpy, an instance is a view of the flat array: arrays are views in it, of their exact
+`s.y[s.half]`; the translator turns each into loads and stores. Under CPython an
+instance is a view of the flat array, and its arrays are numpy views of their exact
 length.
 """
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 # The name of a size, or a function of a memory's sizes.
 Length: TypeAlias = "str | Callable[[Any], int]"
-# A stretch of vectors, under CPython.
+# A range of components of vectors, under CPython.
 Block: TypeAlias = "slice[int, int, None]"
 
 NUMBER: Final = "float"
@@ -47,17 +47,21 @@ BLOCK: Final = "Block"
 
 
 class Field:
-    """A name in a memory, and its word; in an instance, the value or the array.
+    """Declaration of a name in a memory; a descriptor for its value, array or slice.
 
     Attributes
     ----------
     kind : str
         NUMBER, SIZE, ARRAY or BLOCK.
     word : int
-        Its index in the flat array; that of an array's length, or of a block's end,
-        follows.
-    value
-        What is there at first.
+        Index of its first word in the flat array. The second word of an array is its
+        length, of a block its end.
+    value : float or sequence of float
+        Initial value.
+    length : str or function
+        Length of an array, or end of a block.
+    within : function or None
+        Computes the first index of a block, or of an array within another one.
     """
 
     def __init__(
@@ -71,7 +75,7 @@ class Field:
         self.word = 0
         self.value = value
         self.length = length
-        self.within = within  # gives where it begins in the flat array, or a block
+        self.within = within  # its first index: in the flat array, or of a block
 
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
@@ -97,7 +101,17 @@ class Field:
 
 
 class Option(Field):
-    """A number that a user may choose: its default, its range, one sentence on it."""
+    """A number that a user may choose: default, least and largest value, description.
+
+    Parameters
+    ----------
+    value : float
+        The default.
+    least, most : float
+        The range.
+    about : str
+        One sentence for the user.
+    """
 
     def __init__(self, value: float, least: float, most: float, about: str) -> None:
         super().__init__(NUMBER, value)
@@ -105,34 +119,37 @@ class Option(Field):
 
 
 def address(flat: Floats) -> int:
-    """Address of an array, three times as fast as `flat.ctypes.data`."""
+    """Return the address of an array, three times as fast as `flat.ctypes.data`."""
     return addressof(c_char.from_buffer(flat.data))
 
 
 def array(length: Length, value: float | Sequence[float] = 0.0) -> Any:
-    """Declare an array: its length, and its first content.
+    """Declare an array by its length and its initial value.
 
-    length : the name of a size, or a function of the memory's sizes.
+    length : the name of a size, or a function of the memory that returns the length.
     """
     return Field(ARRAY, value, length)
 
 
 def part(whole: str, length: Length, first: Length = "") -> Any:
-    """Declare an array within the array `whole`, from its element `first` on or 0."""
+    """Declare an array within the array `whole`, from its element `first` (or 0) on."""
     return Field(
         ARRAY, 0.0, length, lambda memory: memory.place(whole) + memory.size_of(first)
     )
 
 
 def after(other: str, length: Length) -> Any:
-    """Declare an array that begins where another one ends, within the same one."""
+    """Declare an array that begins at the end of the array `other`.
+
+    Both lie within one array that is declared by `array`.
+    """
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 
 
 def block(end: Length, first: Length = "") -> Any:
-    """Declare a stretch of vectors: components `first` (or 0) to `end`, exclusive.
+    """Declare a range of components of vectors: `first` (or 0) to `end`, exclusive.
 
-    Arrays whose length depends on it are declared after it.
+    Arrays whose length depends on the block are declared after it.
     """
     return Field(BLOCK, 0.0, end, lambda memory: memory.size_of(first))
 
@@ -142,8 +159,8 @@ def option(value: float, least: float, most: float, about: str) -> Any:
     return Option(value, least, most, about)
 
 
-# Memories of up to so many words are copied from the first one of their sizes, as the
-# runs of a sweep ask for.
+# Memories of up to this many words are copied from the first one of equal sizes, since
+# a sweep creates many.
 SMALL = 4096
 _MADE: dict[object, Floats] = {}
 
@@ -153,16 +170,29 @@ class Memory:
 
     Attributes
     ----------
-    flat : (length,)
-        All of it.
+    flat : ndarray of float, shape (length,)
+        The whole memory.
     fields : dict
         The declarations, in the order of their words.
     numbers : memoryview
-        The same, for single numbers: several times faster than numpy.
+        View of `flat` for single numbers, several times faster than numpy.
     views : dict
-        The arrays, and the blocks, that have been asked for, by their words.
+        Arrays and slices that have been accessed, by their words.
     address : int
-        Of `flat`, for native code.
+        Address of `flat`, for native code.
+
+    Examples
+    --------
+    >>> class Walk(Memory):
+    ...     t: float
+    ...     size: int
+    ...     y: Floats = array("size", 2.5)
+    >>> walk = Walk.made(size=3)
+    >>> walk.t = 1.0
+    >>> walk.flat.tolist()  # t; size; first index and length of y; y
+    [1.0, 3.0, 4.0, 3.0, 2.5, 2.5, 2.5]
+    >>> walk.y.tolist()
+    [2.5, 2.5, 2.5]
     """
 
     fields: ClassVar[dict[str, Field]] = {}
@@ -191,7 +221,13 @@ class Memory:
 
     @classmethod
     def made(cls, **sizes: int) -> Self:
-        """Make a memory; sizes that are not given are what they are declared as."""
+        """Return a new memory of the given sizes, other sizes at their defaults.
+
+        Raises
+        ------
+        TypeError
+            If the class declares no size of a given name.
+        """
         key = cls, *sizes.items()
         if key in _MADE:
             return cls(_MADE[key].copy())
@@ -227,26 +263,26 @@ class Memory:
         return memory
 
     def place(self, name: str) -> int:
-        """Index in the flat array at which an array begins."""
+        """Return the index in the flat array at which an array begins."""
         return int(self.numbers[self.fields[name].word])
 
     def place_after(self, name: str) -> int:
-        """Index in the flat array at which an array ends."""
+        """Return the index in the flat array at which an array ends, exclusive."""
         word = self.fields[name].word
         return int(self.numbers[word] + self.numbers[word + 1])
 
     def size_of(self, length: Length) -> int:
-        """Length that an array is declared with; that of "" is 0."""
+        """Return the value of a declared length; 0 for ""."""
         if callable(length):
             return length(self)
         return int(getattr(self, length)) if length else 0
 
     def copy(self) -> Self:
-        """Return another memory with the same content."""
+        """Return a new memory with equal content."""
         return type(self)(self.flat.copy())
 
     def take(self, other: Memory) -> None:
-        """Take the numbers, and the arrays of the same length, that both have."""
+        """Copy from `other` the numbers and arrays of equal length that both have."""
         for name in self.fields.keys() & other.fields.keys():
             field = self.fields[name]
             if field.kind == NUMBER:

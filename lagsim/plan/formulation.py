@@ -269,7 +269,7 @@ def _with_quaternions(found: Formulation) -> Formulation:
 
     Lengths of quaternions are not constraints of the model file, so they are projected
     even by `drift` and `baumgarte`; in the projection, residual and rate of all other
-    rows are replaced by 0. Where the rate of a row may jump, the formulation is returned
+    rows are replaced by 0. Where the rate of a row may jump, `found` is returned
     unchanged: a projection would hide the error of the impact.
     """
     e = found.reduction.equations
@@ -319,7 +319,7 @@ def _chosen(
 
 
 def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
-    """Return the possible reductions, each with the greatest cost ratio that selects it.
+    """Return the possible reductions, each with the largest cost ratio that selects it.
 
     The ratio of operations per step, of the reduced to the full equations.
     """
@@ -444,7 +444,8 @@ def _rates(equations: Equations) -> list[int]:
 # --- Subsystems that do not touch: groups of coordinates with equations of their own
 #
 # Two coordinates touch where one stands in an entry of M, a force or a constraint of
-# the other. Groups that do not are integrated apart, each with its own steps.
+# the other. Groups of coordinates that do not touch are integrated separately, each
+# with its own steps.
 
 # With more coordinates than this `auto` does not estimate the pace of subsystems.
 LARGEST_APART = 40
@@ -499,7 +500,7 @@ def why_not_apart(equations: Equations) -> str:
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
     """Return the decoupled subsystems of equations that can be integrated separately.
 
-    `why_not_apart` returns "" for such equations. `start` is that of the full equations.
+    For these `why_not_apart` returns "". `start` is that of the full equations.
     """
     found = groups(equations)
     energies, _ = shared(equations, found, equations.energy)

@@ -1,1 +1,1 @@
-"""Graph -> LLVM IR: straight-line code, or a tape for what is too long for that."""
+"""Graph -> LLVM IR: straight-line code, or tapes for functions too long to compile."""

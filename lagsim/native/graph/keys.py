@@ -1,8 +1,8 @@
-"""Digest of the sources of a graph's code, found without generating it.
+"""Digest of the inputs of code generation from a graph, without generating the code.
 
-Writing the IR of a model takes longer than all else that a warm run does to it. Two
-graphs with the same digest have the same code: it covers the operations, how they hang
-together and in which order they stand, the layout, and the text of what writes code.
+Writing the IR of a model takes longer than all other work of a warm run on it. Graphs
+with equal digests have equal code: the digest covers the operations, their operands and
+order, the memory layout, and the text of the modules that write code.
 """
 
 from __future__ import annotations
@@ -30,10 +30,16 @@ PIECE = 400
 
 
 class Layout(NamedTuple):
-    """Index of each variable by name, in y and in p.
+    """Indices of the variables, by name, in the arrays y and p of a function.
 
-    `fixed` names those in p that do not change while a kernel runs (parameters,
-    modes); `size` is how much of p is used before what the code adds.
+    Attributes
+    ----------
+    y, p : mapping of str to int
+        Index of each variable in y or in p.
+    fixed : frozenset of str
+        Names in p that do not change while a kernel runs (parameters, modes).
+    size : int
+        Length of p before the memory that the generated code adds.
     """
 
     y: Mapping[str, int]
@@ -43,9 +49,15 @@ class Layout(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """A function that writes a series, order K, then y_0 ... y_K, order by order.
+    """A function that writes a Taylor series: the order K, then y_0, ..., y_K.
 
-    operations : about how many it takes, as straight-line code would
+    Attributes
+    ----------
+    recurrence : Recurrence
+        The recurrence from one order to the next.
+    order : int
+    operations : int
+        Approximate number of operations of equivalent straight-line code.
     """
 
     recurrence: Recurrence
@@ -54,16 +66,16 @@ class Loop(NamedTuple):
 
 
 class Manner(NamedTuple):
-    """Names of functions that are written in another way.
+    """Names of functions whose code is generated in a special way.
 
     Attributes
     ----------
-    contracted
-        A product may be added without being rounded first, where the processor can:
-        last digits then depend on it.
-    once
-        Called once in a step, or less.
-    rare
+    contracted : tuple of str
+        Products may be added without intermediate rounding, where the processor can do
+        so; last digits then depend on the processor.
+    once : tuple of str
+        Called at most once in a step.
+    rare : tuple of str
         Called in few steps.
     """
 
@@ -73,12 +85,16 @@ class Manner(NamedTuple):
 
 
 PLAIN = Manner()
-# Name -> what it writes to out[0], out[1], ...
+# Name -> the nodes written to out[0], out[1], ..., or a loop.
 Functions = Mapping[str, Sequence[int] | Loop]
 
 
 def nodes_of(functions: Functions) -> dict[str, list[int]]:
-    """Nodes that each is made from, of a loop's before and within it."""
+    """Return the nodes that each function computes.
+
+    A loop has two entries: the nodes of order 0 as "name.start", and of its body as
+    "name.order".
+    """
     found: dict[str, list[int]] = {}
     for name, made in functions.items():
         if isinstance(made, Loop):
@@ -89,10 +105,10 @@ def nodes_of(functions: Functions) -> dict[str, list[int]]:
 
 
 def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
-    """Digest of all that the code of `functions` is made from.
+    """Return a digest of all inputs that determine the code of `functions`.
 
-    Numbers of nodes say nothing but which comes first. manner : what else is told to
-    those who write the code.
+    Nodes enter by their order, not by their numbers. manner : further arguments of the
+    code generator.
     """
     made = nodes_of(functions)
     orders = [(name, f.order) for name, f in functions.items() if isinstance(f, Loop)]

@@ -1,13 +1,14 @@
-"""The lines of a graph's LLVM IR: operations on numbers, sines and cosines of several.
+"""Lines of LLVM IR for graph operations; sines and cosines of several angles at once.
 
-The C library's sine and cosine take a good part of the time of a scene of rods or
-links. These take the angles of a scene side by side in vector registers, and give the
-same on every system.
+The C library's sine and cosine cost a large part of the time of a scene of rods or
+links. The function here evaluates the angles of a scene side by side in the lanes of
+vector registers, with equal results on every system.
 
-The angle less the nearest multiple of pi/2, in two doubles, by Cody's and Waite's
-reduction with pi/2 in three parts; its sine and cosine by polynomials; then by quadrant
-(J.-M. Muller, Elementary Functions, 3rd ed., sections 11.2 and 10.2). Within 1 ulp.
-Angles past LARGEST, and what is no number, go to the C library.
+An angle is reduced to its difference from the nearest multiple of pi/2, in two doubles,
+by Cody's and Waite's method with pi/2 in three parts; polynomials approximate sine and
+cosine of the reduced angle; the quadrant selects the result (J.-M. Muller, Elementary
+Functions, 3rd ed., sections 11.2 and 10.2). The error is within 1 ulp. Angles above
+LARGEST, inf and nan are passed to the C library.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from lagsim.language.tables import Data
 
 
-# How many angles are taken at once.
+# Number of angles of one call.
 LANES = 4
 VECTOR = f"<{LANES} x double>"
 BOTH = f"{{{VECTOR}, {VECTOR}}}"
-SINCOS = "sincos.several"  # not that of the library, which it calls
+SINCOS = "sincos.several"  # not the library's name
 
 # Up to here multiples of pi/2 times the first two parts of it, of 33 bits, are exact.
 LARGEST = 2.0**20
@@ -39,7 +40,7 @@ PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 ROUNDER = 1.5 * 2.0**52
 
 # Interpolants at Chebyshev's nodes for |r| <= pi/4, z = r^2, of (sin(r)/r - 1)/z and
-# (cos(r) - 1 + z/2)/z^2, computed to 60 digits. What is left is below 2^-57.
+# (cos(r) - 1 + z/2)/z^2, computed to 60 digits. Their error is below 2^-57.
 SINE = (
     -0.16666666666666666,
     0.008333333333333331,
@@ -59,28 +60,31 @@ COSINE = (
 )
 
 
-# Which result of `sincos` they are.
+# Index of each result of the vector function.
 CIRCULAR = {"sin": 0, "cos": 1}
 
-# Twice the exponents that are written out: products are exact to an ulp or two up to
-# the 6th power, and faster than `pow`.
+# Twice the exponents that are computed by products: these are exact to an ulp or two up
+# to the 6th power, and faster than `pow`.
 _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
 
 def exponent_of(g: Graph, n: int) -> float | None:
-    """Exponent of a power where it is a number; None for all else."""
+    """Return the exponent of node n, of a power with a constant exponent; else None."""
     return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
 
 
 class Code(NamedTuple):
-    """LLVM IR of all functions, and the length of p that they need."""
+    """LLVM IR of all functions, and the required length of p."""
 
     ir: str
     p_size: int
 
 
 def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int]:
-    """Operations without `moving` variables that others, or roots, use."""
+    """Return the operations that depend on no `moving` node and are used outside.
+
+    Users are the roots and operations that depend on `moving` nodes.
+    """
     used, varying = set(roots), set(moving)
     cone = g.cone(roots)
     for n in cone:
@@ -95,28 +99,47 @@ def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int
 def fixed_nodes(
     g: Graph, functions: Mapping[str, Sequence[int]], constant: Collection[str]
 ) -> list[int]:
-    """Operations on `constant` variables, which are done once, by `prepare`."""
+    """Return the operations on `constant` variables, which `prepare` evaluates once."""
     roots = [node for nodes in functions.values() for node in nodes]
     moving = [n for name, n in g.variables().items() if name not in constant]
     return hoisted(g, roots, moving)
 
 
-# What `clearing` needs declared.
+# Declaration for `clearing`.
 CLEAR = "declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)"
 
 
 def clearing(count: int) -> str:
-    """Instruction that sets the first numbers of `out` to 0."""
+    """Return the instruction that sets the first `count` numbers of `out` to 0."""
     return f"call void @llvm.memset.p0.i64(ptr %out, i8 0, i64 {8 * count}, i1 0)"
 
 
 def number(x: float) -> str:
-    """LLVM literal of a float, bit for bit."""
+    """Return the LLVM literal of a float, bit for bit.
+
+    Examples
+    --------
+    >>> number(1.0)
+    '0x3FF0000000000000'
+    """
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
 class Lines:
-    """Lines of IR with fresh names; a product may be added unrounded if `contract`."""
+    """Lines of IR with fresh names of values.
+
+    `contract` : whether a product may be added without intermediate rounding.
+
+    Examples
+    --------
+    >>> from lagsim.native.graph.lines import Lines
+    >>> lines = Lines()
+    >>> x = lines.line("fadd double %a, %b")
+    >>> lines.operation("pow", 2.0, [x])
+    '%v2'
+    >>> lines.lines
+    ['%v1 = fadd double %a, %b', '%v2 = fmul double %v1, %v1']
+    """
 
     def __init__(self, *, contract: bool = False) -> None:
         self.contract = contract
@@ -125,7 +148,10 @@ class Lines:
         self._fresh = 0
 
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
-        """Write an operation, of a power the `exponent` where it is a number."""
+        """Write an operation, and return the name of its value.
+
+        exponent : of a power with a constant exponent; else None.
+        """
         if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
             return self._power(operands[0], exponent)
         if op in CIRCULAR:
@@ -140,7 +166,10 @@ class Lines:
     def circular(
         self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
     ) -> list[str]:
-        """Write sines and cosines of up to LANES angles: each (op, which angle)."""
+        """Write sines and cosines of up to LANES angles; return the values' names.
+
+        wanted : pairs of "sin" or "cos" and the index of an angle.
+        """
         self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"
         for lane, angle in enumerate(angles):
@@ -156,7 +185,7 @@ class Lines:
         return values
 
     def _power(self, x: str, exponent: float) -> str:
-        """Write x to a small whole or half power as products and a root."""
+        """Write x to a small integer or half-integer power by products and a root."""
         whole = int(abs(exponent))
         result = ""
         if abs(exponent) != whole:
@@ -172,14 +201,14 @@ class Lines:
         return result
 
     def data(self, data: Data) -> str:
-        """Return the name of an array, which is part of the code."""
+        """Declare a constant array, and return its name."""
         text = "\\" + data.numbers.tobytes().hex("\\")
         kind = f"private constant [{8 * len(data.numbers)} x i8]"
         self.declared.add(f'@data.{data.digest} = {kind} c"{text}", align 8')
         return f"@data.{data.digest}"
 
     def line(self, text: str) -> str:
-        """Write an instruction; return the name of its value."""
+        """Write an instruction, and return the name of its value."""
         name = self._name()
         if self.contract and text.startswith(("fadd double", "fsub double", "fmul d")):
             text = text.replace(" double", " contract double", 1)
@@ -192,7 +221,7 @@ class Lines:
 
 
 class _Vectors(Lines):
-    """Lines on vectors."""
+    """Lines on vectors of LANES doubles."""
 
     def add(self, x: str, y: str) -> str:
         return self.line(f"fadd contract {VECTOR} {x}, {y}")
@@ -204,7 +233,7 @@ class _Vectors(Lines):
         return self.line(f"fmul contract {VECTOR} {x}, {y}")
 
     def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
-        """Write the polynomial in z: its halves, even and odd, can overlap."""
+        """Write a polynomial in z by its even and odd halves, which overlap in time."""
         square = self.mul(z, z)
         halves = []
         for part in (coefficients[::2], coefficients[1::2]):
@@ -222,20 +251,20 @@ class _Vectors(Lines):
         return self.line(f"{operation} <{LANES} x i64> {x}, <{each}>")
 
     def signed(self, value: str, quadrant: str) -> str:
-        """Write `value`, negative where bit 1 of the quadrant is set."""
+        """Write `value` with the opposite sign where bit 1 of the quadrant is set."""
         sign = self.integer("shl", self.integer("and", quadrant, 2), 62)
         bits = self.line(f"xor <{LANES} x i64> {self.whole(value)}, {sign}")
         return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")
 
 
 def spread(x: float) -> str:
-    """Literal of a vector of equal numbers."""
+    """Return the literal of a vector of LANES equal numbers."""
     return "<" + ", ".join([f"double {number(x)}"] * LANES) + ">"
 
 
 @functools.cache
 def sincos_function() -> str:
-    """Return the function of LANES angles that gives their sines and their cosines."""
+    """Return the IR of the function that returns sines and cosines of LANES angles."""
     b = _Vectors()
     rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
     n = b.sub(rounded, spread(ROUNDER))
@@ -255,7 +284,7 @@ def sincos_function() -> str:
     sine = b.add(r, b.sub(bend, b.mul(rest, top)))
     none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
     sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
-    # cos(r - rest) = (1 - z/2) + (what that has lost + z^2 C + rest r)
+    # cos(r - rest) = (1 - z/2) + (its rounding error + z^2 C + rest r)
     left = b.sub(b.sub(spread(1.0), top), half)
     bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
     cosine = b.add(top, b.add(left, b.add(bend, b.mul(rest, r))))
@@ -281,7 +310,7 @@ def sincos_function() -> str:
     )  # fmt: skip
 
 
-# What `sincos_function` needs declared.
+# Declarations for `sincos_function`.
 SINCOS_DECLARES = (
     *(f"declare double @llvm.{name}.f64(double)" for name in CIRCULAR),
     f"declare {VECTOR} @llvm.fabs.v{LANES}f64({VECTOR})",

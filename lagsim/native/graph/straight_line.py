@@ -1,17 +1,18 @@
 """Graph -> LLVM IR: each function of a model as straight-line code, or as a loop.
 
-Every function is `void f(double t, ptr y, ptr p, ptr out)`. Expressions of parameters
-alone are computed once, by the function `prepare`, into the tail of `p`. Long functions
-are cut into pieces that pass values through scratch memory in p, so that compile time
-grows in proportion to length.
+Every function is `void f(double t, ptr y, ptr p, ptr out)`. The function `prepare`
+evaluates expressions of parameters alone once, and stores their values in the tail of
+`p`. Long functions are cut into pieces that pass values through scratch memory in p, so
+that compile time grows in proportion to length.
 
 A Taylor series is one loop over its order. The inner sums of all products of one order,
-a_1 b_(k-1) + ... + a_(k-1) b_1, are made side by side in the lanes of vectors: a row
-for each order holds the first factors of all products, then the second ones, and a sum
-is row by row. What is left of an order is straight-line code. Each sum has a lane of
-its own, so that how many of them the processor takes at once changes nothing. Its
-memory, behind what other functions use: the sums, what the code of an order needs of
-order 0, and the rows of the orders from 1 on.
+a_1 b_(k-1) + ... + a_(k-1) b_1, are computed side by side in the lanes of vectors: the
+row of an order holds the first factors of all products, then the second ones, and sums
+advance row by row. The other operations of an order are straight-line code. Each sum
+has a lane of its own, so that the width of the processor's vectors does not change the
+result. The memory of a series, behind the scratch memory of other functions, holds the
+sums, the values of order 0 that the code of an order uses, and the rows of the orders
+from 1 on.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Functions, Layout, Loop, Manner
 
 
-# Functions of more pieces are translated one instruction after the other: compiled in
-# less than half the time, and run 5 % longer (40 links; an arm of seven joints).
+# Functions of more pieces are compiled without optimisation: in less than half the
+# time, and they run 5 % longer (40 links; an arm of seven joints).
 LONG = 6
 # An array of a function, and an index there.
 Place = tuple[str, int]
@@ -53,13 +54,13 @@ Place = tuple[str, int]
 def ordered(
     g: Graph, roots: Collection[int], places: Mapping[int, object]
 ) -> list[int]:
-    """Return what must be evaluated, stopping at what `prepare` has computed.
+    """Return the nodes to evaluate for `roots`, in order; nodes in `places` are known.
 
-    Sines and cosines come early and side by side: first those of angles that wait
-    for none, then those that wait for these.
+    Sines and cosines come early and side by side: first the functions of angles that
+    depend on no sine or cosine, then the functions of angles that depend on the first.
     """
     order = g.cone(roots, places)
-    depth: dict[int, int] = {}  # what is not in it waits for none
+    depth: dict[int, int] = {}  # others depend on no sine or cosine
     rounds: dict[int, list[int]] = {}
     for n in order:
         waits = 0 if n in places else max([depth.get(a, 0) for a in g.args[n]] or (0,))
@@ -77,9 +78,14 @@ def ordered(
 
 
 class Writer(Lines):
-    """Writes one function, or those that it consists of.
+    """Writer of the IR of one function, or of the pieces of a long one.
 
-    signature : of the function, as it is defined and called
+    Attributes
+    ----------
+    signature : str
+        Parameters of the function.
+    scratch, scratch_used : int
+        First index of scratch memory in p, and its length so far.
     """
 
     signature = "double %t, ptr %y, ptr %p, ptr %out"
@@ -102,20 +108,22 @@ class Writer(Lines):
         cleared: int = 0,
         longest: int = LONG,
     ) -> None:
-        """Write it.
+        """Write the function `name`.
 
         Parameters
         ----------
-        stores
-            Nodes, and where they go.
-        places
-            What needs no evaluation, and where it is found.
-        more
-            Arrays besides those of the signature.
-        cleared
-            So many numbers of `out` are set to 0 before any is stored.
-        longest
-            Of more pieces than these it is translated as it stands.
+        stores : sequence of (node, place)
+            Nodes to evaluate, each with the place where its value is stored.
+        places : mapping of node to place
+            Nodes that are not evaluated, with the places of their values.
+        more : str
+            Parameters in addition to the signature.
+        linkage : str
+            LLVM's linkage of the function.
+        cleared : int
+            This many numbers of `out` are set to 0 before any value is stored.
+        longest : int
+            A function of more pieces is compiled without optimisation.
         """
         signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
@@ -151,7 +159,7 @@ class Writer(Lines):
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
-        """Index in p of operations that a later piece uses."""
+        """Return an index in p for each operation whose value a later piece uses."""
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
         for i, piece in enumerate(pieces):
@@ -197,7 +205,7 @@ class Writer(Lines):
         here: dict[int, str],
         operand: Callable[[int], str],
     ) -> None:
-        """Write the sines and cosines that `nodes` begin with, of several angles."""
+        """Write the first sines and cosines of `nodes`, as many as fit in a call."""
         g = self.g
         together: list[int] = []
         angles: dict[int, int] = {}
@@ -244,7 +252,7 @@ class Writer(Lines):
         return self._load(("p", self.layout.p[name]))
 
     def _number(self, n: int, value: str) -> str:
-        """Write 1 or 0 for a truth value."""
+        """Return `value` as a double: 1 or 0 for a truth value."""
         if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
             return self.line(f"uitofp i1 {value} to double")
         return value
@@ -260,14 +268,14 @@ class Writer(Lines):
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
 
-# Sums are made by so many at a time, and padded to a multiple of that.
+# Number of sums computed at a time; their count is padded to a multiple.
 TOGETHER = 8
 SUMS = f"<{TOGETHER} x double>"
 # The sums and rows begin where lines of the cache do.
 LINE_BYTES = 64
 
-# Where there are no more sums, their first and last terms, of the newest coefficients,
-# are made one by one with the order before: a vector cannot be loaded before the
+# Up to this number of sums, their first and last terms, of the newest coefficients, are
+# computed one by one with the order before: a vector cannot be loaded before the
 # numbers in it, which were stored alone, have left the processor's buffer (measured:
 # 600 -> 480 ns with 15 sums; of 69 sums this takes longer than it saves).
 MOST_EDGES = 32
@@ -347,7 +355,10 @@ ret void
 
 
 def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
-    """Write the function `name`."""
+    """Write the function `name`, which evaluates a Taylor series.
+
+    places : nodes that `prepare` has evaluated, with the places of their values.
+    """
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)
     orders = [g.variable(x) for x in ORDERS]
@@ -357,7 +368,7 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
     made, firsts = _with_edges(g, r, edges)
     once = hoisted(g, made, {*orders, *r.carried, *r.sums, *edges, *firsts})
     once = [n for n in once if n not in places]
-    # In numbers, from w on: the sums, their ends, what is made once, and the rows.
+    # Words from w on: the sums, their ends, values computed once, and the rows.
     padded = -(-count // TOGETHER) * TOGETHER
     kept_at = padded + len(edges)
     rows_at = -(-(kept_at + len(once)) // TOGETHER) * TOGETHER
@@ -398,7 +409,7 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
 
 
 def _sums(w: Writer, padded: int) -> str:
-    """Return the calls that make the sums of an order, and declare what they call."""
+    """Return the calls that compute the sums of an order; declare their function."""
     text = _SUMS.format(vector=SUMS, row_bytes=16 * padded, align=LINE_BYTES)
     w.declared.add(text)
     calls = []
@@ -415,10 +426,11 @@ def _sums(w: Writer, padded: int) -> str:
 def _with_edges(
     g: Graph, r: Recurrence, edges: Sequence[int]
 ) -> tuple[list[int], list[int]]:
-    """Return what an order makes where the ends of its sums were made before.
+    """Return the nodes of an order whose sums lack their first and last terms.
 
-    The variables `edges` hold a_1 b_(k-1) + a_(k-1) b_1; what follows as the last of
-    what is made are those of the next order. With the variables of a_1, b_1 of each.
+    Each variable in `edges` holds a_1 b_(k-1) + a_(k-1) b_1, computed with the previous
+    order. Returned are the nodes to compute in an order, of which the last ones are the
+    edges of the next order, and the variables of a_1 and b_1 of each sum.
     """
     parts = zip(r.sums, edges, strict=False)
     made = g.substitute(r.made, {s: g.call("add", s, e) for s, e in parts})
@@ -433,8 +445,8 @@ def _with_edges(
     return made + following, firsts
 
 
-# Where more of what a function gives is zero identically, all of it is cleared at once:
-# LLVM takes longer for each number that is written than they take to be written.
+# Where more results of a function are identically zero, all results are cleared at
+# once, since LLVM compiles each store of a number.
 FEW_ZEROS = 100
 # A rare function of more nodes runs from a tape. An arm of seven joints: the 23,000 of
 # its roundoff take 0.1 s instead of 0.7 s to be made, and 56 us instead of 7 us a call.
@@ -444,7 +456,7 @@ LONG_TAPE = 2000
 def generate(
     g: Graph, functions: Functions, layout: Layout, manner: Manner = keys.PLAIN
 ) -> Code:
-    """Code of `functions`."""
+    """Return the IR of `functions`; long functions among `manner.rare` become tapes."""
     interpreted = {
         name: made
         for name, made in keys.nodes_of(functions).items()

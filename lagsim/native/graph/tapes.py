@@ -1,14 +1,13 @@
-"""Graph -> a tape for each function of a model, and the interpreter that runs it.
+"""Graph -> a tape for each function of a model, and the interpreter of the tapes.
 
-Takes the place of `straight_line` for large models, and for long functions that are
-called rarely. A tape is data: nothing is compiled but the interpreter, and what is
-computed is the same to the last bit.
+Replaces `straight_line` for large models, and for long functions that are called
+rarely. A tape is data: only the interpreter is compiled, and results have equal bits.
 
-An instruction is an opcode, a count, and as many times the fields of one evaluation:
-indices into p (32 bits) of its values and of its operands. Evaluations of one kind
-and of one level (one above its highest operand) are gathered into one instruction, so
-that the interpreter decodes few instructions: a large model has the same kinds of
-operations body by body. Truth values are 0 and 1.
+An instruction is an opcode, a count, and that many groups of fields, one for each
+evaluation: indices into p (32 bits) of its result and of its operands. Evaluations of
+one kind and one level (one above the highest level of the operands) share one
+instruction, so that the interpreter decodes few instructions: a large model repeats its
+kinds of operations body by body. Truth values are 0 and 1.
 """
 
 from __future__ import annotations
@@ -47,8 +46,17 @@ SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 class Kind(NamedTuple):
     """An operation, the exponent of a power, and which operands are products.
 
-    Those are made by the same evaluation: most of an elimination is a - b*c. `data`
-    are the arrays that come before the operands.
+    An evaluation computes these products, too: most operations of an elimination are
+    a - b*c.
+
+    Attributes
+    ----------
+    op : str
+    exponent : float or None
+    products : tuple of bool
+        Marks operands that are products of two fields.
+    data : tuple of Data
+        Constant arrays, which precede the other operands.
     """
 
     op: str
@@ -65,19 +73,20 @@ SUMS = ("add", "sub")
 
 
 class Tasks(NamedTuple):
-    """All evaluations, in an order that serves every function.
+    """The evaluations of all functions, in an order that suits every function.
 
     Attributes
     ----------
     groups : (N,) int array
-        The group of each, of one kind: ascending, and after those of its operands.
+        Group of each evaluation: evaluations of one kind and level. Ascending, and
+        later than the groups of its operands.
     opcodes : (N,) int array
     users : (N,) int array
-        Bit k: function k needs it; there are few functions.
+        Bit k is set if function k uses the evaluation.
     widths : (N,) int array
-        How many fields it has.
+        Number of fields of each evaluation.
     fields : int array
-        The node that each gives, then those that it takes.
+        The result node of each evaluation, then its operand nodes.
     """
 
     groups: Ints
@@ -88,7 +97,7 @@ class Tasks(NamedTuple):
 
 
 def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Code of `functions`: name -> the nodes written to out[0], out[1], ..."""
+    """Return the IR of `functions`: name -> the nodes written to out[0], out[1], ..."""
     tapes = _Tapes(g, layout, functions)
     lines = tapes.functions(functions, tapes.state)
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
@@ -100,9 +109,9 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
 def beside(
     g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
 ) -> tuple[set[str], list[str], int]:
-    """Return declarations and lines of functions among others, and the length of p.
+    """Return declarations, lines and required length of p of functions in a module.
 
-    Nothing of theirs is computed by `prepare`.
+    `prepare` evaluates none of their nodes.
     """
     tapes = _Tapes(g, layout._replace(fixed=frozenset()), functions)
     lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}")
@@ -111,7 +120,7 @@ def beside(
 
 
 def _copied(array: str, name: str, first: int, count: int) -> str:
-    """Write the copy of an array to p, from index `first` on."""
+    """Return the code that copies `count` numbers of `array` to p, from `first` on."""
     return (
         f"%{name} = getelementptr double, ptr %p, i64 {first}\ncall void "
         f"@llvm.memcpy.p0.p0.i64(ptr %{name}, ptr {array}, i64 {8 * count}, i1 0)"
@@ -119,7 +128,7 @@ def _copied(array: str, name: str, first: int, count: int) -> str:
 
 
 def _function(name: str, tape: Ints, before: str) -> list[str]:
-    """Return a function that runs `tape`."""
+    """Return the IR of a function that executes the code `before`, then runs `tape`."""
     data = tape.tobytes()
     text = "\\" + data.hex("\\")
     return [
@@ -133,25 +142,25 @@ def _function(name: str, tape: Ints, before: str) -> list[str]:
 
 
 class _Tapes:
-    """The tapes of all functions, which share numbers and memory in p.
+    """The tapes of all functions, which share constants and memory in p.
 
     Attributes
     ----------
     index : (len(g) + 1,) int array
-        Node -> index in p. The last, node -1, is that of sines and cosines that nobody
-        uses.
+        Index in p of each node. The last entry, of node -1, is a dummy for unused lanes
+        of sines and cosines.
     fixed : set of int
-        Nodes that `prepare` leaves in p.
+        Nodes whose values `prepare` stores in p.
     time, states : int
-        The index of t, which y follows, and the length of y.
+        Index of t in p, which y follows, and the length of y.
     size : int
         The length of p.
     opcodes : dict
-        Of the kinds that occur.
+        Opcode of each kind that occurs.
     state, filled : str
-        What copies y, and the constants, to p.
+        Code that copies y, and the constants, to p.
     table : str
-        The constants.
+        Declaration of the constants.
     """
 
     def __init__(
@@ -189,7 +198,7 @@ class _Tapes:
     def functions(
         self, functions: Mapping[str, Sequence[int]], before: str
     ) -> list[str]:
-        """Write the functions, each of which does `before` first."""
+        """Return the IR of the functions; `before` is code that each runs first."""
         lines = []
         for k, (name, made) in enumerate(functions.items()):
             text = f"{clearing(len(made))}\n{before}"
@@ -197,7 +206,7 @@ class _Tapes:
         return lines
 
     def interpreter(self) -> tuple[set[str], list[str]]:
-        """Return declarations, and the lines of what runs the tapes written before."""
+        """Return declarations and lines of the interpreter of the tapes so far."""
         kinds = {Kind(*kind): opcode for kind, opcode in self.opcodes.items()}
         whole = Interpreter(kinds, self.time)
         return whole.declared, [self.table, *whole.lines]
@@ -226,7 +235,7 @@ class _Tapes:
         found = [levels, opcodes, [users[n] for n in nodes], widths]
         levels, opcodes, masks, widths = table = np.array(found, int)
         flat, starts = np.array(fields, int), np.cumsum(widths) - widths
-        # Those of one angle stand side by side.
+        # Sine and cosine of one angle stand side by side.
         order = np.lexsort((flat[starts + 1], opcodes, levels))
         levels, opcodes, masks, widths = table[:, order]
         new = (np.diff(levels, prepend=-1) != 0) | (np.diff(opcodes, prepend=-1) != 0)
@@ -237,9 +246,10 @@ class _Tapes:
     def _users(
         self, cone: Sequence[int], functions: Sequence[Sequence[int]]
     ) -> tuple[list[int], list[bool]]:
-        """Return masks of the functions that need each node, and which nodes are inner.
+        """Return a mask of the functions that use each node, and marks of inner nodes.
 
-        Those are products whose one use in each function is a sum, which makes them.
+        An inner node is a product whose only use in each function is a sum. The
+        evaluation of the sum computes it.
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]
@@ -259,7 +269,7 @@ class _Tapes:
         return users, inner
 
     def _kind(self, n: int, inner: Sequence[bool]) -> tuple[int, Sequence[int]]:
-        """Opcode of an evaluation, and the nodes that it takes."""
+        """Return the opcode of the evaluation of node n, and its operand nodes."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op in CIRCULAR:
@@ -278,7 +288,7 @@ class _Tapes:
         return opcode, args
 
     def tape(self, k: int, results: Sequence[int]) -> Ints:
-        """Tape of function k, which writes `results` to out: a flat array of int32."""
+        """Return the tape of function k, a flat array of int32; `results` go to out."""
         tasks, index = self.tasks, self.index
         chosen = tasks.users >> k & 1 == 1
         fields = tasks.fields[np.repeat(chosen, tasks.widths)]
@@ -307,7 +317,10 @@ class _Tapes:
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
     def _sincos(self, fields: Ints) -> Ints:
-        """Instruction of sines and cosines, from (node, angle) of each, by angle."""
+        """Return the instruction for sines and cosines.
+
+        fields : pairs (node, angle), sorted by angle.
+        """
         nodes, angles = fields.reshape(-1, 2).T
         angles, lane = np.unique(angles, return_inverse=True)
         count = -(-len(angles) // LANES)
@@ -320,7 +333,7 @@ class _Tapes:
 
 
 class Interpreter(Lines):
-    """The function that runs a tape: a loop for each opcode."""
+    """The function that runs a tape: one loop for each opcode."""
 
     def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
         super().__init__()
@@ -364,7 +377,7 @@ class Interpreter(Lines):
         ]
 
     def _evaluation(self, kind: Kind, at: str) -> int:
-        """Write the evaluation of a kind; return how many fields it has."""
+        """Write the evaluation of a kind, and return its number of fields."""
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)
             return 2
@@ -392,7 +405,7 @@ class Interpreter(Lines):
         return fields
 
     def _address(self, array: str, at: str, k: int) -> str:
-        """Address in `array` that field k from `at` on tells."""
+        """Return the address in `array` at the index in field k of an evaluation."""
         field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
         index = self.line(f"load i32, ptr {field}")
         return self.line(f"getelementptr inbounds double, ptr %{array}, i32 {index}")

@@ -1,6 +1,6 @@
-"""Digest of the sources of kernels, found without translating them.
+"""Digest of the sources of kernels, computed without translating them.
 
-A warm run finds their objects by it, and never imports the translator.
+A warm run finds cached object code by this digest, and never imports the translator.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ Static: TypeAlias = "bool | int | float | tuple[Static, ...]"
 
 
 class KernelError(Exception):
-    """A kernel leaves the subset: file and line, what stands there, what to write."""
+    """A kernel leaves the subset of Python; the message has file, line and advice."""
 
 
 def fingerprint(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> str:
-    """Digest of all that `translate` makes its text of, without translating.
+    """Return a digest of all inputs that determine the text written by `translate`.
 
-    It covers the files of the translator and of the modules of all kernels reached,
-    and the values of the static globals they use, which other files may have a part in.
+    It covers the files of the translator and of the modules of all kernels reached, and
+    the values of the static globals that they use, also values computed from other
+    modules.
     """
     # Minor versions of Python may read the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
@@ -64,7 +65,7 @@ def fingerprint(
 
 @functools.cache
 def text_beside(file: str) -> str:
-    """Digest of the text of a folder's modules, which write code."""
+    """Return a digest of all modules in the folder of `file`."""
     digest = hashlib.sha256()
     for module in sorted(Path(file).parent.glob("*.py")):
         digest.update(module.read_bytes())
@@ -72,7 +73,10 @@ def text_beside(file: str) -> str:
 
 
 def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Go through the globals a function uses, and what it may use of modules."""
+    """Iterate over (name, value) of the globals that a function uses.
+
+    Attributes of modules are included if their names occur in the function.
+    """
     used = names_in(function.__code__)
     for name in used:
         value = function.__globals__.get(name)
@@ -82,19 +86,25 @@ def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
 
 
 def is_own(value: object) -> TypeGuard[FunctionType]:
-    """Whether a global is a function, and none of the words."""
+    """Whether a global is a function defined outside `words`, so a kernel."""
     return isinstance(value, FunctionType) and value.__module__ != words.__name__
 
 
 def as_kernel(function: Callable[..., Any]) -> FunctionType:
-    """Kernel as what it is, if it is one."""
+    """Return `function` if it is a plain function.
+
+    Raises
+    ------
+    KernelError
+        If it is another callable.
+    """
     if not isinstance(function, FunctionType):
         raise KernelError(f"{function!r}: a kernel is a function made by `def`")
     return function
 
 
 def names_in(code: CodeType) -> list[str]:
-    """Return the names used in a function, those in its generator expressions too."""
+    """Return the global and attribute names in a function and its nested code."""
     found = list(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -103,7 +113,7 @@ def names_in(code: CodeType) -> list[str]:
 
 
 def memories(function: FunctionType) -> dict[str, type[Memory]]:
-    """Classes of the parameters of a kernel that are a `Memory`."""
+    """Return the `Memory` class of each parameter of a kernel that has one."""
     plain = inspect.unwrap(function)
     found = {}
     for name, annotation in plain.__annotations__.items():
@@ -114,7 +124,13 @@ def memories(function: FunctionType) -> dict[str, type[Memory]]:
 
 
 def is_static(value: object) -> TypeGuard[Static]:
-    """Whether a global is a number, a condition or a table of them."""
+    """Whether a value is a number, a bool or a tuple of static values.
+
+    Examples
+    --------
+    >>> is_static((0.5, (1, 2))), is_static([0.5])
+    (True, False)
+    """
     if isinstance(value, tuple):
         return all(map(is_static, value))
     return type(value) in (bool, int, float)

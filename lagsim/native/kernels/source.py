@@ -1,7 +1,8 @@
-"""The text of kernels: where it stands, what its names mean, what is static.
+"""The text of kernels: its location, the meaning of its names, its static values.
 
 Static values are known at translation: numbers, and tables (tuples) of them, among the
-module's globals; variables of loops over `unrolled`; what is computed from these alone.
+module's globals; variables of loops over `unrolled`; values computed from static ones
+alone.
 """
 
 from __future__ import annotations
@@ -33,28 +34,28 @@ def parameters(function: FunctionType) -> list[str]:
 
 
 def static_parameters(function: FunctionType) -> list[str]:
-    """Parameters of a kernel that are known at translation."""
+    """Return the names of the parameters that are known at translation."""
     kinds = inspect.unwrap(function).__annotations__.items()
     return [name for name, kind in kinds if kind == "Static"]
 
 
 class Source:
-    """The text and the signature of one kernel function.
+    """Text and signature of one kernel.
 
     Attributes
     ----------
     name : str
         The symbol.
     parameters : dict of str to str
-        Kind of each parameter but those that are static; that of a `Memory` is Floats.
+        Kind of each parameter that is not static; the kind of a `Memory` is Floats.
     memories : dict
-        The classes of the parameters that are a `Memory`.
+        The `Memory` classes of parameters.
     result : str
         Kind of the result.
     node : ast.FunctionDef
         The function; line numbers are those of the file.
     variables : frozenset of str
-        Every name that is local: parameters and what is assigned anywhere.
+        All local names: parameters, and names assigned anywhere.
     """
 
     def __init__(
@@ -98,12 +99,18 @@ class Source:
         self.variables = frozenset(code.co_varnames + code.co_cellvars) - {*names}
 
     def error(self, node: ast.AST, text: str) -> KernelError:
-        """Error that names file and line of `node`."""
+        """Return an error that names file and line of `node`."""
         line = getattr(node, "lineno", 1)
         return KernelError(f"{self.file}:{line}: in `{self.name}`: {text}")
 
     def field(self, node: ast.expr) -> tuple[str, Field] | None:
-        """Parameter and the field of its memory that `s.t` denotes."""
+        """Return the parameter and the field that `s.t` denotes, None for other nodes.
+
+        Raises
+        ------
+        KernelError
+            If the memory of the parameter has no such field.
+        """
         if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
             return None
         memory = self.memories.get(node.value.id)
@@ -114,7 +121,7 @@ class Source:
         return node.value.id, memory.fields[node.attr]
 
     def meaning(self, node: ast.expr) -> object:
-        """Return what a global name, or an attribute of a module, denotes."""
+        """Return the value of a global name, or of an attribute of a module."""
         if isinstance(node, ast.Attribute):
             return getattr(self.meaning(node.value), node.attr, None)
         name = getattr(node, "id", "")
@@ -130,12 +137,12 @@ _STATIC_CALLS: Final = frozenset({abs, min, max, int, float, len, bool}) | {
 
 
 class Folding:
-    """Static values at the present place of a function.
+    """Evaluation of static expressions at the current position in a kernel.
 
     Attributes
     ----------
     unrolled : dict
-        Values of the variables of the `unrolled` loops around it.
+        Values of the variables of the enclosing `unrolled` loops.
     """
 
     def __init__(self, source: Source) -> None:
@@ -145,7 +152,7 @@ class Folding:
         self._compiled: dict[ast.expr, CodeType] = {}
 
     def error(self, node: ast.AST, text: str = "is not of the subset") -> KernelError:
-        """Error that shows `node`."""
+        """Return an error that quotes the source of `node`."""
         first = ast.unparse(node).partition("\n")[0]
         return self.source.error(node, f"`{first}` {text}")
 
@@ -176,7 +183,10 @@ class Folding:
         return value if is_static(value) else None
 
     def _known(self, node: ast.Name) -> object | None:
-        """Return what a name denotes that may stand in a static expression."""
+        """Return the static value of a name, None where it has none.
+
+        Modules and functions of static values count as static.
+        """
         name = node.id
         if name in self.unrolled:
             return self.unrolled[name]
@@ -190,7 +200,10 @@ class Folding:
         return self._globals[name]
 
     def _decided(self, node: ast.BoolOp) -> bool | None:
-        """Return what `and` or `or` is, where operands before that do nothing."""
+        """Return the static value of `and` or `or`, else None.
+
+        One operand may decide it, if the operands before contain no call.
+        """
         decisive = isinstance(node.op, ast.Or)
         values = []
         for operand in node.values:
@@ -205,7 +218,13 @@ class Folding:
         return None if None in values else not decisive
 
     def integer(self, node: ast.expr) -> int:
-        """Return the value of an expression that must be a static integer."""
+        """Return the value of an expression that must be a static integer.
+
+        Raises
+        ------
+        KernelError
+            If it is not static.
+        """
         value = self.fold(node)
         if not isinstance(value, int):
             raise self.error(node, "is not known at translation")
@@ -218,7 +237,7 @@ class Folding:
         return self.fold(node) == 0
 
     def values(self, target: ast.expr, iterable: ast.expr) -> Iterator[int]:
-        """Go through the values of an `unrolled(...)`, its variable being static."""
+        """Iterate over the values of an `unrolled(...)`, setting its variable."""
         if not isinstance(target, ast.Name) or not self.goes_over(
             iterable, words.unrolled
         ):

@@ -1,41 +1,42 @@
 """Kernels: a small typed subset of Python -> LLVM IR.
 
-A kernel is a plain function of annotated parameters (int, float, bool, `Floats`, or a
-`Memory`) and result (the same, or None; not an array). It may hold
+A kernel is a plain function. Its parameters are annotated with int, float, bool,
+`Floats` or a `Memory`, its result with int, float, bool or None. It may contain
 
 - numbers and conditions: `+ - * / **`, comparisons, `and or not`, `a if c else b`,
   `min max abs int float`, sqrt, floor, pow, sin, ... of `math`; `//` and `%` of an
-  integer by one that is positive and static;
+  integer by a positive static integer;
 - memory: `s.t`, `s.t = x`, `s.y` of a parameter annotated with a `layout.Memory`;
-- arrays: `a[i]`, the view `a[k:]`, tuples of targets (`a, b = b, a`); `s.y[:] = s.old
-  + h * a[:n]`, one element after the other, also `+=`: on the right stand arrays as
-  long as the stretch on the left, which are the same or do not overlap, and numbers;
-- blocks that a memory declares: `a[s.half]` is a stretch, from `s.half.start` to
+- arrays: `a[i]`, the view `a[k:]`, tuples of targets (`a, b = b, a`); assignment to a
+  slice, element by element, `s.y[:] = s.old + h * a[:n]`, also `+=`: operands on the
+  right are numbers, and arrays as long as the slice that either coincide with it or do
+  not overlap it;
+- blocks that a memory declares: `a[s.half]` is the slice from `s.half.start` to
   `s.half.stop`;
-- `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
-  no pass touches another's elements: they are then made several at once;
-- calls of other kernels and of functions marked `external`, by their names or as parts
-  of their modules, `newton.solve(...)`;
-- the bits of a number, `bits(x)`, and the number of some bits, `from_bits(k)`;
+- `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` for
+  loops whose passes access disjoint elements, which are then vectorised;
+- calls of other kernels and of functions marked `external`, by name or as attributes of
+  their modules, `newton.solve(...)`;
+- `bits(x)`, the bits of a number, and its inverse `from_bits(k)`;
 - static values: numbers and tables (tuples) of them among the module's globals,
-  parameters that are `Static`, the variables of loops over `unrolled`, and what is
-  computed from these alone: `if` on them is decided at translation, the other branch is
-  not even read; `for j in unrolled(...)` and `total(... for j in unrolled(...))` are
-  written out, and terms with a factor of zero vanish;
-  a table of floats takes any index.
+  parameters that are `Static`, the variables of loops over `unrolled`, and values
+  computed from these alone. An `if` on a static value is decided at translation, and
+  the other branch is not read; `for j in unrolled(...)` and
+  `total(... for j in unrolled(...))` are unrolled, and terms with a factor of zero
+  vanish. A table of floats may have an index that is not static.
 
 A variable has the kind of its first assignment: an int stored into a float variable is
-converted, the reverse is an error. That a variable has a value wherever it is read is
-left to mypy (`possibly-undefined`), as are missing results.
+converted, the reverse is an error. mypy checks that a variable has a value wherever it
+is read (`possibly-undefined`), and that no result is missing.
 
-Native code gives the bits of CPython: no fast-math flags and no contraction, every
+Native code has the bits of CPython: no fast-math flags and no contraction, every
 operation is rounded as CPython rounds it. sqrt, floor, fabs, copysign and fma are exact
 in IEEE 754 and become instructions; the other functions are those of the C library that
-CPython calls, marked `nobuiltin` so that LLVM does not put its own idea in their place
-(with glibc 2.36, pow(x, 2.0) differs from x*x for about one x in a thousand). It
-differs where CPython raises or has more room: division by zero, sqrt(-1.0), exp(1e3)
-give inf or nan; int(nan) is 0, int(1e300) the largest integer; integers wrap at 64
-bits; indices are not checked, and negative ones do not count from the end.
+CPython calls, marked `nobuiltin` so that LLVM does not replace them (with glibc 2.36,
+pow(x, 2.0) differs from x*x for about one x in a thousand). Results differ where
+CPython raises or has a larger range: division by zero, sqrt(-1.0), exp(1e3) return inf
+or nan; int(nan) is 0, int(1e300) the largest integer; integers wrap at 64 bits; indices
+are not checked, and negative ones do not count from the end.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ RETURNED: Final = LLVM | {"bool": "zeroext i1"}
 
 
 class Value(NamedTuple):
-    """A value of the IR: its text and its kind, one of LLVM's keys."""
+    """A value of the IR: its text, and its kind, a key of LLVM's types."""
 
     text: str
     kind: str
@@ -80,20 +81,20 @@ class Value(NamedTuple):
 def translate(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> str:
-    """Translate kernels, and those they call, to LLVM IR.
+    """Translate kernels, and the kernels that they call, to LLVM IR.
 
     Parameters
     ----------
     functions : sequence of functions
-        They become symbols under their names; kernels they call stay internal.
-        An external of the name of one of them is that one.
+        These become symbols under their names; kernels that they call stay internal. A
+        call of an external of one of these names is linked to the kernel.
     statics : mapping, optional
-        Values that stand before the globals of the same name, in every module.
+        Static values that replace the globals of equal names, in every module.
 
     Returns
     -------
     str
-        The text: the same for the same functions and statics.
+        The text; a function of the arguments alone.
 
     Raises
     ------
@@ -133,22 +134,22 @@ _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 
 
 
 class _Function(Folding, ast.NodeVisitor):
-    """The translation of one function: of its expressions and statements by kind.
+    """Translation of one function, by a method for each kind of syntax node.
 
     Attributes
     ----------
     lines, allocated : list of str
-        The instructions so far; the places of its variables, for the entry block.
+        The instructions so far; allocations of its variables, for the entry block.
     kinds : dict
         Kind of each variable, in the order of their first assignment.
     loops : list of (str, str)
-        Where `break` and `continue` go in the loops around it.
+        Labels of the targets of `break` and `continue` of the enclosing loops.
     element : str
-        Within an assignment to a stretch of an array, the index of its element.
+        Within an assignment to a slice, the index of the current element.
     live : bool
-        Whether the present place is reached.
+        Whether the current position is reachable.
     reached : set of str
-        The labels that something goes to.
+        Labels that are targets of a jump.
     """
 
     def __init__(self, source: Source, program: _Translation) -> None:
@@ -179,7 +180,7 @@ class _Function(Folding, ast.NodeVisitor):
         }
 
     def text(self, symbol: str, linkage: str) -> str:
-        """Text of the function."""
+        """Return the IR of the function."""
         source = self.source
         for name, kind in source.parameters.items():
             self._store_name(source.node, name, Value(f'%"{name}"', kind))
@@ -223,19 +224,19 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op("Floats", text).text
 
     def _jump(self, label: str) -> None:
-        """End a block by going to `label`, if the present place is reached."""
+        """End a block with a jump to `label`, if the current position is reachable."""
         if self.live:
             self.lines.append(f"  br label {label}")
             self.reached.add(label)
         self.live = False
 
     def _branch(self, test: Value, yes: str, no: str) -> None:
-        """End a block by going to one of two labels."""
+        """End a block with a jump to one of two labels, by a condition."""
         self.lines.append(f"  br i1 {test.text}, label {yes}, label {no}")
         self.reached |= {yes, no}
 
     def _begin(self, label: str) -> None:
-        """Begin the block `label`, if something goes there."""
+        """Begin the block `label`, if a jump has this label as its target."""
         self.live = label in self.reached
         if self.live:
             self.lines.append(f"{label[1:]}:")
@@ -251,7 +252,7 @@ class _Function(Folding, ast.NodeVisitor):
         return value
 
     def generic_visit(self, node: ast.AST) -> Any:
-        """Refuse what is not of the subset."""
+        """Raise KernelError for a node that is outside the subset."""
         raise self.error(node)
 
     def visit_Name(self, node: ast.Name) -> Value:
@@ -270,7 +271,13 @@ class _Function(Folding, ast.NodeVisitor):
         raise self.error(node, "is a table; take one number of it")
 
     def _cast(self, value: Value, kind: str, node: ast.AST) -> Value:
-        """Convert int to float, leave the same kind, refuse the rest."""
+        """Convert an int to float, or keep a value of equal kind.
+
+        Raises
+        ------
+        KernelError
+            For other kinds.
+        """
         if kind != "Floats":
             value = self._single(value)
         if value.kind == kind:
@@ -280,7 +287,7 @@ class _Function(Folding, ast.NodeVisitor):
         raise self.error(node, f"is {value.kind}, not {kind}")
 
     def _converted(self, node: ast.expr, kind: str) -> Value:
-        """Translate an expression to a value of a kind."""
+        """Translate an expression, and convert its value to a kind."""
         return self._cast(self.expression(node), kind, node)
 
     def _number(self, node: ast.expr) -> Value:
@@ -291,13 +298,13 @@ class _Function(Folding, ast.NodeVisitor):
         return value
 
     def _single(self, value: Value) -> Value:
-        """Element of an array that is meant, where a stretch is assigned."""
+        """Return the current element of an array, in an assignment to a slice."""
         if value.kind == "Floats" and self.element:
             return self._get("float", self._address(value.text, self.element))
         return value
 
     def _common(self, node: ast.AST, *values: Value) -> tuple[list[Value], str]:
-        """Numbers the kind they have in common."""
+        """Convert numbers to their common kind."""
         kind = "float" if any(v.kind == "float" for v in values) else "int"
         return [self._cast(v, kind, node) for v in values], kind
 
@@ -307,18 +314,18 @@ class _Function(Folding, ast.NodeVisitor):
         return found is not None and found[1].kind == BLOCK
 
     def _is_stretch(self, node: ast.expr) -> TypeGuard[ast.Subscript]:
-        """Whether an expression is a stretch of an array: `a[i:j]`, `a[s.half]`."""
+        """Whether an expression is a slice of an array: `a[i:j]`, `a[s.half]`."""
         return isinstance(node, ast.Subscript) and (
             isinstance(node.slice, ast.Slice) or self._is_block(node.slice)
         )
 
     def _bound(self, block: ast.expr, name: str) -> Value:
-        """Where a block begins or ends: its `start` or `stop`."""
+        """Return the `start` or `stop` of a block."""
         _, place, _ = self._word(block)
         return self._load_size(self._address(place, int(name == "stop")))
 
     def _element(self, node: ast.Subscript) -> str:
-        """Address of an element of an array, or of the first of a stretch."""
+        """Return the address of an element of an array, or of the first of a slice."""
         base = self._converted(node.value, "Floats")
         index = node.slice
         if self._is_block(index):
@@ -333,7 +340,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._address(base.text, self._converted(index, "int").text)
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
-        """Load an element; a stretch of an array is where it begins."""
+        """Load an element; for a slice, return the address of its first element."""
         table = self.fold(node.value)
         if isinstance(table, tuple):
             return self._get("float", self._tabulated(node, table))
@@ -343,7 +350,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._get("float", place)
 
     def _tabulated(self, node: ast.Subscript, table: tuple[Static, ...]) -> str:
-        """Address of a number of a static table, by an index that is not static."""
+        """Return the address of a number in a static table, at a variable index."""
         numbers = [self._literal(node, x) for x in table]
         if any(x.kind != "float" for x in numbers):
             raise self.error(node, "is no table of floats, whose index may vary")
@@ -354,7 +361,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Address of a memory, of one of its words, and the field."""
+        """Return the addresses of a memory and of one of its words, and the field."""
         found = self.source.field(node)
         if found is None:
             raise self.error(node)
@@ -406,7 +413,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op(kind, f"{name} {LLVM[kind]} {left.text}, {right.text}")
 
     def _floored(self, node: ast.BinOp, left: Value) -> Value:
-        """Translate `//` or `%`, which Python rounds down."""
+        """Translate `//` or `%`, which round towards minus infinity as in Python."""
         divisor = self.integer(node.right)
         a = self._cast(left, "int", node).text
         if divisor <= 0:
@@ -421,7 +428,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op("int", f"sdiv i64 {whole}, {divisor}")
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        """Translate comparisons; an operand in the middle, no call, is read twice."""
+        """Translate comparisons; a middle operand, never a call, is evaluated twice."""
         (op, *ops), (operand, *operands) = node.ops, node.comparators
         if ops and any(isinstance(x, ast.Call) for x in ast.walk(operand)):
             raise self.error(operand, "is called within a chain of comparisons")
@@ -463,7 +470,7 @@ class _Function(Folding, ast.NodeVisitor):
     def _chosen(
         self, node: ast.expr, test: Value, yes: ast.expr, no: ast.expr
     ) -> Value:
-        """Translate one of two expressions, of the kind that the first one has."""
+        """Translate a choice of two expressions, with the kind of the first one."""
         kept, found = self.lines, []
         for branch in (yes, no):
             self.lines = []
@@ -525,7 +532,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op(result, f"call {LLVM[result]} @{name}({passed}){libm}")
 
     def _recast(self, kind: str, value: Value) -> Value:
-        """Take the bits of a number, or an integer, as the other."""
+        """Reinterpret the bits of a float as an integer, or the reverse."""
         result = "int" if kind == "double" else "float"
         return self._op(result, f"bitcast {kind} {value.text} to {LLVM[result]}")
 
@@ -562,7 +569,7 @@ class _Function(Folding, ast.NodeVisitor):
     # Statements.
 
     def _block(self, body: list[ast.stmt]) -> None:
-        """Translate statements, as far as they are reached."""
+        """Translate statements, up to the first that is unreachable."""
         for statement in body:
             if not self.live:
                 return
@@ -595,7 +602,7 @@ class _Function(Folding, ast.NodeVisitor):
         self.visit_Assign(ast.Assign([node.target], value))
 
     def _spread(self, target: ast.Subscript, value: ast.expr) -> None:
-        """Store in each element of a stretch the value for it."""
+        """Store in each element of a slice its value."""
         begin = self._element(target)
         start, stop = self._bounds(target)
         count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
@@ -609,7 +616,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._counted(Value("0", "int"), count, store)
 
     def _bounds(self, target: ast.Subscript) -> tuple[Value, Value]:
-        """First element of a stretch that is assigned, and the one after its last."""
+        """Return the first index of an assigned slice, and its end."""
         stretch = target.slice
         if not isinstance(stretch, ast.Slice):
             return self._bound(stretch, "start"), self._bound(stretch, "stop")
@@ -622,7 +629,7 @@ class _Function(Folding, ast.NodeVisitor):
         return start, self._load_size(self._address(memory, field.word + 1))
 
     def _place(self, target: ast.expr) -> str:
-        """Address of an element, or of a number of a memory."""
+        """Return the address of an element, or of a number of a memory."""
         if isinstance(target, ast.Subscript):
             return self._element(target)
         found = self.source.field(target)
@@ -652,7 +659,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._jump(self.loops[-1][1])
 
     def visit_Pass(self, node: ast.Pass) -> None:
-        """Translate to nothing."""
+        """Translate `pass` to no instruction."""
 
     def visit_Return(self, node: ast.Return) -> None:
         kind = self.source.result
@@ -725,7 +732,10 @@ class _Function(Folding, ast.NodeVisitor):
         *,
         parallel: bool = False,
     ) -> None:
-        """Make a loop; `body` is given the counter, what comes after, the next pass."""
+        """Write a loop whose counter runs from `start` to `stop`, exclusive.
+
+        `body` writes one pass, from the counter and the labels of exit and next pass.
+        """
         counter = self._allocate("counter", "int")
         self._put(start, counter)
         head, inside, advance, after = map(self._name, ("for", "do", "next", "endfor"))
@@ -747,7 +757,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._begin(after)
 
     def _mark_parallel(self, first: int) -> None:
-        """Mark a loop, from line `first` to its jump back, as one of `apart`."""
+        """Mark a loop over `apart`, from line `first` to its back jump, as parallel."""
         for k in range(first, len(self.lines)):
             line = self.lines[k]
             if line.startswith("  store ") or " = load " in line:
@@ -766,7 +776,7 @@ class _Function(Folding, ast.NodeVisitor):
 
 
 class _Translation:
-    """The functions found so far, and the text they need besides their own."""
+    """The functions found so far, and declarations for the text."""
 
     def __init__(
         self, functions: Sequence[Callable[..., Any]], statics: Mapping[str, object]
@@ -783,7 +793,7 @@ class _Translation:
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:
-        """Translate what waits, and what comes to wait by it."""
+        """Translate the waiting functions, and those found during their translation."""
         defined = []
         used: set[str] = set()
         while self.waiting:
@@ -799,7 +809,7 @@ class _Translation:
         return "\n".join([*self.declared, *defined])
 
     def callee(self, function: FunctionType, *known: int) -> tuple[str, Source]:
-        """Symbol and signature; see that the function will be there.
+        """Return symbol and signature of a function, and queue it for translation.
 
         known : the values of its static parameters.
         """
@@ -808,11 +818,11 @@ class _Translation:
         return self.known[function, *known]
 
     def declare(self, line: str) -> None:
-        """Have a declaration in the text, once."""
+        """Add a declaration to the text, once."""
         self.declared[line] = None
 
     def parallel(self) -> int:
-        """Return the number of a new mark of a loop whose accesses are apart."""
+        """Return the number of a new mark of a loop whose passes are independent."""
         self.declare("!0 = distinct !{}")
         self.loops += 1
         properties = '!{!"llvm.loop.parallel_accesses", !0}, '

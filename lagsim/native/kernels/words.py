@@ -1,8 +1,8 @@
-"""The words a kernel is written in besides Python's own.
+"""Functions with which kernels are written, in addition to Python's own.
 
-A kernel is a plain Python function of the subset that `translation` translates. Under
-CPython these definitions are what runs; the translator knows them by identity and
-gives the same bits.
+A kernel is a plain Python function of the subset that `translation` translates. CPython
+executes the definitions below; the translator recognises them by identity and writes
+code with equal bits.
 """
 
 from __future__ import annotations
@@ -26,30 +26,41 @@ _EXTERNAL = "lagsim_external"
 
 
 def unrolled(*bounds: int) -> range:
-    """Return `range(*bounds)`; the translator writes the loop over it out.
+    """Return `range(*bounds)`; the translator unrolls the loop.
 
-    The bounds are known at translation, and so is the loop variable: a table indexed
-    by it becomes a number, an `if` on it is decided.
+    The bounds are static, and so is the loop variable: an element of a table at this
+    index becomes a number, an `if` on it is decided at translation.
+
+    Examples
+    --------
+    >>> [k for k in unrolled(2, -1, -1)]
+    [2, 1, 0]
     """
     return range(*bounds)
 
 
 def apart(count: int) -> range:
-    """Return `range(count)` for a loop whose passes do not touch each other's elements.
+    """Return `range(count)` for a loop whose passes access disjoint elements.
 
-    The translator has them made several at once, with the same bits. For arrays of some
-    length: it takes code, and time to compile.
+    The translator marks the loop for vectorisation, with equal bits. Worthwhile for
+    long arrays only, because of the time to compile.
     """
     return range(count)
 
 
 def total(terms: Iterable[float]) -> float:
-    """Sum the terms in their order, as in `total(A[j] * k[j] for j in unrolled(4))`.
+    """Return the sum of terms, added in order.
 
-    The builtin `sum` is compensated from Python 3.12 on and so gives other bits.
-    The sum starts with the first term, an empty one is 0.0. The translator leaves out
-    the terms with a static factor of 0.0; here they are added. Both give the same bits
-    as long as the other factors are finite, but for the sign of a sum that is zero.
+    As in `total(A[j] * k[j] for j in unrolled(4))`. The builtin `sum` is compensated
+    from Python 3.12 on, so its bits differ. The sum starts with the first term; an
+    empty one is 0.0. The translator omits terms with a static factor of 0.0, which are
+    added here: bits are equal as long as the other factors are finite, except for the
+    sign of a sum that is zero.
+
+    Examples
+    --------
+    >>> total(0.1 for _ in range(3))
+    0.30000000000000004
     """
     iterator = iter(terms)
     result = next(iterator, 0.0)
@@ -61,7 +72,13 @@ def total(terms: Iterable[float]) -> float:
 def fused(a: float, b: float, c: float) -> float:
     """Return a*b + c, rounded once (IEEE 754: fusedMultiplyAdd).
 
-    Where a sum waits for each of its terms: it takes half the time of two operations.
+    For recurrences in which each sum depends on the previous one: half the latency of
+    two operations.
+
+    Examples
+    --------
+    >>> fused(0.1, 10.0, -1.0) == 2.0**-54, 0.1 * 10.0 - 1.0
+    (True, 0.0)
     """
     from fractions import Fraction
 
@@ -77,20 +94,32 @@ def fused(a: float, b: float, c: float) -> float:
 
 
 def bits(x: float) -> int:
-    """Return the bits of a number (IEEE 754: binary64), as a signed integer."""
+    """Return the bits of a double (IEEE 754: binary64) as a signed integer.
+
+    Examples
+    --------
+    >>> hex(bits(1.0))
+    '0x3ff0000000000000'
+    """
     return int(struct.unpack("<q", struct.pack("<d", x))[0])
 
 
 def from_bits(k: int) -> float:
-    """Return the number that has these bits."""
+    """Return the double with the bits of a signed integer.
+
+    Examples
+    --------
+    >>> from_bits(bits(0.1))
+    0.1
+    """
     return float(struct.unpack("<d", struct.pack("<q", k))[0])
 
 
 def external(function: Callable[P, R]) -> Callable[P, R]:
-    """Mark a function that is given at link time under its name.
+    """Mark a function that is defined at link time, under its name.
 
-    Its annotations tell the kinds of parameters and result; its body is not read
-    (mypy wants `raise NotImplementedError` where there is a result).
+    Its annotations declare the kinds of parameters and result; its body is not
+    translated (mypy requires `raise NotImplementedError` where there is a result).
     """
 
     @functools.wraps(function)
@@ -106,5 +135,5 @@ def external(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def is_external(function: object) -> bool:
-    """Whether `function` was marked by `external`."""
+    """Whether `function` is marked by `external`."""
     return getattr(function, _EXTERNAL, False) is True

@@ -1,1 +1,1 @@
-"""LLVM IR -> object code, kept by content, linked into callables."""
+"""LLVM IR -> object code, cached by its inputs, linked into callables."""

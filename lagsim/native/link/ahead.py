@@ -1,8 +1,8 @@
 """Second process, which compiles kernels and draws pictures beside the first.
 
-LLVM works in one thread at a time, and so does matplotlib. The second process hands
-its contents over by a pipe; what it has not made, the first makes itself; so it does
-all where there is no second core or no `fork`.
+LLVM works in one thread at a time, and so does matplotlib. The second process sends its
+results through a pipe; the first process computes results that have not been sent, and
+all results where there is no second core or no `fork`.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from multiprocessing.connection import Connection
 
-# Those at work, within each `helped`; empty where nobody may be sent.
+# Second processes at work within each `helped`; empty outside.
 _helpers: list[list[Helper]] = []
 
 
 @contextlib.contextmanager
 def helped() -> Iterator[None]:
-    """Let others be sent meanwhile.
+    """Context manager within which `bring` may start second processes.
 
-    Only for a process that nobody else has a part in: of its threads, which may hold
-    locks, the other one has none.
+    Only for a process with a single thread: a fork copies locks, but not the threads
+    that hold them.
     """
     if not is_possible():
         yield
@@ -40,13 +40,20 @@ def helped() -> Iterator[None]:
 
 
 def is_possible() -> bool:
-    """Whether there is a second core, and a system on which to fork is safe."""
-    # Elsewhere what a system loads may not like it.
+    """Whether there is a second core, and a system on which a fork is safe."""
+    # On other systems, loaded libraries may fail after a fork.
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
 def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
-    """Have something made, if others may be sent; return what waits and gives it."""
+    """Start `make` in a second process where possible, and return its future result.
+
+    Returns
+    -------
+    function
+        Waits for the result and returns it. `make` itself where there is no second
+        process; it is also called if the second process fails.
+    """
     if not _helpers:
         return make
     helper = Helper(lambda: None, lambda _: iter([make()]))
@@ -62,17 +69,19 @@ def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
 
 
 class Helper:
-    """Second process, which is prepared in advance and works on the task sent to it.
+    """Second process, started in advance, which works on one task sent to it.
 
     Parameters
     ----------
-    ready, work
-        `work` is given what `give` was, and gives one content after the other.
+    ready : function
+        Called in the second process before it receives the task.
+    work : function
+        From the bytes of the task, yields results one after the other.
 
     Attributes
     ----------
     done : bool
-        Whether all of its contents have come.
+        Whether all results have been received.
     """
 
     def __init__(
@@ -93,7 +102,10 @@ class Helper:
         self.done = False
 
     def give(self, order: bytes) -> Iterator[bytes]:
-        """Tell it what to work on; return what it makes, as far as it comes."""
+        """Send the task; return an iterator over the results as they are received.
+
+        The iterator ends early if the second process fails.
+        """
         with contextlib.suppress(OSError):
             self._line.send_bytes(order)
         return self._contents()
@@ -105,7 +117,7 @@ class Helper:
             self.done = True
 
     def end(self) -> None:
-        """Let it end, whatever it is at."""
+        """Kill the second process."""
         self._line.close()
         self._process.kill()
         self._process.join()
@@ -116,8 +128,8 @@ def _serve(
     ready: Callable[[], None],
     work: Callable[[bytes], Iterator[bytes]],
 ) -> None:
-    """Serve one order in the second process; what fails is left to the first."""
-    # Signals are the first one's, and so is the pipe where it hears of them.
+    """Work on one task in the second process; an exception ends the results early."""
+    # Signals are handled by the first process, and so is its wake-up pipe.
     signal.set_wakeup_fd(-1)
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_DFL)

@@ -1,11 +1,12 @@
-"""Object code, kept by content in the user's cache.
+"""Object code, stored by its inputs in the user's cache.
 
-A kept object is found by a digest of what it was made from: the graph, or the text and
-the tables of kernels, with the versions, the CPU and its features. Nothing is ever
-out of date, only unused, and the oldest goes when the folder grows too large.
+Stored code is found by a digest of its inputs: the graph, or the text and the tables of
+kernels, with the versions, the CPU and its features. So no object is ever out of date,
+only unused, and the oldest are removed when the folder grows too large.
 
-The folder holds code that will be run, so it must belong to this user and be writable
-by nobody else. Where there is none like that, all works without, only slower.
+The folder holds code that will be executed, so it must belong to this user and be
+writable by nobody else. Without such a folder nothing is stored, and code is compiled
+in each process.
 """
 
 from __future__ import annotations
@@ -35,27 +36,27 @@ CACHE_VARIABLE = "LAGSIM_CACHE"
 LIMIT_BYTES = 256 * 2**20
 """Size at which the objects that were not used for longest are removed."""
 
-_FORMAT = "4"  # of files and keys; a change leaves all that is kept unused
+_FORMAT = "4"  # of files and keys; a change leaves all stored objects unused
 _MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"
 _SUFFIX = ".object"
 _SIZE = struct.Struct("<q")  # the length of p, before an object
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
-# What another process is making, by key.
+# Objects that another process compiles, by key.
 _coming: dict[str, Callable[[], bytes]] = {}
 _fingerprints: dict[tuple[object, ...], str] = {}
 
 
 class Part:
-    """A part of a program: functions that are written, and compiled, together.
+    """A part of a program: functions that are generated and compiled together.
 
     Parameters
     ----------
     made_from : sequence of str
-        Its kind and a digest, by which IR and object code are kept.
+        Kind and digest of the inputs, by which IR and object code are stored.
     write : function
-        Gives its IR, and the length of p that its functions need.
+        Returns the IR, and the length of p that its functions need.
     optimise : bool
         See `engine.compile_object`.
     """
@@ -92,35 +93,43 @@ class Part:
 
     @property
     def p_size(self) -> int:
-        """Length of p that its functions need; 0 for kernels."""
+        """Length of p that the functions need; 0 for kernels."""
         return int(_SIZE.unpack_from(self._content)[0])
 
     @property
     def ir(self) -> str:
-        """LLVM IR, the same for all targets; kept once it has been asked for."""
+        """LLVM IR, equal for all targets; stored in the cache once it has been read."""
         key = [*self.made_from, "ir"]
         return _kept(key, lambda: str.encode(self._write()[0])).decode()
 
     def begin(self) -> None:
-        """Have a second process make the object code, where there may be one."""
+        """Start compilation in a second process, where that is possible."""
         key, path = _place([*self.made_from, *engine.target()])
         if path is None or not path.exists():
             _coming[key] = ahead.bring(self._compiled)
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Part:
-    """Functions of a graph: its digest, see `graph.keys`, and what writes the code."""
+    """Return the part of a graph's functions.
+
+    Parameters
+    ----------
+    made_from : str
+        Digest of the graph, see `graph.keys`.
+    generate : function
+        Returns the IR, and the length of p that its functions need.
+    """
     return Part(["graph", made_from], generate, optimise=False)
 
 
 def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> Part:
-    """Kernels; they are translated where they are not kept.
+    """Return the part of kernels, which are translated unless they are in the cache.
 
     functions, statics : as for `translation.translate`.
     """
-    # The digest is made once in a process: a short run takes little longer.
+    # The digest is computed once in a process: it takes nearly as long as a short run.
     known = *functions, repr(statics)
     if known not in _fingerprints:
         _fingerprints[known] = keys.fingerprint(functions, statics)
@@ -136,9 +145,17 @@ def kernel_part(
 def linked(
     parts: Sequence[Part], first: str, exports: Sequence[str], chosen: engine.Target
 ) -> bytes:
-    """Object code of all parts as one, for any target, see `engine.link_object`.
+    """Return the object code of all parts as one object, see `engine.link_object`.
 
-    first : IR that is linked before theirs.
+    Parameters
+    ----------
+    parts : sequence of Part
+    first : str
+        IR that is linked before the parts.
+    exports : sequence of str
+        Symbols that stay visible.
+    chosen : Target
+        Any target, not only this machine.
     """
     parts = [*parts, *runtime(chosen)]
 
@@ -151,7 +168,7 @@ def linked(
 
 
 def runtime(chosen: engine.Target) -> list[Part]:
-    """Parts that a target asks for besides those of a program."""
+    """Return the parts that a target needs in addition to a program."""
     if not chosen.portable:
         return []
     from lagsim.native import elementary
@@ -160,10 +177,11 @@ def runtime(chosen: engine.Target) -> list[Part]:
 
 
 def folder(name: str = "objects") -> Path | None:
-    """Folder of the cache, made if need be; None if there is none to trust.
+    """Return the folder of the cache, created if need be; None if it is not trusted.
 
-    It is in $LAGSIM_CACHE, or in the platform's folder for caches. It belongs to this
-    user, and nobody else may write into it, or rename a folder on the way to it.
+    It lies in $LAGSIM_CACHE, or in the platform's folder for caches. A trusted folder
+    belongs to this user, and nobody else may write into it or rename one of its
+    parents.
     """
     try:
         base = _base()
@@ -178,7 +196,7 @@ def folder(name: str = "objects") -> Path | None:
 
 
 def _make(path: Path) -> None:
-    """Make a folder, and those above it, for this user alone."""
+    """Create a folder and its parents, for this user alone."""
     if not path.is_dir():
         _make(path.parent)
         path.mkdir(mode=0o700, exist_ok=True)
@@ -193,9 +211,9 @@ def _is_own(found: os.stat_result) -> bool:
 
 
 def _is_kept(above: Path) -> bool:
-    """Whether what is in a folder stays there, whoever else may write into it.
+    """Whether other users cannot rename or remove entries of the folder `above`.
 
-    A group may be this user's alone; everybody is not.
+    A group may write, since it may have this user only; others may not.
     """
     mode = above.stat().st_mode
     return sys.platform == "win32" or not mode & 0o002 or bool(mode & stat.S_ISVTX)
@@ -216,7 +234,10 @@ def _base() -> Path | None:
 
 
 def _place(made_from: Sequence[object]) -> tuple[str, Path | None]:
-    """Key of what is made from that, and where it is kept, if it can be."""
+    """Return the key of given inputs, and the path of their object, or None.
+
+    None where there is no trusted folder.
+    """
     where = folder()
     key = _digest([_FORMAT, *made_from])
     return key, None if where is None else where / f"{key}{_SUFFIX}"
@@ -243,12 +264,12 @@ def _digest(parts: Iterable[object]) -> str:
 
 
 def _seal(key: str, code: bytes) -> bytes:
-    """Return what stands before an object: it is whole, and that of its key."""
+    """Return the header of an object, a digest of its key and content."""
     return _MAGIC + hashlib.sha256(key.encode() + code).digest()
 
 
 def _read(path: Path, key: str) -> bytes | None:
-    """Read an object; None if there is none, not the whole of one, or another."""
+    """Return a stored object; None if it is missing, incomplete or of another key."""
     try:
         content = files.content(path)
     except OSError:
@@ -264,7 +285,7 @@ def _read(path: Path, key: str) -> bytes | None:
 
 
 def _write(path: Path, key: str, code: bytes) -> None:
-    """Keep an object: written beside and renamed, so that readers find all or none."""
+    """Store an object: a temporary file is renamed, so that readers find all or none."""
     beside = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
     try:
         with os.fdopen(files.begin(beside, 0o600), "wb") as file:
@@ -273,13 +294,13 @@ def _write(path: Path, key: str, code: bytes) -> None:
     except OSError:  # no room, or on Windows another process is reading the file
         with contextlib.suppress(OSError):
             files.drop(beside)
-    # Keys are evenly spread: one new object in sixteen has the folder looked through.
+    # Keys are evenly distributed: the folder is pruned after one new object in sixteen.
     if path.name.startswith("0"):
         prune(path.parent)
 
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
-    """Remove the files not used for longest, down to half the limit if over it."""
+    """Remove the files unused for longest, down to half of `limit` bytes if above."""
     there = []
     with contextlib.suppress(OSError):
         for path in where.iterdir():

@@ -1,6 +1,7 @@
-"""Object code: made from LLVM IR, and linked into callables. The only user of llvmlite.
+"""LLVM IR -> object code -> callables, by llvmlite.
 
-llvmlite is imported when first needed: it takes longer to load than all of lagsim.
+This module alone imports llvmlite, when it is first needed: the import takes longer
+than that of all of lagsim.
 """
 
 from __future__ import annotations
@@ -44,16 +45,16 @@ LEVEL = 1
 
 
 class NativeError(RuntimeError):
-    """Native code could not be made or linked: a fault of lagsim, not of its input."""
+    """Native code could not be compiled or linked: a fault of lagsim, not of its input."""
 
 
 class Target(NamedTuple):
-    """Target of compilation: what object code depends on besides its IR.
+    """Target of compilation: all that object code depends on besides its IR.
 
     Attributes
     ----------
     portable : bool
-        Whether it is compiled as `PORTABLE` says.
+        Whether code has equal bits on all CPUs, see `PORTABLE`.
     """
 
     llvmlite: str
@@ -66,7 +67,7 @@ class Target(NamedTuple):
 
 @functools.cache
 def _binding() -> Any:
-    """Llvmlite's binding, ready to compile for this machine."""
+    """Return llvmlite's binding, ready to compile for this machine."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -75,7 +76,7 @@ def _binding() -> Any:
 
 
 def target() -> Target:
-    """Target of `compile_object`: this machine, or what LAGSIM_CPU names."""
+    """Return the target of `compile_object`: this machine, or the CPU in LAGSIM_CPU."""
     return _target(os.environ.get(CPU_VARIABLE) or "host")
 
 
@@ -104,14 +105,14 @@ def _target(cpu: str) -> Target:
 
 
 def wasm_target() -> Target:
-    """Target of WebAssembly, with vectors of 128 bits; portable."""
+    """Return the target of WebAssembly, with vectors of 128 bits; portable."""
     return _target(PORTABLE)._replace(
         triple="wasm32-unknown-unknown", features="+simd128"
     )
 
 
 def _demand_known(cpu: str) -> None:
-    """Refuse a name that LLVM does not know, which it ends the process for.
+    """Refuse a CPU name that LLVM does not know; LLVM itself would end the process.
 
     Raises
     ------
@@ -119,7 +120,7 @@ def _demand_known(cpu: str) -> None:
     """
     import subprocess
 
-    # It answers on stderr, and nowhere else.
+    # LLVM reports an unknown name on stderr only.
     asked = [sys.executable, "-P", "-c", _ASK, cpu]
     done = subprocess.run(asked, capture_output=True, check=False)
     if done.returncode or done.stderr:
@@ -144,12 +145,11 @@ def compile_object(ir: str, *, optimise: bool = True) -> bytes:
 
     Parameters
     ----------
-    ir
-        The code.
-    optimise
-        Whether LLVM's own passes over the IR are worth their time. For straight-line
-        code from a graph, where all that is equal is shared already, they are not:
-        they make it no faster, and its compilation five times longer.
+    ir : str
+    optimise : bool
+        Whether to run LLVM's passes over the IR. Not useful for straight-line code from
+        a graph, in which common subexpressions are shared already: it becomes no
+        faster, and compiles five times longer.
 
     Raises
     ------
@@ -164,9 +164,9 @@ def compile_object(ir: str, *, optimise: bool = True) -> bytes:
 def link_object(
     irs: Sequence[tuple[str, bool]], exports: Collection[str], chosen: Target
 ) -> bytes:
-    """Compile several texts of IR to one object, which shows nothing but `exports`.
+    """Compile several texts of IR to one object, with the visible symbols `exports`.
 
-    irs : each with whether it is optimised, see `compile_object`.
+    irs : each with its flag `optimise`, see `compile_object`.
     """
     machine = _machine(chosen)
     whole = _module("", chosen, machine, optimise=False)
@@ -183,7 +183,7 @@ def link_object(
 
 
 def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
-    """Parse IR for a target.
+    """Return the LLVM module of an IR text for a target.
 
     Raises
     ------
@@ -205,9 +205,9 @@ def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
 
 
 def portable(ir: str) -> str:
-    """Return IR without contraction, which calls `elementary` in the place of libm.
+    """Return IR without contraction, which calls `elementary` in place of libm.
 
-    Under names of its own: LLVM takes `exp` for the one that it knows.
+    These functions are renamed, since LLVM would replace a function called `exp`.
     """
     from lagsim.native import elementary
     from lagsim.native.kernels.translation import translate
@@ -215,7 +215,7 @@ def portable(ir: str) -> str:
     names = "|".join(x.__name__ for x in elementary.FUNCTIONS)
     fma = "@llvm.fma.f64("
     if fma in ir:
-        # Beside its callers, which it is short enough to be inlined into.
+        # In the module of its callers, so that it can be inlined.
         ir = re.sub(rf"^declare .*{re.escape(fma)}.*\n", "", ir, flags=re.MULTILINE)
         ir += translate([elementary.fused]).replace(
             "define double", "define internal double"
@@ -239,21 +239,22 @@ def _passes(machine: Any) -> Any:
 
 
 class Engine:
-    """Objects linked with each other in this process.
+    """Object code linked in this process.
 
-    Engines do not see each other: each may have its own `derivative`. The code is
-    freed with the engine, and every callable made by it keeps it alive.
+    Symbols of one engine are invisible to other engines: each may have its own
+    `derivative`. The code is freed with the engine, and every callable from `function`
+    keeps the engine alive.
 
     Parameters
     ----------
     objects : sequence of bytes
-        Object code from `compile_object`. Symbols they leave open are resolved among
-        them and, for mathematical functions, in this process.
+        Object code from `compile_object`. Undefined symbols are resolved among the
+        objects and, for mathematical functions, in this process.
 
     Raises
     ------
     NativeError
-        If the objects cannot be loaded, or two define the same symbol.
+        If the objects cannot be loaded, or two define one symbol.
     """
 
     def __init__(self, objects: Sequence[bytes]) -> None:
@@ -262,8 +263,8 @@ class Engine:
         for code in objects:
             builder.add_object_img(code)
         # An LLJIT for each: the name of a library stays taken when the library is gone.
-        # What it prints names open symbols. JITLink is LLVM's choice for ARM, where the
-        # older linker has limits.
+        # Its messages name undefined symbols. JITLink is LLVM's choice for ARM, where
+        # the older linker has limits.
         self._jit = llvm.create_lljit_compiler(
             _machine(target()),
             use_jit_link=platform.machine().lower() in ("arm64", "aarch64"),
@@ -274,17 +275,17 @@ class Engine:
             raise NativeError(f"native code does not link: {fault}") from fault
         self._trackers = [library]
         self._addresses: dict[str, int] = {}
-        # The code goes before what holds it, also when both are found in a cycle. Not
-        # at exit: a callable may still be used there, and the process frees all.
+        # The code is freed before its compiler, also when both are found in a cycle.
+        # Not at exit: a callable may still be used there, and the process frees all.
         weakref.finalize(self, _close, self._trackers, self._jit).atexit = False
 
     def address(self, name: str) -> int:
-        """Address of a symbol; it is valid while this engine lives.
+        """Return the address of a symbol; it is valid while this engine exists.
 
         Raises
         ------
         NativeError
-            If no object defines `name`, or what its code calls.
+            If no object defines `name`, or a symbol that its code uses.
         """
         if name not in self._addresses:
             try:
@@ -298,7 +299,7 @@ class Engine:
     def function(
         self, name: str, restype: Any, argtypes: Sequence[Any]
     ) -> Callable[..., Any]:
-        """Symbol as a ctypes callable.
+        """Return a symbol as a ctypes callable.
 
         Parameters
         ----------

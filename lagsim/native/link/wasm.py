@@ -1,8 +1,8 @@
-"""WebAssembly: a module made of a single object of LLVM, and images of memory.
+"""WebAssembly module from a single LLVM object and initial contents of memory.
 
-In a single object LLVM has filled in every index and every address, from 0 on, and its
-relocations may be dropped. What a linker would add is left to do: memory, the stack
-pointer and exports of its own in the place of imports, and data behind the object's.
+In a single object LLVM has set every index and every address, from 0 on, and its
+relocations may be dropped. A linker's other work is done here: memory, stack pointer
+and exports replace the imports, and further data is placed after the object's data.
 
 Sources: WebAssembly Core Specification 2.0, chapter 5 (binary format);
 WebAssembly/tool-conventions, Linking.md, version 2 (section "linking").
@@ -38,43 +38,51 @@ I32_CONST, END, VARIABLE_I32 = b"\x41", b"\x0b", b"\x7f\1"
 
 
 class Reader:
-    """The bytes of a section, read from the beginning."""
+    """Sequential reader of the bytes of a section."""
 
     def __init__(self, data: bytes) -> None:
         self.data, self.at = data, 0
 
     def take(self, count: int) -> bytes:
-        """Return the next bytes."""
+        """Return the next `count` bytes."""
         self.at += count
         return self.data[self.at - count : self.at]
 
     def number(self) -> int:
-        """Read an unsigned LEB128, or a signed one that is not negative."""
+        """Return the next LEB128 number, unsigned or signed but not negative."""
         [byte] = self.take(1)
         return byte if byte < 128 else byte - 128 + (self.number() << 7)
 
     def sized(self) -> bytes:
-        """Read bytes that follow their count."""
+        """Return the next bytes, whose count precedes them."""
         return self.take(self.number())
 
     @property
     def rest(self) -> bytes:
-        """What has not been read."""
+        """The bytes that have not been read."""
         return self.data[self.at :]
 
 
 def number(x: int) -> bytes:
-    """LEB128 of 5 bytes: the same unsigned and, below 2^31, signed."""
+    """Return x < 2^31 as LEB128 of 5 bytes, valid both as unsigned and as signed.
+
+    Examples
+    --------
+    >>> number(200).hex()
+    'c881808000'
+    >>> Reader(number(200)).number()
+    200
+    """
     return bytes([x >> 7 * k & 127 | 128 * (k < 4) for k in range(5)])
 
 
 def sized(data: bytes) -> bytes:
-    """Bytes after their count."""
+    """Return `data`, preceded by its length."""
     return number(len(data)) + data
 
 
 def vector(entries: Collection[bytes]) -> bytes:
-    """Entries after their count."""
+    """Return the entries, preceded by their count."""
     return number(len(entries)) + b"".join(entries)
 
 
@@ -84,24 +92,24 @@ def module(
     images: Mapping[str, bytes | int],
     described: Mapping[str, Any],
 ) -> bytes:
-    """Return the module of an object.
+    """Return a WebAssembly module with the code of an object.
 
     Parameters
     ----------
-    code
-        By `engine.link_object`, of IR that begins with STACK_IR.
-    exports
-        Names of its functions; besides, the memory is exported as "memory".
-    images
-        What lies behind the object's data: bytes, or how many of zeros.
-    described
-        Becomes the section "lagsim", as JSON in UTF-8, with the address of each image
+    code : bytes
+        An object from `engine.link_object`, whose IR begins with STACK_IR.
+    exports : collection of str
+        Names of the exported functions; the memory is exported as "memory".
+    images : mapping of str to bytes or int
+        Data placed after the object's data: bytes, or a number of zero bytes.
+    described : mapping
+        Written to the section "lagsim" as JSON in UTF-8, with the address of each image
         as `places`.
 
     Raises
     ------
     NativeError
-        If the object needs what the module has not.
+        If the object needs other imports, or has data without a constant address.
     """
     found = _sections(code)
     data = Reader(found[DATA])
@@ -147,13 +155,13 @@ def module(
 
 
 def described(module: bytes) -> dict[str, Any]:
-    """Return what the section "lagsim" of a module holds."""
+    """Return the content of the section "lagsim" of a module."""
     found: dict[str, Any] = json.loads(_sections(module)["lagsim"])
     return found
 
 
 def _sections(code: bytes) -> dict[int | str, bytes]:
-    """Sections by their numbers, the custom ones by name."""
+    """Return the content of each section by its number, of custom sections by name."""
     reader, found = Reader(code[8:]), dict[int | str, bytes]()
     while reader.rest:
         [key] = reader.take(1)
@@ -164,7 +172,7 @@ def _sections(code: bytes) -> dict[int | str, bytes]:
 
 
 def _functions(linking: bytes) -> dict[str, int]:
-    """Return the indices of an object's own functions, from its table of symbols."""
+    """Return the indices of an object's own functions, from its symbol table."""
     reader, found = Reader(linking), dict[str, int]()
     reader.number()  # version
     while reader.rest:
