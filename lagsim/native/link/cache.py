@@ -285,7 +285,7 @@ def _read(path: Path, key: str) -> bytes | None:
 
 
 def _write(path: Path, key: str, code: bytes) -> None:
-    """Store an object: a temporary file is renamed, so that readers find all or none."""
+    """Store an object by renaming a temporary file: readers find all or none."""
     beside = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
     try:
         with os.fdopen(files.begin(beside, 0o600), "wb") as file:

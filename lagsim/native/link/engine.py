@@ -45,7 +45,7 @@ LEVEL = 1
 
 
 class NativeError(RuntimeError):
-    """Native code could not be compiled or linked: a fault of lagsim, not of its input."""
+    """Native code cannot be compiled or linked: a fault of lagsim, not of its input."""
 
 
 class Target(NamedTuple):
