@@ -168,6 +168,8 @@ class Run:
             if not (now.start and due):
                 y, struck = self._impact(now, y, modes)
                 now.struck |= struck
+            if now.start and now.struck:
+                raise UndecidedError("the start is not admissible")
             arc = self.flights.choose(t, y, modes)
             now.jumped = now.struck or modes != now.before.modes
             fired = due | self._fired(now, arc)
