@@ -24,40 +24,64 @@ _UNSEEN = re.compile(f"[{UNSEEN}]")
 
 
 def visible(text: str, *, json: bool = False) -> str:
-    r"""Give a text with such letters written as Python writes them, or JSON: \u202e."""
+    r"""Return a text with invisible letters escaped as in Python or JSON: \u202e."""
     if json:
         return _UNSEEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
     return _UNSEEN.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 def unseen(text: str) -> str:
-    """Give the first letter of a text that nobody sees, or an empty text."""
+    """Return the first invisible letter of a text, or an empty text."""
     found = _UNSEEN.search(text)
     return found[0] if found else ""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Give the word most like another, or an empty text."""
+    """Return the known word most similar to a word, or an empty text.
+
+    Examples
+    --------
+    >>> nearest("kinetik", ["kinetic", "potential"])
+    'kinetic'
+    """
     from difflib import get_close_matches  # only faults need it
 
     return (get_close_matches(word, list(known), 1) or [""])[0]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Give a hint that names the word most like another, or no hint."""
+    """Return a hint that names the most similar known word, or an empty text.
+
+    Examples
+    --------
+    >>> did_you_mean("kinetik", ["kinetic", "potential"])
+    'did you mean `kinetic`?'
+    """
     near = nearest(word, known)
     return f"did you mean `{near}`?" if near else ""
 
 
 def several(texts: Iterable[str], most: int) -> str:
-    """Give texts as a list of no more than so many: `a, b and 4 more`."""
+    """Return texts as a list in words of at most `most` items: `a, b and 4 more`.
+
+    Examples
+    --------
+    >>> several("abcdef", 2)
+    'a, b and 4 more'
+    """
     texts = list(texts)
     more = f" and {len(texts) - most} more" if len(texts) > most else ""
     return ", ".join(texts[:most]) + more
 
 
 def counted(number: int, noun: str) -> str:
-    """Give a number of things: `1 row`, `2 switches`, `3 degrees of freedom`."""
+    """Return a count with its noun in singular or plural: `1 row`, `2 switches`.
+
+    Examples
+    --------
+    >>> counted(3, "degree of freedom")
+    '3 degrees of freedom'
+    """
     noun, of, rest = noun.partition(" of ")
     ending = "es" if noun.endswith("ch") else "s"
     return f"{number} {noun}{ending if number != 1 else ''}{of}{rest}"
@@ -79,7 +103,7 @@ class Place(NamedTuple):
 class Problem(NamedTuple):
     """Fault of the input: a stable code, a sentence, its place and a hint.
 
-    `lagsim.codes` has the code's number, and what more is known of such faults.
+    The code's row in `lagsim.codes` has its number, expectation and advice.
     """
 
     code: str
@@ -99,7 +123,7 @@ class Problem(NamedTuple):
 
     @property
     def whole(self) -> Problem:
-        """The same, with the hint that goes with the code where it has none."""
+        """The fault with the hint of its code's row where it has no hint of its own."""
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property
@@ -130,11 +154,11 @@ class Problem(NamedTuple):
         return f"<Problem {self.number} {self.code}{where}: {visible(self.text):.160}>"
 
     def __str__(self) -> str:
-        """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
+        """Return the fault as FILE:LINE:COLUMN, the source line, caret and hint."""
         return self.shown()
 
     def shown(self, window: int = WINDOW) -> str:
-        """Give the same, with no more than so many letters of the source line."""
+        """Return the text of `str`, with at most `window` letters of its line."""
         where = f"{self.place}: " if self.place else ""
         lines = [f"{where}{self.text} [{self.number}]"]
         if self.place and self.place.source:
@@ -145,7 +169,7 @@ class Problem(NamedTuple):
 
 
 def pointed(place: Place, window: int = WINDOW) -> list[str]:
-    """Give the source line, or a window of a very long one, and the caret."""
+    """Return the source line, cut to `window` letters, and a line with the caret."""
     column, source = place.column - 1, place.source
     if len(source) > window:
         first = max(0, column - window // 2)
@@ -165,7 +189,7 @@ class LagsimError(Exception):
 
 
 class InputError(LagsimError):
-    """The input is unusable (exit 2): every fault of it, in the order of the file."""
+    """Unusable input (exit 2): all faults found, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problem.whole for problem in problems)
@@ -183,28 +207,28 @@ class InputError(LagsimError):
 def unusable(
     code: str, text: str, place: Place | None = None, hint: str = ""
 ) -> InputError:
-    """Give the error of input with one fault."""
+    """Return an InputError with a single fault."""
     return InputError([Problem(code, text, place, hint)])
 
 
 class Problems(list[Problem]):
-    """Faults that are found one after the other, and reported all at once."""
+    """List of faults, collected one by one and raised together."""
 
     def add(
         self, code: str, text: str, place: Place | None = None, hint: str = ""
     ) -> None:
-        """Add a fault."""
+        """Append a fault with this code, text, place and hint."""
         self.append(Problem(code, text, place, hint))
 
     @contextlib.contextmanager
     def gathered(self) -> Iterator[None]:
-        """Take the faults that are raised, and go on."""
+        """Context manager: append the faults of an InputError that is raised inside."""
         try:
             yield
         except InputError as error:
             self += error.problems
 
     def refuse(self) -> None:
-        """Raise the error of all faults, if there are any."""
+        """Raise an InputError with all collected faults, if there are any."""
         if self:
             raise InputError(self)

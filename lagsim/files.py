@@ -1,10 +1,10 @@
-"""Reading and writing of regular files alone, whatever stands in their place.
+"""Reading and writing of regular files; pipes, devices and links are refused.
 
-A pipe or a device is not read: it would keep a program waiting for ever. A new file is
-made where nothing is, so that no link leads elsewhere.
+A pipe or a device is not read, since the program could wait for its data for ever. A
+new file is created only where no file or link exists, so that no link leads elsewhere.
 
-Files on their way to their places are known before they are made, so that whatever ends
-this process, between any two instructions, can remove them.
+Temporary files are registered before they are created, so that they can be removed when
+this process ends, between any two instructions.
 """
 
 from __future__ import annotations
@@ -47,12 +47,14 @@ def opened(path: Path | str) -> BufferedReader:
 
 
 def content(path: Path | str, most: int | None = None) -> bytes:
-    """Read the whole of a regular file, of so many bytes at most: of a document's.
+    """Return the whole content of a regular file of at most `most` bytes.
+
+    By default `most` is the limit of documents, `limits.DOCUMENT_BYTES`.
 
     Raises
     ------
     OSError
-        As `opened` does, or where there are more.
+        As `opened` does, or where the file is larger.
     """
     with opened(path) as file:
         return all_of(file, limits.DOCUMENT_BYTES if most is None else most)
@@ -74,7 +76,7 @@ def all_of(file: BinaryIO, most: int) -> bytes:
 
 
 def digest(path: Path | str) -> str:
-    """Give the sha256 of a regular file.
+    """Return the sha256 of a regular file, in hexadecimal digits.
 
     Raises
     ------
@@ -88,19 +90,19 @@ def digest(path: Path | str) -> str:
 
 
 def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
-    """Open a regular file through no link; give its handle.
+    """Open a regular file without following links; return its file descriptor.
 
     Parameters
     ----------
     flags
         As for `os.open`.
     rights
-        Of a file that is made; by default those of any new one.
+        Permissions of a file that is created; by default the usual ones of a new file.
 
     Raises
     ------
     OSError
-        If it is something else, or as `os.open` does.
+        If the path is a link, a pipe, a folder or a device, or as `os.open` does.
     """
     try:
         return _regular(path, flags | _NO_LINK, rights)
@@ -112,12 +114,12 @@ def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
 
 
 def begin(path: Path, rights: int = 0o666) -> int:
-    """Make a file that goes with this process until it is placed; give its handle.
+    """Create a temporary file, removed at exit unless placed; return its descriptor.
 
     Raises
     ------
     OSError
-        As `held` does, or where there is one.
+        As `held` does, or where the file exists.
     """
     passes(path, lambda: path.unlink(missing_ok=True))
     try:
@@ -128,40 +130,36 @@ def begin(path: Path, rights: int = 0o666) -> int:
 
 
 def place(part: Path, path: Path) -> None:
-    """Put a file that was begun in the place of what is there.
+    """Rename a temporary file of `begin` to its final path, replacing a file there.
 
     Raises
     ------
     OSError
+        As `os.replace` does.
     """
     part.replace(path)
     stays(part)
 
 
 def drop(path: Path) -> None:
-    """Remove a file that was begun, here or by a process that was killed.
-
-    Raises
-    ------
-    OSError
-    """
+    """Remove a temporary file of this process, or of one that was killed."""
     path.unlink(missing_ok=True)
     stays(path)
 
 
 def passes(key: object, remove: Callable[[], object]) -> None:
-    """Have something removed when this process ends, should it be there yet."""
+    """Register a removal that is carried out when this process ends."""
     _passing[key] = remove
 
 
 def stays(key: object) -> None:
-    """Leave it to others from now on."""
+    """Cancel the removal registered for a key."""
     _passing.pop(key, None)
 
 
 @atexit.register
 def remove_passing() -> None:
-    """Remove what does not outlive this process; `os._exit` does not ask for it."""
+    """Carry out all registered removals; `os._exit` does not call this function."""
     while _passing:
         _, remove = _passing.popitem()
         with contextlib.suppress(OSError):
@@ -169,7 +167,7 @@ def remove_passing() -> None:
 
 
 def write(handle: int, content: bytes) -> None:
-    """Write the whole content of an open file, and have it on the disk."""
+    """Write the whole content of an open file and flush it to the disk."""
     view = memoryview(content)
     while view:
         view = view[os.write(handle, view) :]
@@ -178,12 +176,12 @@ def write(handle: int, content: bytes) -> None:
 
 
 def pour(path: Path | str, content: bytes) -> None:
-    """Write to what keeps nothing: a pipe that somebody reads, a terminal.
+    """Write to a file that is not regular: a pipe with a reader, or a terminal.
 
     Raises
     ------
     OSError
-        Where that fails, or nobody reads the pipe.
+        Where writing fails, or the pipe has no reader.
     """
     handle = os.open(path, os.O_WRONLY | _BINARY | _NO_WAITING)
     with os.fdopen(handle, "wb") as file:
@@ -192,7 +190,7 @@ def pour(path: Path | str, content: bytes) -> None:
 
 
 def _regular(path: Path | str, flags: int, rights: int = 0o666) -> int:
-    """Open a regular file, and nothing else; give its handle."""
+    """Open a regular file; return its descriptor, or raise OSError for other kinds."""
     handle = os.open(path, flags | _BINARY | _NO_WAITING, rights)
     mode = os.fstat(handle).st_mode
     if stat.S_ISREG(mode):

@@ -1,8 +1,8 @@
 """Budgets: the largest input and work that lagsim accepts from a file.
 
-Each is far beyond what a person writes, and holds memory and time in bounds: a file of
-100 kB is checked in 10 s and 1 GB, and derived, or refused, within 20 s. What is beyond
-is refused, and the message names the limit.
+Each limit is far beyond a file written by hand, and bounds memory and time: a file of
+100 kB is checked in 10 s and 1 GB, and derived, or refused, within 20 s. Larger input
+is refused with a message that names the limit.
 """
 
 from __future__ import annotations
@@ -79,17 +79,23 @@ DERIVING_SECONDS = 20.0
 
 
 def graph_nodes(size_of_file: int) -> int:
-    """Give how many operations a model of so many bytes may come to."""
+    """Return the largest number of operations of a model of this size in bytes."""
     return max(GRAPH_NODES, GRAPH_NODES_PER_BYTE * size_of_file)
 
 
 def work(size_of_file: int) -> int:
-    """Give how much work the checking of a model of so many bytes may take."""
+    """Return the largest work of checking a model of this size in bytes."""
     return WORK + WORK_PER_BYTE * max(0, size_of_file - USUAL_BYTES)
 
 
 def size(amount: int) -> str:
-    """Give an amount of bytes as messages name it: 16 MiB."""
+    """Return an amount of bytes in its binary unit, for messages.
+
+    Examples
+    --------
+    >>> size(16 * 2**20)
+    '16 MiB'
+    """
     for unit, bits in (("TiB", 40), ("GiB", 30), ("MiB", 20), ("KiB", 10)):
         if amount >= 1 << bits:
             return f"{amount / (1 << bits):.3g} {unit}"

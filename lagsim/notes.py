@@ -13,13 +13,12 @@ class Choice(NamedTuple):
 
 
 class Event(NamedTuple):
-    """An event of a run, of a constraint or of none, at its time.
+    """Event of a run at its time, with the constraint concerned, if any.
 
-    `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
-    is the switch in the state, roughly as it was written; `name` that of the event of
-    the file. With an impact go the rates
-    of its gap before and after, and `energy`, what all that strikes then changes of the
-    energy.
+    `conditioning` is the smallest singular value at a loss of rank; `switch` is the
+    text of a switch of the state, approximately as in the file; `name` is the name of
+    an event of the file. An impact has the rates of its gap before and after, and
+    `energy`, the change of energy by all simultaneous impacts.
     """
 
     time: float
@@ -34,7 +33,7 @@ class Event(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Its entry in documents; a name only where it has one."""
+        """Entry of the event in documents; without `name` where it has none."""
         return {k: v for k, v in self._asdict().items() if k != "name" or v is not None}
 
     def __repr__(self) -> str:
@@ -61,7 +60,7 @@ class Caution(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Its entry in documents; a place only where it has one."""
+        """Entry of the warning in documents; without a place where it has none."""
         found: dict[str, Any] = {
             "code": self.code, "number": self.number, "text": self.text
         }  # fmt: skip

@@ -1,8 +1,7 @@
-"""Every message that lagsim has: its number, what is expected, what to try, an example.
+"""Table of all messages: number, expectation, advice and an example of each.
 
-One table. Messages take their numbers from it, and
-`docs/errors.md` and `lagsim explain` all that they say. A number is given once: where a
-message goes, its number goes with it.
+Messages find their numbers in it; `docs/errors.md` and `lagsim explain` are generated
+from it. A number is never reused: where a message is retired, its number is, too.
 """
 
 from __future__ import annotations
@@ -50,18 +49,18 @@ class Row(NamedTuple):
     Attributes
     ----------
     number, code : str
-        `E104`, and the word that documents have for it. Neither ever changes.
+        `E104`, and its word in documents. Neither ever changes.
     happened : str
-        What has been found, or has happened.
+        The fault found, or the event reported.
     expected : str
-        Of an error, the rule that is broken.
+        Rule that an error breaks; empty for a warning.
     hint : str
-        What to try, where the message itself has no better hint.
+        Advice, used where the message itself has no better hint.
     change : str
-        The sections of the example that differ from EXAMPLE, or the whole of it where
-        it is not made of these.
+        Sections of the example that differ from EXAMPLE, or the whole example where
+        it has other sections.
     commands : tuple of str
-        What is called then; the last one gives the message.
+        Commands to run on the example; the last one prints the message.
     """
 
     number: str
@@ -74,7 +73,7 @@ class Row(NamedTuple):
 
     @property
     def model(self) -> str:
-        """The whole model of the example."""
+        """Text of the model file of the example."""
         found = _sections(EXAMPLE)
         for name, text in _sections(self.change).items():
             found[name] = text
@@ -82,7 +81,7 @@ class Row(NamedTuple):
 
 
 def _sections(text: str) -> dict[str, str]:
-    """Give the sections of a model, by their keys and in their order."""
+    """Return the sections of a model file's text by key, in the order of the file."""
     parts = re.split(r"(?m)^(?=\w+:)", text)
     return {part.partition(":")[0]: part for part in parts if part}
 
@@ -95,13 +94,13 @@ def warning(
     change: str = "",
     commands: tuple[str, ...] = CHECK,
 ) -> Row:
-    """Give the row of a warning, which breaks no rule: it has no `expected`."""
+    """Return the row of a warning, which breaks no rule: `expected` is empty."""
     return Row(number, code, happened, "", hint, change, commands)
 
 
 @functools.cache
 def errors() -> dict[str, Row]:
-    """Give all that can go wrong, by code."""
+    """Return the rows of all errors by code."""
     from lagsim.codes import models, runs
 
     return {row.code: row for row in models.ROWS + runs.ROWS}
@@ -109,19 +108,25 @@ def errors() -> dict[str, Row]:
 
 @functools.cache
 def cautions() -> dict[str, Row]:
-    """Give all warnings, by code."""
+    """Return the rows of all warnings by code."""
     from lagsim.codes import warnings
 
     return {row.code: row for row in warnings.ROWS}
 
 
 def number(code: str) -> str:
-    """Give the number of an error, such as E104."""
+    """Return the number of an error, such as E104.
+
+    Examples
+    --------
+    >>> number("yaml-syntax")
+    'E105'
+    """
     return errors()[code].number
 
 
 def failure(code: str) -> dict[str, Any]:
-    """Give what documents say of an answer that is no, or of a run that failed."""
+    """Return the entry of a failed run or a negative answer in documents, by code."""
     row = errors()[code]
     return {
         "code": code,
@@ -132,10 +137,10 @@ def failure(code: str) -> dict[str, Any]:
 
 
 def every() -> list[Row]:
-    """Give all messages, errors first, by number."""
+    """Return the rows of all messages, errors first."""
     return [*errors().values(), *cautions().values()]
 
 
 def found(word: str) -> list[Row]:
-    """Give the messages with this number or this code, an error and a warning maybe."""
+    """Return the rows with this number or code; an error and a warning may share it."""
     return [r for r in every() if word.upper() == r.number or word.lower() == r.code]

@@ -1,11 +1,12 @@
-"""A file -> its text -> nodes of YAML with line and column; the only user of yaml.
+"""Read a file, and parse its text into YAML nodes with line and column.
 
-`load` builds the nodes from the parser's events, without recursion. What YAML would
-guess (types, anchors, merge keys, tags) is not guessed: a scalar is a text, and the
-rest are faults. Expressions meet YAML's own signs: a colon, a comma or a sign that
-begins a value. The diagnosis of a text that is not the YAML its author meant names the
-mistake; a repair sets the value aside, so that the rest of the file can still be read
-and all its faults be reported at once.
+This is the only module that uses yaml. `load` builds the nodes from the parser's
+events, without recursion. Implicit types, anchors, merge keys and tags of YAML are not
+used: a scalar is a text, and the others are faults. Expressions can collide with YAML's
+own signs: a colon, a comma or a sign at the beginning of a value. The diagnosis of a
+text that is not valid YAML names the likely mistake; a repair replaces the faulty
+value, so that the rest of the file can still be read and all its faults are reported
+together.
 """
 
 from __future__ import annotations
@@ -43,12 +44,12 @@ _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 
 
 def text_of(path: str) -> tuple[str, str]:
-    """Give the text of a model file, or of standard input, and what to call it.
+    """Return the text of a model file, or of standard input, and its name in messages.
 
     Raises
     ------
     InputError
-        If it cannot be read.
+        If the file cannot be read, is too large, or is not UTF-8.
     """
     file = STDIN if path == STANDARD_INPUT else path
     try:
@@ -79,14 +80,14 @@ class Document(NamedTuple):
 
 
 def load(text: str, file: str) -> Document:
-    """Read a YAML text.
+    """Parse a YAML text into a document of nodes and faults.
 
     Parameters
     ----------
     text
-        The text.
+        The YAML text.
     file
-        What places call it.
+        The file's name in places and messages.
     """
     original = Source(file, text.removeprefix("\ufeff"))
     if match := _FORBIDDEN.search(original.text):
@@ -133,7 +134,7 @@ class _Open:
 
 
 class _Builder:
-    """Nodes from events, with a stack of its own."""
+    """Builder of nodes from YAML events, with a stack instead of recursion."""
 
     def __init__(self, source: Source, spoilt: set[tuple[int, int]]) -> None:
         self.source = source
@@ -145,7 +146,7 @@ class _Builder:
         self.nodes = 0
 
     def run(self) -> Node | None:
-        """Give the root, or None; faults that do not stop it go to `problems`."""
+        """Return the root node, or None; append faults to `problems`."""
         for event in yaml.parse(self.source.text, Loader=_LOADER):
             if isinstance(event, yaml.DocumentStartEvent):
                 self.documents += 1
@@ -171,7 +172,7 @@ class _Builder:
         self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
-        """Take the beginning of a node; give False where that goes too far."""
+        """Process an event that begins a node; return False past a size limit."""
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]
@@ -252,7 +253,7 @@ class _Builder:
         return tuple(found.values())
 
     def _unspaced(self, key: Node, value: Node) -> tuple[Node, Node]:
-        """Take a key such as `theta:1` apart, where YAML needs a space after `:`."""
+        """Split a key such as `theta:1`, whose colon lacks the space of YAML."""
         alone = isinstance(value, Scalar) and value.empty
         if not (alone and isinstance(key, Scalar)) or key.style:
             return key, value
@@ -268,7 +269,7 @@ class _Builder:
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
-        """Join what is within parentheses: `min(0,4*N, 1)`, which YAML takes apart."""
+        """Join parts of a call that YAML splits at commas: `min(0,4*N, 1)`."""
         whole: list[Node] = []
         step, i = 1 + mapping, 0
         while i < len(parts):
@@ -289,7 +290,10 @@ class _Builder:
 
 
 def _keys(parts: list[Node], i: int) -> list[Any]:
-    """Give key i with those up to where its parentheses close: `c(i = 1..2, j = 1`."""
+    """Return key i and the following ones up to its closing parenthesis.
+
+    YAML splits the key `c(i = 1..2, j = 1..3)` at its comma.
+    """
     keys, depth = [parts[i]], _left_open(parts[i])
     while depth > 0 and i + 2 < len(parts):
         value, key = parts[i + 1 : i + 3]
@@ -302,7 +306,7 @@ def _keys(parts: list[Node], i: int) -> list[Any]:
 
 
 def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
-    """Give part i, a value, with keys without one up to where its parentheses close."""
+    """Return value i and the following keys up to its closing parenthesis."""
     pieces, depth = [parts[i]], _left_open(parts[i])
     for j in range(i + 1, len(parts), step):
         piece, value = parts[j], parts[j + step - 1]
@@ -318,7 +322,7 @@ def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
 
 
 def _is_decimal(before: Node, piece: Scalar) -> bool:
-    """Tell whether a comma between two parts is that of a decimal number."""
+    """Whether a comma between two parts is that of a decimal number."""
     if not isinstance(before, Scalar) or piece.start != before.end + len(","):
         return False
     return before.text[-1:].isdecimal() and piece.text[:1].isdecimal()
@@ -358,10 +362,10 @@ At = tuple[int, int]
 
 
 class Diagnosis(NamedTuple):
-    """A fault that stopped the YAML parser; `line` counts from 0.
+    """Fault that stopped the YAML parser; `line` counts from 0.
 
-    `repaired`: the text without the faulty value, for which something stands at
-    `spoilt`; empty where there is none.
+    `repaired` is the text in which a placeholder at `spoilt` (line, column) replaces
+    the faulty value; empty where no repair is possible.
     """
 
     problem: Problem
@@ -371,7 +375,7 @@ class Diagnosis(NamedTuple):
 
 
 def diagnose(source: Source, error: Exception) -> Diagnosis:
-    """Say what a syntax error of the YAML parser means."""
+    """Return the diagnosis of a syntax error that the YAML parser raised."""
     case = _Case(source, error)
     for rule in (
         _tab, _joined_dash, _missing_space, _unfinished, _second_colon, _indentation,
@@ -417,13 +421,13 @@ class _Case:
         self.entry = entry if entry and column >= entry.start("value") else None
 
     def _filled(self, number: int) -> int:
-        """Give the last line up to this one that has something, or the first."""
+        """Return the last non-blank line up to this one, or the first line."""
         while number > 0 and not self.source.lines[number].strip():
             number -= 1
         return number
 
     def _inside(self, mark: yaml.Mark | None) -> At | None:
-        """Bring a place at the very end back to the last line that has something."""
+        """Return line and column of a mark, moved into the last non-blank line."""
         if mark is None:
             return None
         last = min(mark.line, len(self.source.lines) - 1)
@@ -440,13 +444,13 @@ class _Case:
         length: int = 1,
         code: str = "yaml-syntax",
     ) -> Diagnosis:
-        """Give a fault where the parser stopped, or elsewhere."""
+        """Return the diagnosis of a fault, by default where the parser stopped."""
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)
         return Diagnosis(Problem(code, text, place, hint), line)
 
     def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
-        """Give the same, and the text without the value in which it stopped."""
+        """Return the diagnosis of a fault, with the faulty value replaced."""
         found, entry = self.fault(text, hint, at), self.entry
         if entry is None:
             return found
@@ -479,7 +483,7 @@ def _tab(case: _Case) -> Diagnosis | None:
 
 
 def _joined_dash(case: _Case) -> Diagnosis | None:
-    """Name an item of a list without a blank after its sign."""
+    """Diagnose a list item whose dash has no space after it."""
     found = re.match(r"(\s*)-([^\s\d.-].*:.*)", case.line)
     if found is None:
         return None
@@ -513,7 +517,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
 
 
 def _unfinished(case: _Case) -> Diagnosis | None:
-    """Name what is never closed: a key without a colon, a quote, a bracket."""
+    """Diagnose a key without a colon, or a quote or bracket that is never closed."""
     context, at = case.context, case.context_at
     if at is None:
         return None
@@ -580,7 +584,7 @@ def _indentation(case: _Case) -> Diagnosis | None:
 
 
 def _beginning(case: _Case) -> Diagnosis | None:
-    """Name a sign that YAML takes for its own where a value begins."""
+    """Diagnose a value that begins with a sign reserved by YAML."""
     entry, at = case.entry, case.at[1]
     if entry is not None and entry["value"][0] in "|>*&!":
         at = entry.start("value")
@@ -603,7 +607,7 @@ def _beginning(case: _Case) -> Diagnosis | None:
 
 
 def _is_expression(text: str) -> bool:
-    """Tell whether a text is one, or a relation, once it is quoted."""
+    """Whether a text is an expression or a relation once it is quoted."""
     for parser in (parse, parse_relation):
         with suppress(ExpressionError):
             return bool(parser(text))
@@ -611,7 +615,7 @@ def _is_expression(text: str) -> bool:
 
 
 def _ending(case: _Case) -> Diagnosis | None:
-    """Name what follows where a value, or a collection in brackets, ends."""
+    """Diagnose text after the end of a value, or of a collection in brackets."""
     if case.entry is not None and case.entry["value"][0] in "'\"":
         text = "something follows the closing quote"
         return case.set_aside(text, "quote the whole value")

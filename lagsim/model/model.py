@@ -38,26 +38,27 @@ ROWS_TO_DECAY = 10
 
 
 class Settings(NamedTuple):
-    """Start, end, spacing of the rows, and integration of a run.
+    """Start, end, spacing of the rows, and integration options of a run.
 
-    None where nothing was asked for; the properties say what holds then.
+    A field is None where the file and the options do not set it; the properties return
+    the value used then.
 
     Attributes
     ----------
     start, end : float
-        The same where no length of the run is given.
+        Times; equal where no length of the run is given.
     output_step : float
-        Spacing of the rows.
+        Spacing of the rows in time.
     rest : bool
-        Guesses of the start are solved for a state at rest.
+        Whether the start values marked as guesses are solved for a state at rest.
     step : float or None
-        Of fixed-step methods.
+        Step of fixed-step methods.
     gain : float or None
-        Of Baumgarte's formulation, per unit of time.
+        Gain of Baumgarte's formulation, per unit of time.
     options : tuple of (str, float)
-        Of methods, those that are asked for, see `methods.options`.
+        Options of methods that are set, see `methods.options`.
     moments : tuple of float
-        Times, in order, at which states are asked for beside the rows.
+        Further times of states, ascending, beside the rows.
     """
 
     start: float = 0.0
@@ -82,26 +83,22 @@ class Settings(NamedTuple):
 
     @property
     def tolerance(self) -> float:
-        """The relative tolerance of methods that control their error."""
+        """Relative tolerance of methods with error control."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol
 
     @property
     def fixed_step(self) -> float:
-        """The step of methods that do not; at most the run is one step."""
+        """Step of fixed-step methods, at most the length of the run."""
         return min(self.step or self.output_step, self.duration or math.inf)
 
     @property
     def decay(self) -> float:
-        """The rate at which Baumgarte's formulation returns to the constraints."""
+        """Rate at which Baumgarte's formulation reduces constraint residuals."""
         return self.gain or 1.0 / (ROWS_TO_DECAY * self.output_step)
 
 
 class Parameter(NamedTuple):
-    """A number of the model; an input of every compiled function.
-
-    `follows`: its expression in the file names others. A `mode` is set by events: its
-    value is that at the start.
-    """
+    """Parameter of the model; an input of every compiled function."""
 
     name: str
     value: float
@@ -145,11 +142,7 @@ class Definition(NamedTuple):
 
 
 class Force(NamedTuple):
-    """A force `node` that works on a coordinate, or on a definition.
-
-    Q_j = node * d direction/d q_j for a direction of positions (and time), and
-    node * d direction/d q_j_dot for one that is affine in the velocities.
-    """
+    """Generalized force `node` on a coordinate, or on a definition."""
 
     on: str
     node: int
@@ -159,9 +152,9 @@ class Force(NamedTuple):
 
 
 class Relation(NamedTuple):
-    """`node` = 0, an `equality`, or the gap `node` >= 0; `text` is that of the file.
+    """Relation of a constraint: `node` = 0 for an `equality`, else the gap `node` >= 0.
 
-    `multiple`: the relation of the file is a power of `node`, or its size.
+    `text` is the relation as the file writes it.
     """
 
     node: int
@@ -176,13 +169,7 @@ SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
 
 
 class OneSided(NamedTuple):
-    """The law of a relation that pushes and does not pull.
-
-    Newton's restitution, or Poisson's, and Coulomb's friction: `friction` while it
-    slides, `static` while it sticks, both on the velocities `slips`. A restitution that
-    follows the state, or `APPROACH_SPEED`, is the node `bounce`. A relation between
-    velocities has restitution 0 and no friction.
-    """
+    """Law of a one-sided relation, whose multiplier is never negative."""
 
     restitution: float
     friction: int | None = None
@@ -193,12 +180,13 @@ class OneSided(NamedTuple):
 
 
 class Constraint(NamedTuple):
-    """A relation and its law; `law` is None for an equality.
+    """Relation with its law; `law` is None for an equality.
 
-    `limit`: an equality of velocities holds while its multiplier is no larger; of two
-    that share one, while their norm is, `pair` tells where the other follows. `static`:
-    the limit while it holds, where that is another. `when`: it is in force while this
-    condition of t, parameters and modes is not 0.
+    `limit` is the largest multiplier of an equality of velocities; for two equalities
+    that share a limit, the largest norm of both multipliers, and `pair` is the offset
+    of the other equality in the list. `static` is the limit while the equality holds,
+    where it differs from the limit while it slides. `when`: the constraint is in force
+    while this condition of t, parameters and modes is not 0.
     """
 
     name: str
@@ -212,22 +200,25 @@ class Constraint(NamedTuple):
 
     @property
     def called(self) -> str:
-        """Its name in the file."""
+        """Name of the constraint in the file."""
         return self.name[:-2] if self.pair else self.name
 
     @property
     def ends(self) -> str:
-        """How the names of two relations end that share a limit: of a list, or not."""
+        """Endings of the names of two relations with a shared limit.
+
+        They are those of a list (`.1`, `.2`) or of a vector's components.
+        """
         return "12" if self.name[-1] in "12" else "xy"
 
     @property
     def always(self) -> bool:
-        """Whether it is an equality that holds all the time."""
+        """Whether the constraint is an equality that always holds."""
         return self.law is None and self.limit is None and self.when is None
 
 
 class InitialValue(NamedTuple):
-    """A start value; `error` bounds the rounding of the expression that gave it.
+    """Start value; `error` bounds the rounding error of its expression.
 
     `node` is the expression of a definition, or its total rate, and None for
     coordinates and velocities.
@@ -243,26 +234,26 @@ class InitialValue(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """A body, a ground, a curve or an arrow that is drawn and is no more than that.
+    """Shape that is drawn and has no mechanical effect: body, ground, curve or arrow.
 
     Attributes
     ----------
     kind : str
         One of `SHAPES`.
     sizes : tuple of int
-        Lengths, all of parameters: of a body; the height of a ground in space; the ends
-        of the parameter `CURVE` of a curve; the scale of an arrow.
+        Nodes of lengths, of parameters alone: of a body; the height of a ground in
+        space; the ends of the parameter `CURVE` of a curve; the scale of an arrow.
     corners : tuple of tuple of int
-        Of a polygon or a ground; the one place on a curve; the vector of an arrow. In
-        the shape's own axes.
+        Nodes, in the shape's own axes, of the corners of a polygon or a ground, of
+        the point on a curve, or of the vector of an arrow.
     at : tuple of int
-        Its origin, which that of the scene is without any.
+        Nodes of its origin; empty for the origin of the scene.
     axes : tuple of int
-        Entries of its rotation matrix, 2 x 2 or 3 x 3, row by row; or none.
+        Entries of its rotation matrix, 2 x 2 or 3 x 3, row by row; or empty.
     point : str
-        The point of the scene that lies at its origin, or at a corner; or none.
+        Name of the scene's point at its origin, or at a corner; or empty.
     places : tuple of Place
-        Of `sizes` in the file.
+        Places of `sizes` in the file.
     """
 
     name: str
@@ -276,13 +267,13 @@ class Shape(NamedTuple):
 
     @property
     def nodes(self) -> list[int]:
-        """All that it is made of."""
+        """All nodes of the shape: sizes, corners, origin and axes."""
         corners = [node for corner in self.corners for node in corner]
         return [*self.sizes, *corners, *self.at, *self.axes]
 
     @property
     def dimension(self) -> int:
-        """How many components its places have; 3 of a body of space."""
+        """Dimension of the shape's points, 2 or 3; 3 for a body of space."""
         own = SHAPES[self.kind]
         space = own.space or (own.sizes and len(self.sizes) > min(own.sizes))
         space = space or (self.kind == "ground" and not self.corners)
@@ -291,7 +282,7 @@ class Shape(NamedTuple):
 
 
 class ShapeKind(NamedTuple):
-    """How many sizes a shape has, other keys that it takes, whether in space alone."""
+    """Kind of shape: counts of its sizes, its keys, and whether it needs space."""
 
     sizes: tuple[int, ...]
     keys: tuple[str, ...] = ("at", "frame")
@@ -324,10 +315,11 @@ class StringLength(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Points (2 or 3 expressions each), links between them, and shapes.
+    """Points (2 or 3 expressions each), links between points, and shapes.
 
-    `looks` are of `LINKS`, one a link, or empty where its length says it; `lengths`,
-    one a link, those of strings, None where the motion says it.
+    `looks` has one of `LINKS` for each link, or is empty where lengths decide;
+    `lengths` has, for each link, the length of a string, or None where the motion
+    determines it.
     """
 
     points: dict[str, tuple[int, ...]]
@@ -338,22 +330,23 @@ class Scene(NamedTuple):
 
     @property
     def dimension(self) -> int:
-        """2 in a plane, 3 in space; 0 of nothing."""
+        """Dimension of the scene: 2 in a plane, 3 in space, 0 if it is empty."""
         of_shapes = [shape.dimension for shape in self.shapes]
         return max([*map(len, self.points.values()), *of_shapes], default=0)
 
 
 class Curve(NamedTuple):
-    """An expression that is drawn, and what the file calls it."""
+    """Expression that is plotted or drawn, with its text in the file."""
 
     node: int
     text: str
 
 
 class Plot(NamedTuple):
-    """An entry of `output.plots`: what runs right, and what runs up at both sides.
+    """Entry of `output.plots`: the expressions of its horizontal and vertical axes.
 
-    `log` are the axes, `x`, `y` and `y2`, that show powers of ten.
+    `y` belongs to the left axis, `y2` to the right one; `log` has the logarithmic axes
+    among `x`, `y` and `y2`.
     """
 
     x: Curve
@@ -363,7 +356,7 @@ class Plot(NamedTuple):
     title: str = ""
 
     def curves(self, number: int) -> dict[str, Curve]:
-        """Give the column of each expression, of the plot counted from 0."""
+        """Return each expression by its column, for the plot `number`, from 0."""
         found = {f"plot:{number}.x": self.x}
         for axis, curves in (("y", self.y), ("y2", self.y2)):
             for k, curve in enumerate(curves, 1):
@@ -372,9 +365,10 @@ class Plot(NamedTuple):
 
 
 class Section(NamedTuple):
-    """States at which `at` vanishes in a direction, or at times `every` so much.
+    """Section of the phase space: the states recorded for its picture.
 
-    `plot` are the columns of its picture; empty: the first two that vary.
+    The states are those where `at` crosses 0 in a direction, or those at times `every`
+    apart.
     """
 
     name: str
@@ -388,8 +382,8 @@ class Section(NamedTuple):
 class Output(NamedTuple):
     """Definitions that become columns, extra plots, and optional columns.
 
-    `reactions` are definitions whose reactions are asked for; `event_marks`, whether
-    pictures mark events.
+    `reactions` are the definitions with a column for their reactions; `event_marks` is
+    whether pictures mark events.
     """
 
     columns: tuple[str, ...]
@@ -402,70 +396,72 @@ class Output(NamedTuple):
 
 
 class Mismatch(NamedTuple):
-    """Units that do not fit: where, and in words."""
+    """Inconsistent units: the place, and a description."""
 
     place: Place
     text: str
 
 
 class Stated(Protocol):
-    """The numbers that a file states, and what replaces them: see `reader.File`."""
+    """Expressions of a model file, re-evaluated for other values: see `reader.File`."""
 
     def bound(
         self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
     ) -> Model:
-        """Give `model`, of this file, with other values; see `Model.bind`."""
+        """Return `model`, of this file, with other values; see `Model.bind`."""
 
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
-        """Give `model`, of this file, with the value of a table at one point moved.
+        """Return `model`, of this file, with one value of a table changed.
 
         Parameters
         ----------
         point
             The number of the point, from 0 on.
         part
-            By this part of the range of the values of the table.
+            The change, as a fraction of the range of the table's values.
         """
 
     def settings(self, options: Mapping[str, str]) -> Settings:
-        """Give how the file wants to be run; see `Model.settings`."""
+        """Return the settings of the file's run; see `Model.settings`."""
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Tell whether any other number of the file may follow these.
+        """Whether any other number of the file can depend on some names.
 
-        A parameter, a start value or a setting whose expression names one of these
-        parameters, or start values.
+        Such a number is a parameter, a start value or a setting whose expression uses
+        one of these parameters or start values.
         """
 
     def structural(self) -> Collection[str]:
-        """Give the parameters on which ranges and subscripts depend."""
+        """Return the parameters on which ranges and subscripts depend."""
 
     def texts(self) -> dict[str, Scalar]:
-        """Give the expressions of energies, forces and constraints, as `forces.x`."""
+        """Return the expressions of energies, forces and constraints, by `forces.x`."""
 
     def numbers(self) -> list[str]:
-        """Give the expressions that parameters and start values are given by."""
+        """Return the texts of the expressions of parameters and start values."""
 
     def mismatches(self, model: Model) -> list[Mismatch]:
-        """Give the units of the file that do not fit, with their places."""
+        """Return the inconsistent units of the file, with their places."""
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Give `model`, of this file, with `output.reactions` as coordinates.
+        """Return `model`, of this file, with `output.reactions` as coordinates.
 
-        On the same graph; nothing holds these definitions to what defines them, which
-        is the second result: an expression each, in terms of each other, too.
+        The new model is on the graph of `model`. It has no constraint between these
+        definitions and their expressions; the second result has these expressions,
+        which may depend on each other.
 
         Raises
         ------
         InputError
-            Where a constraint is satisfied as the root of another relation then.
+            Where the separated model satisfies a constraint as the root of another
+            relation.
         """
 
 
 class Table(NamedTuple):
-    """Function given by points, those of a `file` with this `sha256`, or of the model.
+    """Function given by points, of the model file or of a `file` with this `sha256`.
 
-    axes, pieces : see `language.tables`; constants : the parameters and modes.
+    axes, pieces : see `language.tables`; constants : names of the parameters and modes.
     """
 
     name: str
@@ -478,7 +474,7 @@ class Table(NamedTuple):
     constants: frozenset[str] = frozenset()
 
     def __call__(self, g: Graph, args: list[int]) -> int:
-        """Give the node of its value."""
+        """Return the node of the table's value at the nodes `args`."""
         pairs = zip(self.axes, args, strict=True)
         axes = tuple(met(a) if self._is_clock(g, x) else a for a, x in pairs)
         return called(g, axes, self.pieces, args)
@@ -501,10 +497,7 @@ class State(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """An event of the file, which sets modes: `sets` are pairs of a mode and a node.
-
-    It acts when `at` becomes true, or at the start and `every` so much time.
-    """
+    """Event of the file that sets modes: `sets` has pairs of a mode and a node."""
 
     name: str
     sets: tuple[tuple[str, int], ...]
@@ -515,11 +508,7 @@ class Transition(NamedTuple):
 
 
 class Gimbal(NamedTuple):
-    """Three angles of a frame, whose nodes are `angles`.
-
-    `node`, the sine or the cosine of the second, is 0 at gimbal lock, where the first
-    and the last turn about one axis.
-    """
+    """Frame by three angles, whose nodes are `angles`."""
 
     frame: str
     node: int
@@ -528,17 +517,17 @@ class Gimbal(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Mechanical model: all that the file holds but the settings of its integration.
+    """Mechanical model: all content of the file but the settings of its integration.
 
-    `kinetic` and `potential` are None where the file gives `lagrangian`, which is
+    `kinetic` and `potential` are None where the file has `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
     every velocity, in the order of the coordinates, positions first, then of `states`
     and the start values of definitions. Modes are the last of `parameters`, which
-    `events` set; `until` ends a run. `stated` is what `bind` and
-    `settings` evaluate. `unused` are parameters that nothing names. `places` are those
-    of parameters, coordinates, definitions and energies in the file. `gimbals` are the
-    frames by three angles, `quaternions` the constraints that hold their lengths;
-    `idle` says what of the file has no effect. `hidden` are definitions that the file
+    `events` set; `until` ends a run. `bind` and `settings` evaluate `stated`. `unused`
+    are parameters that no expression uses. `places` are the places of parameters,
+    coordinates, definitions and energies in the file. `gimbals` are the frames by three
+    angles, `quaternions` the constraints on the lengths of quaternions; `idle` has
+    texts on parts of the file without effect. `hidden` are definitions that the file
     implies, such as the entries of a frame's matrix `frame.arm.2.xy`.
     """
 
@@ -574,7 +563,7 @@ class Model:
 
     @property
     def content(self) -> str:
-        """Digest of the file, and of those of its tables."""
+        """Digests of the file and of the files of its tables, joined by dots."""
         return ".".join([self.sha256, *(t.sha256 for t in self.tables if t.file)])
 
     @property
@@ -584,17 +573,17 @@ class Model:
 
     @property
     def parameter_values(self) -> dict[str, float]:
-        """The values of the parameters, by name."""
+        """Values of the parameters, by name."""
         return {p.name: p.value for p in self.parameters}
 
     @property
     def modes(self) -> frozenset[str]:
-        """The names of the modes."""
+        """Names of the modes."""
         return frozenset(p.name for p in self.parameters if p.mode)
 
     @property
     def located(self) -> tuple[Relation, ...]:
-        """The conditions that are located: those of events, then `until`."""
+        """Relations whose zeros a run locates: conditions of events, then `until`."""
         conditions = (*(event.at for event in self.events), self.until)
         return tuple(x for x in conditions if x is not None)
 
@@ -605,23 +594,23 @@ class Model:
         /,
         **values: float | str,
     ) -> Model:
-        """Give the model with other values of parameters, or start values.
+        """Return the model with other values of parameters or start values.
 
-        On the same graph: equations derived from one are those of the other. Parameters
-        and start values that are expressions of others follow them.
+        The graph is shared, so that equations derived for one model hold for the other.
+        Parameters and start values whose expressions use the changed ones change, too.
 
         Parameters
         ----------
         parameters, initial
-            Numbers, or expressions, that stand for those of the file. A start value
-            that is a guess stays one.
+            Numbers, or expressions, that replace those of the file. A start value
+            marked as a guess remains a guess.
         **values
-            The same, of whichever has the name.
+            Parameters or start values by name.
 
         Raises
         ------
         InputError
-            As where the file has these.
+            As for a file with these values.
         """
         known = {p.name for p in self.parameters}
         own = {k: v for k, v in values.items() if k in known}
@@ -633,17 +622,17 @@ class Model:
         )
 
     def settings(self, options: Mapping[str, float | str] | None = None) -> Settings:
-        """Give how the file wants to be run, at the values of the parameters.
+        """Return the settings of the file's run, at the values of the parameters.
 
         Parameters
         ----------
         options
-            Stand for keys of `simulation`; `duration` replaces `end` too.
+            Values that replace keys of `simulation`; `duration` replaces `end` too.
 
         Raises
         ------
         InputError
-            As where the file has these.
+            As for a file with these values.
         """
         return self.stated.settings(_texts(options or {}))
 

@@ -24,23 +24,23 @@ _BLANK_ESCAPES = frozenset(" \ttnvfr_NLP\n\r\x85\u2028\u2029")
 
 
 class Source:
-    """A text by lines: gives the place of any stretch of it.
+    """Text with its lines; converts offsets to places.
 
     Parameters
     ----------
     file
-        What the places call it.
+        The file's name in places.
     text
         The text.
     shown
-        The text whose lines the places show, where it is not `text` itself.
+        Source whose lines are shown in messages, where it is not `text` itself.
 
     Attributes
     ----------
     lines : list of str
-        Without their ends.
+        Lines without their ends.
     starts : list of int
-        Where each of them begins.
+        Offset of the first character of each line.
     """
 
     def __init__(self, file: str, text: str, shown: Source | None = None) -> None:
@@ -51,42 +51,43 @@ class Source:
         self._shown = self.lines if shown is None else shown.lines
 
     def position(self, index: int) -> tuple[int, int]:
-        """Give line and column, counted from 0, of the character at `index`."""
+        """Return line and column, counted from 0, of the character at `index`."""
         line = bisect_right(self.starts, index) - 1
         return line, index - self.starts[line]
 
     def place(self, index: int, length: int = 1) -> Place:
-        """Give the place of a stretch; it ends with its first line."""
+        """Return the place of `length` characters, cut at the end of the first line."""
         line, column = self.position(max(0, min(index, len(self.text))))
         length = max(1, min(length, len(self.lines[line]) - column))
         return Place(self.file, line + 1, column + 1, length, self._shown[line])
 
 
 class Reading(Protocol):
-    """How the text of a scalar is read that an expansion has made: for one member.
+    """Interpretation of an expanded scalar's text for one member of a family.
 
-    component, size : the number of a component of a vector, or None, of so many
+    component, size : the number of a component of a vector, or None, and the vector's
+    size
     """
 
     component: int | None
     size: int
 
     def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
-        """Give what the parser would give for a file without families."""
+        """Return the parsed expression of this member, without families."""
 
     def words(self, text: str) -> Collection[str]:
-        """Give the names in the expression."""
+        """Return the names in the expression."""
 
     def member(self) -> str:
-        """Give the values of the indices, such as ` for i = 2`; empty without any."""
+        """Return the values of the indices, such as ` for i = 2`, or an empty text."""
 
 
 class Scalar(NamedTuple):
-    """A text; YAML's own types play no part.
+    """Text of a YAML scalar; YAML's own types are not used.
 
-    From `start` to `end` it stands in its source; `style` is the sign of YAML that it
-    begins with there, `=` on a command line, or empty. `reading`: of a file with
-    families or vectors.
+    `start` and `end` are its offsets in its source; `style` is the sign of YAML at its
+    beginning, `=` for a command line option, or empty. `reading` is present in a file
+    with families or vectors.
     """
 
     text: str
@@ -99,18 +100,18 @@ class Scalar(NamedTuple):
 
     @property
     def empty(self) -> bool:
-        """Whether the file gives nothing here, or YAML's null."""
+        """Whether the scalar is an empty text or YAML's null."""
         return not self.style and self.text in ("", "~", "null", "Null", "NULL")
 
     def place_of_name(self, name: str, offset: int) -> Place:
-        """Give the place of a name: of that in the text, where it is a member's."""
+        """Return the place of a name; for a member's name, of its word in the text."""
         if self.text.startswith(name, offset):
             return self.place_of(offset, len(name))
         word = _WORD.match(self.text, offset)
         return self.place_of(offset, len(word[0]) if word else 1)
 
     def place_of(self, offset: int, length: int = 1) -> Place:
-        """Give the place in the file of `length` characters of the text."""
+        """Return the place in the file of `length` characters of the text."""
         stretches = _stretches(self)
         offset = max(0, min(offset, len(self.text)))
         last = max(offset, min(offset + length, len(self.text)) - 1)
@@ -120,7 +121,7 @@ class Scalar(NamedTuple):
 
 @functools.lru_cache(maxsize=1)  # each name of a long expression may be asked for
 def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
-    """Give begin and end in the source of each character of the text, and its end."""
+    """Return begin and end in the source of each character, and of the text's end."""
     source, begin = scalar.source, scalar.start
     if scalar.style in ("'", '"'):
         begin += 1
@@ -139,7 +140,7 @@ def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
 
 
 def _next(scalar: Scalar, index: int) -> tuple[int, int]:
-    """Give begin and end of the next character that is not blank."""
+    """Return begin and end of the next character that is not blank."""
     raw, style = scalar.source.text, scalar.style
     last = max(scalar.start, scalar.end - 1)
     while index < last:
@@ -155,7 +156,7 @@ def _next(scalar: Scalar, index: int) -> tuple[int, int]:
 
 
 def _escape(raw: str, index: int) -> tuple[int, bool]:
-    """Give the length of an escape of double quotes, and whether it is a blank."""
+    """Return the length of an escape in double quotes, and whether it is a blank."""
     letter = raw[index + 1]
     length = _LONG_ESCAPES.get(letter)
     if length is None:
@@ -188,7 +189,13 @@ Entry: TypeAlias = tuple[Scalar, Node]
 
 
 def argument(option: str, value: str) -> Scalar:
-    """Give the value of a command line option, such as `--set g=` and `9.8`."""
+    """Return the scalar of a command line option, such as `--set g=` and `9.8`.
+
+    Examples
+    --------
+    >>> argument("--set g=", "9.8").text
+    '9.8'
+    """
     # Bytes that are not UTF-8 reach us as lone surrogates, which nothing can print.
     value = value.encode(errors="replace").decode()
     source = Source(option + value, option + value)
@@ -197,24 +204,24 @@ def argument(option: str, value: str) -> Scalar:
 
 
 def entries_of(node: Node | None) -> tuple[Entry, ...]:
-    """Give the entries of a mapping; none of anything else."""
+    """Return the entries of a mapping; an empty tuple for other nodes."""
     return node.entries if isinstance(node, Mapping) else ()
 
 
 def items_of(node: Node | None) -> tuple[Node, ...]:
-    """Give the items of a list, or the one that stands for a list of it."""
+    """Return the items of a list; another node is a list of one item."""
     if isinstance(node, Sequence):
         return node.items
     return () if node is None else (node,)
 
 
 def texts_of(nodes: Iterable[Node]) -> list[str]:
-    """Give the texts of those nodes that are scalars."""
+    """Return the texts of the nodes that are scalars."""
     return [node.text for node in nodes if isinstance(node, Scalar)]
 
 
 def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
-    """Give the scalars of a node and below it, each by the keys that lead to it."""
+    """Return the scalars of a node and below, each with its path of keys."""
     if isinstance(node, Scalar):
         yield name, node
     elif isinstance(node, Sequence):
@@ -226,7 +233,7 @@ def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
 
 
 def words(*roots: Node) -> set[str]:
-    """Give the words of all expressions below some nodes."""
+    """Return the words of all expressions below some nodes."""
     return {
         word
         for root in roots
