@@ -1,22 +1,25 @@
-"""The equations of motion solved by loops: for many coordinates and for hard cases.
+"""Numerical solution of the equations of motion by loops over dense matrices.
 
     [ M  A^T ] [  q''    ]   [ f ]
     [ A   0  ] [ -lambda ] = [ b ]
 
-M = L L^T; the columns of Y = L^-1 A^T are scaled to length 1 and Y = Q R is made by
-Householder reflections with column pivoting, so that nearly parallel rows keep their
-digits (S = Y^T Y would square the condition). Rows that are
-redundant everywhere are set aside: away from the constraints, at the stages of a step,
-they are not quite so, and which of them is left out must not change from stage to
-stage. lambda is the solution of least norm over all rows, and A^T lambda is unique. M,
-or what stands for it, is factored in `mass`. Rows of which some hold at times only,
-LAWS, are solved for in `laws`.
+For many coordinates, and for rows that are dependent or nearly so. M = L L^T; the
+columns of Y = L^-1 A^T are scaled to length 1, and Y = Q R is factored by Householder
+reflections with column pivoting, which is accurate for nearly parallel rows (S = Y^T Y
+would square the condition number). Rows that are redundant in every state are set
+aside: at the stages of a step, off the constraints, they are not exactly redundant, and
+the choice of the omitted row must not change from stage to stage. lambda is the
+solution of least norm over all rows, and A^T lambda is unique. M, or its replacement
+where M is singular, is factored in `mass`. With LAWS, systems in which some rows hold
+at times only are solved in `laws`.
 
-The derivative of the accelerations with respect to the state is exact: with the
-residuals r = M q'' - f - A^T lambda and s = A q'' - b, in which q'' and lambda stand as
-variables, d(q'', lambda)/dy solves the equations of motion themselves with -dr/dy for f
-and -ds/dy for b: one factorisation serves all of its columns. dr/dy and ds/dy come from
-the graph. lambda is that of the rows which the decomposition chose.
+The derivative of the accelerations with respect to the state is exact. For the
+residuals r = M q'' - f - A^T lambda and s = A q'' - b, with q'' and lambda as
+independent variables, d(q'', lambda)/dy solves the equations of motion with -dr/dy for
+f and -ds/dy for b, so that one factorisation serves all columns. dr/dy and ds/dy are
+evaluated from the graph. lambda is then that of the rows chosen by the pivoting.
+
+In the code rows of A are the columns of Y, and Y is stored transposed, row by row.
 
 Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 5.2,
 5.4 and 5.5.
@@ -48,10 +51,10 @@ LAWS = False  # set by the translator
 
 
 def spread(p: Parameters) -> None:
-    """Make the rows of Y: L^-1 A_i, scaled, and the scales.
+    """Store L^-1 A_i of each row i in p.Y (m, n), scaled, and p.scales (m,).
 
-    The scale of a row is the largest length (m,) that it has had on the way, so that
-    one that vanishes is seen to; see `keep_lengths`.
+    A row is scaled by the largest length that it has had in the arc, so that a
+    vanishing row is detected; see `keep_lengths`.
     """
     n = p.n
     for i in range(p.m):
@@ -64,9 +67,9 @@ def spread(p: Parameters) -> None:
 
 
 def keep_lengths(p: Parameters) -> None:
-    """Note the lengths that `spread` has scaled by, of a state on the way.
+    """Update p.lengths (m,) by the current lengths of rows, at an accepted state.
 
-    Not of every state: what a step is tried with may lie anywhere.
+    Not at trial states within a step, which may lie anywhere.
     """
     for k in range(p.m):
         i = int(p.order[k])
@@ -75,16 +78,16 @@ def keep_lengths(p: Parameters) -> None:
 
 
 def reflect(p: Parameters) -> int:
-    """Triangularise Y^T by reflections with pivoting; return the rank.
+    """Triangularise Y^T by reflections with pivoting, and return the rank.
 
-    A pivoted column counts as zero past the rank that the rows have in general: away
-    from the constraints, at the stages of a step, dependent rows are not quite so.
+    Pivots beyond the generic rank count as zero: at the stages of a step, off the
+    constraints, dependent rows are not exactly dependent.
 
-    Leaves the size of the last column that is independent in general as sigma. Row k
-    of Y then holds R[0:k, k] and the k-th reflection's vector after its first
-    component, which is 1. Past the rank that is so, too, as far as anything is left.
-    A row is reflected onto the largest of its own entries, which is exchanged into
-    place k, and noted: rounding stays among the coordinates that rows join.
+    On return p.sigma is the size of the last generically independent column. Row k of Y
+    holds R[0:k, k], followed by the vector of the k-th reflection without its first
+    component, which is 1. A row is reflected onto its largest element, which is
+    exchanged into column k and noted in p.places, so that rounding errors stay among
+    the coordinates that rows couple.
     """
     n, Y, diagonal, places = p.n, p.Y, p.diagonal, p.places
     kept = set_aside(p)
@@ -123,7 +126,11 @@ def reflect(p: Parameters) -> int:
 
 
 def note_directions(p: Parameters, end: int) -> None:
-    """Note the directions of the constraints: one for each of the first reflections."""
+    """Store the directions of the first `end` reflections.
+
+    z in p.directions, orthonormal in the metric of M, and M z in p.momenta, (end, n)
+    each.
+    """
     n, u = p.n, p.mirrored
     p.noted = end
     for k in range(end):
@@ -143,7 +150,7 @@ def note_directions(p: Parameters, end: int) -> None:
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
-    """Row among k, ..., end - 1 that is longest from column k on."""
+    """Return the index among k, ..., end - 1 of the row longest from column k on."""
     best = k
     longest = -1.0
     for i in range(k, end):
@@ -155,7 +162,7 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 
 def set_aside(p: Parameters) -> int:
-    """Put the rows that are marked in `aside` (m,) last; return how many are not."""
+    """Move the rows marked in p.aside (m,) to the end; return the number of others."""
     m = p.m
     kept = m
     for back in range(m):
@@ -173,12 +180,12 @@ def set_aside(p: Parameters) -> int:
 
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
-    """Square of the length of a row from column k on."""
+    """Return the squared length of a row from column k on."""
     return mass.product(n - k, row[k:], row[k:])
 
 
 def swap(p: Parameters, k: int, i: int) -> None:
-    """Exchange rows k and i of Y, with their scale, right side and index."""
+    """Exchange rows k and i of Y, with their scales, right sides and indices."""
     n, Y, scales, right, order = p.n, p.Y, p.scales, p.w, p.order
     for j in range(n):
         Y[k * n + j], Y[i * n + j] = Y[i * n + j], Y[k * n + j]
@@ -188,7 +195,7 @@ def swap(p: Parameters, k: int, i: int) -> None:
 
 
 def largest_entry(n: int, k: int, row: Floats) -> int:
-    """Where a row is largest, from column k on."""
+    """Return the index of the largest element of a row from column k on."""
     best = k
     for j in range(k + 1, n):
         if abs(row[j]) > abs(row[best]):
@@ -197,21 +204,21 @@ def largest_entry(n: int, k: int, row: Floats) -> int:
 
 
 def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
-    """Exchange columns k and c of Y; of the reflections made, too."""
+    """Exchange columns k and c of Y (m, n), including stored reflections."""
     if c != k:
         for i in range(m):
             Y[i * n + k], Y[i * n + c] = Y[i * n + c], Y[i * n + k]
 
 
 def to_places(n: int, places: Floats, x: Floats) -> None:
-    """Exchange the components of x (n,) as the columns were."""
+    """Permute x (n,) by the column exchanges of `reflect`."""
     for k in range(n):
         c = int(places[k])
         x[k], x[c] = x[c], x[k]
 
 
 def from_places(n: int, places: Floats, x: Floats) -> None:
-    """Exchange them back."""
+    """Undo the permutation of x (n,) by `to_places`."""
     for back in range(n):
         k = n - 1 - back
         c = int(places[k])
@@ -219,14 +226,14 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
-    """Apply the k-th reflection to x (n,)."""
+    """Apply the k-th reflection, stored in `row`, to x (n,)."""
     along = factor_k * (x[k] + mass.product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
     x[k + 1 : n] -= along * row[k + 1 : n]
 
 
 def impress(p: Parameters, rank: int) -> None:
-    """Write u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
+    """Store u = Q w (n,) with R^T w = p.w: L^-1 times the constraint forces."""
     n, u, w, diagonal = p.n, p.u, p.w, p.diagonal
     for k in range(rank):
         for j in range(k):
@@ -241,7 +248,7 @@ def impress(p: Parameters, rank: int) -> None:
 
 
 def multipliers(p: Parameters, rank: int) -> None:
-    """Leave lambda (m,) of R lambda = w in the original scale and order, of least norm.
+    """Store the solution lambda (m,) of R lambda = w of least norm, unscaled.
 
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
     """
@@ -257,7 +264,10 @@ def multipliers(p: Parameters, rank: int) -> None:
 
 
 def shorten(p: Parameters, rank: int) -> None:
-    """Leave the free multipliers z (m - rank,) in w, x - B z in x, of least norm."""
+    """Minimise the norm of the multipliers.
+
+    Stores the free multipliers z (m - rank,) in p.w and x - B z (rank,) in p.x.
+    """
     spare = p.m - rank
     x, B = p.x, p.free
     normal = B[rank * spare :]
@@ -282,7 +292,7 @@ def shorten(p: Parameters, rank: int) -> None:
 
 
 def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
-    """Replace x (rank,) by the solution of R1 D^-1 x, D the scales."""
+    """Replace x (rank,) by the solution z of R1 D^-1 z = x, D = diag(scales)."""
     diagonal = p.diagonal
     for i in range(rank):
         k = rank - 1 - i
@@ -291,36 +301,36 @@ def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
         x[k] *= p.scales[k] / diagonal[k]
 
 
-# What reflections leave of a vector, in units of the roundoff of its norm.
+# Rounding error of reflections of a vector, in units of the roundoff of its norm.
 REFLECTED = 4.0
 
 
-# M (n, n), A (m, n), f (n,), b (m,); then of each law its speed, and its bounds while
-# it slides and sticks (3 laws,).
+# M (n, n), A (m, n), f (n,), b (m,); then the speeds of the laws, and their bounds
+# while they slide and stick (3 laws,).
 dynamics = of_model("dynamics")
-# The rates of what follows the velocities, from q'' and lambda in p.
+# Rates of first-order states and quadratures, from q'' and lambda in p.
 other_rates = of_model("other_rates")
 # M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,).
 geometry = of_model("geometry")
-# Second-order residuals after Newton steps, which y holds in place of velocities: of
-# the residuals (m,) and of the rates (m,), against their scales.
+# Second-order residuals after a Newton step, which y holds in place of velocities: of
+# the residuals (m,) and of the rates (m,), relative to their scales.
 second_order = of_model("second_order")
-# The rounding of the forces (n,), and of the rates that follow.
+# Rounding bounds of the forces (n,), and of the other rates.
 force_rounding = of_model("force_rounding")
-# dr/dy (n, d), ds/dy (m, d) and those of the rates of states and works, by the d
-# components that the motion depends on, at the q'' and lambda that p holds; last those
-# of these rates by q'' and lambda.
+# dr/dy (n, d), ds/dy (m, d) and the derivatives of the rates of states and works, with
+# respect to the first d components of y, at q'' and lambda in p; last the derivatives
+# of these rates with respect to q'' and lambda.
 slopes = of_model("slopes")
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,)."""
+    """Store y' (size,) in out."""
     solve_motion(t, y, p)
     rates(t, y, p, out)
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,) and lambda (m,)."""
+    """Store y' (size,) and lambda (m,) in out."""
     derivative(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
     if LAWS and p.law_shares > 0.0:
@@ -328,7 +338,7 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,) of the motion that was solved for."""
+    """Store y' (size,) in out, from q'' in p.motion."""
     out[p.positions] = y[p.velocities]
     out[p.velocities] = p.motion[: p.n]
     if p.size > p.velocities.stop:
@@ -336,7 +346,7 @@ def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Columns of a row, without what pulls the state to the constraints."""
+    """Store the columns of an output row, without Baumgarte's stabilising terms."""
     gain = p.gain
     p.gain = 0.0
     solve_motion(t, y, p)
@@ -345,11 +355,11 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Bounds of the rounding of q'' (n,) and of other rates.
+    """Store bounds of the rounding error of q'' (n,) and of the other rates.
 
-    In units of the unit roundoff: that of the forces, each with its sign, and that of
-    the constraint forces. In the metric of M reflections leave it anywhere among the
-    coordinates that are joined. out has room for 2 size + 4.
+    In units of the unit roundoff: from the rounding of the forces, each with its sign,
+    and of the constraint forces. Reflections spread the latter, in the metric of M,
+    over all coupled coordinates. out has length 2 size + 4.
     """
     n = p.n
     reaction = out[p.size :]
@@ -365,12 +375,12 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def gather(p: Parameters, out: Floats) -> None:
-    """Bound of the accelerations of coordinates (n,) by constraint forces.
+    """Store a bound (n,) of the accelerations by constraint forces.
 
-    The norm of them all in the metric of diag M, among what is joined by rows or by M.
-    Where they cancel, what the addends of their rows could do counts: forces, and what
-    M couples a coordinate with. A slider without mass follows the others, on which its
-    row does not act: no inertia of it weighs against theirs.
+    For each group of coordinates coupled by rows or by M: the norm of the constraint
+    forces in the metric of diag M. Where they cancel, the terms of their rows count
+    instead: forces, and inertial coupling by M. The row of a slider acts on its
+    massless coordinate alone, not on the coordinates that the slider follows.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -407,7 +417,11 @@ def gather(p: Parameters, out: Floats) -> None:
 
 
 def followed(p: Parameters, k: int, place: int) -> float:
-    """Square of what row k asks of the coordinate that it acts on, times its M."""
+    """Return M_jj a^2, where a bounds the acceleration of coordinate j by row k.
+
+    j is `place`, the coordinate of a slider; a is the sum of the sizes of the row's
+    other terms.
+    """
     n = p.n
     row = p.A[k * n :]
     asked = abs(p.b[k])
@@ -420,7 +434,7 @@ def followed(p: Parameters, k: int, place: int) -> float:
 
 
 def join(p: Parameters, label: Floats) -> None:
-    """Find for each coordinate the first one that rows, or M, join it with: (n,)."""
+    """Store, for each coordinate, the first one to which rows or M couple it, (n,)."""
     n = p.n
     for i in range(n):
         label[i] = i
@@ -444,9 +458,10 @@ def join(p: Parameters, label: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the least change (n,) in the metric of M that removes the residuals.
+    """Store the least change (n,) of q, in the metric of M, that removes the residuals.
 
-    Then the largest residual against its scale, 0, and what the change leaves, (3,).
+    Followed by the largest residual relative to its scale, 0, and the second-order
+    residual after the step.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
@@ -456,10 +471,14 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
-    """Leave no change (n,) of x that shrinks no residual: rounding takes it back.
+    """Set the change `step` (n,) to 0 if rounding keeps it from reducing residuals.
 
-    Far from the origin, or at high speeds, what it moves besides would drift with each
-    projection. x : positions, or velocities, first; residuals : (m,), what they leave.
+    This happens far from the origin, or at high speeds, where some components of the
+    step are below the spacing of doubles; the other components would drift with each
+    projection.
+
+    x : positions, or velocities, in its first n elements.
+    residuals : (m,), before the step.
     """
     n, lost = p.n, 0.0
     for j in range(n):
@@ -479,7 +498,11 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the same for the velocities and the rates, with sigma instead of 0."""
+    """Store the least change (n,) of q', in the metric of M, that removes the rates.
+
+    Followed by the largest rate relative to its scale, sigma, and the second-order
+    residual after the step.
+    """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     drop_lost(y[p.velocities], p, p.gap_rates, out)
@@ -493,9 +516,10 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def residual_left(
     first: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
-    """Largest second-order residual after a Newton step, of the rows that hold.
+    """Return the largest second-order residual after a Newton step, of rows in force.
 
-    Of their residuals (first = 0), or of their rates (first = m).
+    Of the residuals (`first` = 0) or of the rates (`first` = m) of the rows, each
+    relative to its scale.
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
@@ -508,7 +532,10 @@ def residual_left(
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
-    """-M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
+    """Store -M^-1 A^T S^-1 residuals (n,), and the largest |residual| / size.
+
+    residuals, sizes : (m,).
+    """
     if LAWS:
         hold(p)
     else:
@@ -532,7 +559,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
 
 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
-    """Leave q'' (n,) and lambda (m,) as the motion."""
+    """Solve the equations of motion at (t, y); q'' (n,) and lambda (m,) in p.motion."""
     dynamics(t, y, p, p.terms)
     if p.augmented > 0.0:
         mass.augment_force(p)
@@ -542,7 +569,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 
 def solve_terms(p: Parameters) -> None:
-    """Do so for the terms that are there."""
+    """Solve the equations of motion with M, A, f and b as stored in p.terms."""
     if LAWS:
         hold(p)
         respond(p)
@@ -559,7 +586,7 @@ def solve_terms(p: Parameters) -> None:
 
 
 def factor_rows(p: Parameters) -> None:
-    """Factor M and the rows, as far as that has not been done for the whole arc."""
+    """Factor M and the rows, except for factors that stay constant in the arc."""
     if p.factored < 1.0:
         mass.factor(p)
     if p.factored < 2.0:
@@ -569,7 +596,7 @@ def factor_rows(p: Parameters) -> None:
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write dq''/dy (n, d), see `slopes`, and those of the other rates."""
+    """Store d(q'', other rates)/dy as a matrix of d columns, see `slopes`."""
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
@@ -595,10 +622,10 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
-    """Write q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
+    """Store q'' (n,) and lambda (m,) for f and b in p.terms, which are overwritten.
 
-    With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
-    R^T w = b, and R lambda = w - Q^T L^-1 f.
+    With the factors from `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f,
+    where R^T w = b, and R lambda = w - Q^T L^-1 f.
     """
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x

@@ -1,11 +1,11 @@
 """Localized terms of the equations, and the activity indicators that locate them.
 
-A method sees what its stages, or its series, see. A term that is flat to the last digit
-between them is missed: an exponential (and what is made of it), a large power, the
-inverse of something that nearly vanishes. Whether such a term acts is shown by its
-argument, which moves no faster than the motion does: where the argument of `exp` is
-largest, that of `tanh` passes zero, a denominator is least. Steps are searched for
-these points, see `methods.parts.missed`.
+A method samples the equations at its stages only. A term that is 0 to the last digit at
+all samples is missed: an exponential and functions derived from it, a large power, the
+inverse of a function that nearly vanishes. Whether such a term is active is shown by
+its argument, which varies as slowly as the motion: `exp` is active where its argument
+is largest, `tanh` where its argument passes zero, a quotient where its denominator is
+smallest. Steps are searched for these points, see `methods.parts.missed`.
 """
 
 from __future__ import annotations
@@ -28,21 +28,31 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
-# Powers from this on are flat enough to hide: a wall.
+# Least exponent of a power that counts as localized: a steep wall.
 TALL = 6.0
-# Where the argument of each function shows that it acts.
+# Values of the argument at which each function is active.
 ACTS_WHERE = {
     "exp": (LARGEST,), "cosh": (NEAR_ZERO,), "sinh": (NEAR_ZERO,), "tanh": (NEAR_ZERO,),
     "atan": (NEAR_ZERO,), "sqrt": (SMALL,), "log": (SMALL,),
 }  # fmt: skip
-# A scene without any of these has nothing localized.
+# A scene without any of these has no localized terms.
 MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div"))
-# Products of more factors are not taken apart.
+# Products of more factors are not decomposed.
 MOST_FACTORS = 64
 
 
 class Indicator(NamedTuple):
-    """The argument of a localized term, where the term acts, and its power."""
+    """Activity indicator of a localized term.
+
+    Attributes
+    ----------
+    node : int
+        An argument of the term.
+    kind : float
+        The values of the argument at which the term is active, see `ACTS_WHERE`.
+    power : float
+        Exponent of a power of the argument.
+    """
 
     node: int
     kind: float
@@ -52,10 +62,14 @@ class Indicator(NamedTuple):
 def indicators(
     equations: Equations, nodes: Sequence[int], ends: Sequence[int]
 ) -> list[Indicator]:
-    """Return the indicators that steps are searched for.
+    """Return the indicators for which steps are searched.
 
-    Of what the motion depends on, `nodes` as they are in an arc, and of what ends an
-    arc, `ends`.
+    Parameters
+    ----------
+    nodes : sequence of int
+        Expressions on which the motion depends, with the modes of an arc.
+    ends : sequence of int
+        Expressions that end an arc.
     """
     g, names = equations.graph, (*equations.state, "t")
 
@@ -69,7 +83,10 @@ def indicators(
 
 
 def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indicator]:
-    """Arguments of switches of the state that are left in `nodes`, of either sign."""
+    """Return an indicator for u and one for -u, for each switch argument u in `nodes`.
+
+    Only of arguments that depend on the state.
+    """
     found: list[Indicator] = []
     for n in g.cone(nodes):
         op, row = g.ops[n], OPERATIONS.get(g.ops[n])
@@ -89,34 +106,37 @@ def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indica
 
 
 def _moves(e: Equations) -> tuple[str, ...]:
-    """Names of all that moves but t."""
+    """Return the names of all variables that vary in time, without t."""
     works = (x.name for x in e.works)
     return (*e.state, *e.accelerations, *e.multipliers, *works)
 
 
 def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
-    """Key of the indicators of `nodes`: the nodes, and values of exponents."""
+    """Return a cache key of the indicators of `nodes`.
+
+    The nodes, and the values of parameters in exponents.
+    """
     exponents = _exponents(equations.graph, *nodes)
     values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
     return equations.q, nodes, tuple(values.get(name) for name in exponents)
 
 
 def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
-    """Return the names on whose values it depends what is localized."""
+    """Return the names in exponents, which decide whether a power is localized."""
     nodes = tuple(equations.of_motion)
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
 
 
 @memoized
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
-    """Return the names in exponents."""
+    """Return the names in exponents that are not constants, sorted."""
     powers = {n for n in g.of(("pow",)) if g.value(g.args[n][1]) is None}
     powers = powers.intersection(g.cone(chain(*nodes)) if powers else ())
     return sorted(g.depends(g.args[n][1] for n in powers))
 
 
 class _Search:
-    """Finds the indicators of all localized terms below some nodes."""
+    """Search for the indicators of all localized terms in some expressions."""
 
     def __init__(self, equations: Equations, nodes: Sequence[int]) -> None:
         g = self.g = equations.graph
@@ -127,11 +147,11 @@ class _Search:
 
     @cached_property
     def moving(self) -> set[int]:
-        """Nodes that depend on what moves."""
+        """Nodes that depend on variables that vary in time."""
         return self.g.dependent(self.nodes, self.moves)
 
     def among(self, names: Collection[str]) -> list[Indicator]:
-        """Return the indicators that depend, with arguments, on `names` alone."""
+        """Return the indicators of terms whose varying arguments are among `names`."""
         if not self.ops & MAY_BE_LOCALIZED:
             return []
         those = self.g.dependent(self.nodes, names)
@@ -142,11 +162,11 @@ class _Search:
         return list(found)
 
     def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of one node."""
+        """Return the indicators of node n; `those` depend on the names in question."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
             found = self._product(n) if self.ops & {"exp", "pow"} else []
-            # A root in a denominator is watched itself.
+            # A root has an indicator of its own.
             watched = op == "div" and args[1] in those and g.ops[args[1]] != "sqrt"
             if watched and not _never_small(g, args[1]):
                 found.append(Indicator(args[1], SMALL))
@@ -172,14 +192,14 @@ class _Search:
         return [Indicator(base, LARGE, power)] if power >= TALL else []
 
     def _value(self, n: int) -> float:
-        """Return the value of a node that does not move; 0 where it is not known."""
+        """Return the value of a constant node; 0 where it is unknown or not finite."""
         if not self.g.depends([n]) <= self.values.keys():
             return 0.0
         (found,) = evaluate(self.g, [n], self.values)
         return float(found) if math.isfinite(found) else 0.0
 
     def _product(self, n: int) -> list[Indicator]:
-        """Sum of the exponents of a product's factors: they act together."""
+        """Return an indicator for the sum of the exponents of a product's factors."""
         g, below = self.g, [(n, False)]
         terms: list[int] = []
         for _ in range(MOST_FACTORS):
@@ -206,7 +226,7 @@ class _Search:
         return []
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
-        """Return where two exponentials, or one and a constant, are of equal size."""
+        """Return an indicator of where two exponentials (or a constant) are equal."""
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:
             return []
@@ -216,7 +236,7 @@ class _Search:
         return [Indicator(difference, NEAR_ZERO)]
 
     def _logarithm(self, n: int) -> int | None:
-        """Logarithm of the size of a product of exponentials and constants."""
+        """Return log |n| of a product of exponentials and constants, else None."""
         g = self.g
         if n not in self.moving:
             if n == g.zero:
@@ -238,7 +258,7 @@ class _Search:
 
 
 def _never_small(g: Graph, n: int) -> bool:
-    """Whether a node is a positive number at least, made larger by exp or cosh."""
+    """Whether a node is bounded from below by a positive number, as 1 + exp(x) is."""
     op, args = g.ops[n], g.args[n]
     value = g.value(n)
     if value is not None:

@@ -1,9 +1,10 @@
-"""The mass matrix by loops: M = L L^T, and the motion that no row constrains.
+"""Kernels of the mass matrix: M = L L^T, and the motion without constraint forces.
 
-Where M alone is singular, M + A^T W A and f + A^T W b stand for M and f: q'' and lambda
-are the same (W diagonal, to the size of M).
+Where M alone is singular, M and f are replaced by M + A^T W A and f + A^T W b with a
+diagonal W that scales A^T W A to the size of M: q'' and lambda do not change.
 
-Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., section 4.2.
+Matrices are flat arrays, row by row. Sources: G. H. Golub and C. F. Van Loan, Matrix
+Computations, 4th ed., section 4.2.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def factor(p: Parameters) -> None:
-    """Factor M, or M + A^T W A with the rows that always hold."""
+    """Factor M = L L^T, or M + A^T W A with the rows A that always hold, into p.L."""
     n = p.n
     p.L[:] = p.M
     if p.augmented > 0.0:
@@ -32,7 +33,16 @@ def factor(p: Parameters) -> None:
 
 
 def cholesky(n: int, L: Floats) -> None:
-    """Replace the lower triangle by its Cholesky factor; nan where not positive."""
+    """Replace the lower triangle of L (n, n) by its Cholesky factor; nan if indefinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> L = np.array([4.0, 0.0, 2.0, 5.0])  # 2 x 2, row by row
+    >>> cholesky(2, L)
+    >>> L.tolist()
+    [2.0, 0.0, 1.0, 2.0]
+    """
     for j in range(n):
         for i in range(j, n):
             value = L[i * n + j]
@@ -47,9 +57,10 @@ def cholesky(n: int, L: Floats) -> None:
 
 
 def row_weight(n: int, M: Floats, row: Floats) -> float:
-    """Weight that brings row^T row to the size of M where the row is.
+    """Return the weight w that scales w row^T row (n, n) to the size of M.
 
-    That of other bodies would drown in it what M has there.
+    The size is the largest diagonal element of M among the row's coordinates: with the
+    inertia of a heavier body elsewhere, rounding would destroy the elements of M here.
     """
     largest = 0.0
     whole = 0.0
@@ -70,7 +81,7 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
 
 def augment_force(p: Parameters) -> None:
-    """Add A^T W b to f."""
+    """Add A^T W b (n,) to f."""
     n = p.n
     for k in range(p.m - p.laws):
         row = p.A[k * n :]
@@ -79,7 +90,7 @@ def augment_force(p: Parameters) -> None:
 
 
 def forward(n: int, L: Floats, x: Floats) -> None:
-    """Replace x by L^-1 x."""
+    """Replace x (n,) by L^-1 x, L (n, n) lower triangular."""
     for i in range(n):
         value = x[i]
         for j in range(i):
@@ -88,7 +99,7 @@ def forward(n: int, L: Floats, x: Floats) -> None:
 
 
 def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
-    """L^-T x; x is used up."""
+    """Store L^-T x (n,) in out; x is overwritten."""
     for k in range(n):
         i = n - 1 - k
         value = x[i] / L[i * n + i]
@@ -97,7 +108,7 @@ def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
 
 
 def free_motion(p: Parameters) -> None:
-    """Leave M^-1 f as the motion, and L^-1 f as v (n,)."""
+    """Store M^-1 f (n,) in p.motion, and L^-1 f (n,) in p.v."""
     p.v[:] = p.f
     forward(p.n, p.L, p.v)
     p.u[:] = p.v
@@ -105,7 +116,7 @@ def free_motion(p: Parameters) -> None:
 
 
 def missing(p: Parameters, i: int) -> float:
-    """Residual of row i in the accelerations: b_i - A_i q''."""
+    """Return the acceleration residual of row i: b_i - A_i q''."""
     A = p.A[i * p.n :]
     value = p.b[i]
     for j in range(p.n):
@@ -114,7 +125,7 @@ def missing(p: Parameters, i: int) -> float:
 
 
 def product(length: int, a: Floats, b: Floats) -> float:
-    """Inner product."""
+    """Return the inner product of the first `length` elements of a and b."""
     value = 0.0
     for i in range(length):
         value += a[i] * b[i]
