@@ -1,26 +1,27 @@
-"""The motion where rows hold at times: contacts, friction, limits.
+"""Kernels of the motion with laws: contacts, friction, limits, each with a mode.
 
-Each law has a row after those of the equalities, and a mode. Of those that hold
+The rows of the laws follow those of the equalities. The rows h that hold satisfy
 
     M q'' = f + sum_h (A_h^T + sum_s c_s A_s^T) lambda_h + sum_l c_l A_l^T
     A_h q'' = b_h
 
-where a slip s that slides takes the part c_s of its contact's multiplier, against its
-velocity, and a limited row l its bound. What slides makes the equations unsymmetric;
-they are small, dense, and solved by elimination with pivoting. The rows that hold are
-independent: who sets the modes sees to it.
+where a sliding slip s transmits the part c_s of its contact's multiplier, opposite to
+its velocity, and a sliding limited row l transmits its bound c_l. Sliding friction
+makes the equations unsymmetric; they are small and dense, and are solved by elimination
+with pivoting. The rows that hold are independent, which is ensured where modes are set.
 
-Rows that hold a body more often than they must share its load with the least norm of
-all multipliers within their bounds: a contact or freewheel pushes, a limited row stays
-within its limit, two of a disc within its radius. The forces of those that hold are
-known, and of all multipliers lambda of what holds, with rows A, that give these, those
-of least norm are the projection onto their bounds P(A A_h^T y) with
+If more rows hold than are independent, they share their load with the least norm of all
+multipliers within their bounds: the multiplier of a contact or freewheel is not
+negative, that of a limited row stays within its limit, two of a disc within its radius.
+The multipliers lambda of the independent rows A_h determine the constraint forces; with
+A the rows of all laws that share, the multipliers of least norm with equal forces are
+the projection P(A A_h^T y) onto the bounds, where
 
     A_h A^T P(A A_h^T y) = A_h A^T lambda
 
-and the coordinates in units of the rows' elements: the condition for the least of a
-convex function of y, found by Newton's steps. Where friction is bounded by multipliers
-these stay as they were found.
+with the coordinates in units of the rows' elements. This is the condition for the
+minimum of a convex function of y, which is found by Newton's method. Multipliers that
+bound a friction force are not shared.
 
 Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996,
 chapter 5.
@@ -52,9 +53,11 @@ if TYPE_CHECKING:
 
 
 def couple(p: Parameters, sliding: int) -> None:
-    """Make Y = L^-1 A^T of the rows that hold, what pushes with them, and S.
+    """Store Y = L^-1 A^T of the rows that hold, Z, and the matrix S = Y^T Z.
 
-    Each row of S, and of the right side, is brought to the size of its own diagonal.
+    Z is L^-1 times the generalized force of a unit multiplier of each row, with the
+    friction proportional to it if `sliding` is 1. Each row of S, and of the right side
+    in p.w, is scaled by |Y_k|^-2.
     """
     n = p.n
     count = int(p.ranked)
@@ -80,13 +83,13 @@ def couple(p: Parameters, sliding: int) -> None:
 
 
 def own_place(p: Parameters, i: int) -> int:
-    """Return the coordinate that alone row i acts on, a slider's; or -1."""
+    """Return the coordinate of a slider's row i, on which alone it acts; else -1."""
     k = i - p.m + p.laws
     return int(p.law_place[k]) if k >= 0 else -1
 
 
 def slide_along(p: Parameters, i: int, push: Floats) -> None:
-    """Add to what row i pushes with the friction that goes with its multiplier."""
+    """Add to `push` (n,) the friction proportional to the multiplier of row i."""
     n = p.n
     first = p.m - p.laws
     for k in range(p.laws):
@@ -95,14 +98,14 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
 
 
 def impress(p: Parameters) -> None:
-    """Add to u (n,) the forces of the rows that hold, times L^-1."""
+    """Add to p.u (n,) L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
         p.u[:] += p.w[k] * p.Z[k * n : (k + 1) * n]
 
 
 def share_out(p: Parameters) -> None:
-    """Store the multiplier of each row."""
+    """Store the multiplier of each row in p.multipliers (m,)."""
     first = p.m - p.laws
     out = p.multipliers
     p.multipliers[:] = 0.0
@@ -116,25 +119,27 @@ def share_out(p: Parameters) -> None:
 
 
 def solve_rows(p: Parameters, count: int, x: Floats) -> None:
-    """Solve S x = right side (count,) in place; nan where S is singular."""
+    """Solve S x = right side in place, x (count,); nan where S is singular."""
     if decompose(1, count, p.S, p.factors) == 0:
         x[:count] = nan
     else:
         solve(1, count, p.S, p.factors, x)
 
 
-# Newton's steps to the shares, and how often one is halved; the part of the largest
-# diagonal that keeps its matrix regular where all shares are at their bounds.
+# Greatest number of Newton steps for the shares, and of halvings of a step; the part of
+# the largest diagonal element that keeps the matrix regular where all shares are at
+# their bounds.
 SHARING, HALVED, REGULAR = 60, 40, 1e-13
-# A step is taken if the function falls by this part of its slope; shares are rounding
-# off, and right, that leave no more than these parts of the forces.
+# A step is accepted if the function falls by this part of its slope; relative residuals
+# of the forces at which the iteration stops, and up to which shares are accepted.
 FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
 
 def share(p: Parameters, out: Floats) -> None:
-    """Share out the multipliers of rows that hold, of those of all rows (m,).
+    """Distribute loads over the multipliers of dependent rows, with the least norm.
 
-    Where no shares are found all stay as they are.
+    out : (m,), the multipliers of all rows; unchanged if the iteration does not
+    converge.
     """
     lam = out[p.m - p.laws :]
     count = products(p)
@@ -169,7 +174,7 @@ def share(p: Parameters, out: Floats) -> None:
 
 
 def products(p: Parameters) -> int:
-    """Make G = A_h A^T of the rows that hold, by laws; give how many these are."""
+    """Store G = A_h A^T (count, laws) of the rows that hold in p.free; return count."""
     n, laws = p.n, p.laws
     rows = p.A[(p.m - laws) * n :]
     count = 0
@@ -185,7 +190,7 @@ def products(p: Parameters) -> int:
 
 
 def share_by(p: Parameters, count: int, y: Floats) -> float:
-    """Leave the shares at y (count,), and return the function that is to be least."""
+    """Store the multipliers P(A A_h^T y) for y (count,); return the convex function."""
     laws = p.laws
     found = 0.0
     for k in range(laws):
@@ -201,7 +206,7 @@ def share_by(p: Parameters, count: int, y: Floats) -> float:
 
 
 def kept_part(p: Parameters, k: int) -> float:
-    """Return the part of what is asked of row k that is within its bounds."""
+    """Return the ratio of the projected to the unprojected multiplier of row k."""
     if is_one_sided(p, k):
         return 1.0 if p.share_asked[k] > 0.0 else 0.0
     size = asked_size(p, k)
@@ -209,14 +214,17 @@ def kept_part(p: Parameters, k: int) -> float:
 
 
 def asked_size(p: Parameters, k: int) -> float:
-    """Size of what is asked of a limited row, or of both of a disc."""
+    """Return the size of the unprojected multiplier of a limited row.
+
+    Of two rows of a disc, the norm of both multipliers.
+    """
     x = p.share_asked[k]
     z = p.share_asked[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
     return sqrt(x * x + z * z)
 
 
 def unshared(p: Parameters, count: int) -> float:
-    """Leave what the shares miss of the forces (count,); give it in parts of these."""
+    """Store the residual (count,) of the forces; return the largest relative one."""
     laws = p.laws
     most = 0.0
     for i in range(count):
@@ -233,7 +241,7 @@ def unshared(p: Parameters, count: int) -> float:
 
 
 def newton_step(p: Parameters, count: int) -> float:
-    """Leave the step (count,) to less of the function, and return its slope."""
+    """Store Newton's step (count,) of the convex function; return its slope there."""
     laws = p.laws
     change = p.share_next
     size = 0.0
@@ -252,7 +260,10 @@ def newton_step(p: Parameters, count: int) -> float:
 
 
 def share_slope(p: Parameters, k: int, change: Floats) -> float:
-    """Change of the share of row k by a change (laws,) of what is asked."""
+    """Return the change of the projected multiplier of row k by `change` (laws,).
+
+    change : of the unprojected multipliers.
+    """
     part = kept_part(p, k)
     found = part * change[k]
     if is_one_sided(p, k) or part == 1.0:
@@ -266,7 +277,10 @@ def share_slope(p: Parameters, k: int, change: Floats) -> float:
 
 
 def weigh(p: Parameters) -> None:
-    """Store the square of the factor that scales each column's largest element to 1."""
+    """Store weights (n,) of coordinates in p.u, see `inner`.
+
+    The squares of the factors that scale each column's largest element to 1.
+    """
     n = p.n
     first = p.m - p.laws
     weights = p.u
@@ -281,7 +295,7 @@ def weigh(p: Parameters) -> None:
 
 
 def inner(p: Parameters, a: Floats, b: Floats) -> float:
-    """Product of two rows (n,)."""
+    """Return the weighted inner product of two rows (n,)."""
     found = 0.0
     for j in range(p.n):
         found += p.u[j] * a[j] * b[j]
@@ -289,7 +303,7 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 
 
 def shares(p: Parameters, k: int) -> bool:
-    """Whether a law holds without friction that is bounded by its multiplier."""
+    """Whether a law holds or is redundant, and its multiplier bounds no friction."""
     if not (p.law_mode[k] == HELD or p.law_mode[k] == REDUNDANT):
         return False
     if p.law_kind[k] == LIMITED:
@@ -301,26 +315,26 @@ def shares(p: Parameters, k: int) -> bool:
     return is_one_sided(p, k) and slips == 0
 
 
-# The margin of what has no end of its own.
+# Event function of a mode that has no end of its own.
 ENDLESS = 1.0
-# A slip on a disc has begun where it is so many times as fast as its floor.
+# A slip on a disc has begun when its speed is this multiple of its floor.
 BEGUN = 16.0
-# The cosine up to which its way turns before it is noted anew: what turns by more than
-# a right angle in a step has stopped.
+# Cosine of the angle by which its direction turns before it is stored anew; a slip that
+# turns by more than a right angle in a step has stopped.
 TURNED = 0.5
 
 
-# Of each law (L,) the gap, the speed of what has none, or what is `left`.
+# Of each law (laws,): its gap, else its speed; of a slider its event function `left`.
 gaps = of_model("gaps")
 
 
 @external
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
-    """Leave q'' (n,) and lambda (m,) as the motion, see `dense`."""
+    """Store q'' (n,) and lambda (m,) in p.motion, see `dense`."""
 
 
 def take_out(p: Parameters) -> None:
-    """Clear the rows of laws that do not hold."""
+    """Set the rows of laws that do not hold to 0."""
     first = p.m - p.laws
     for k in range(p.laws):
         if p.law_mode[k] != HELD:
@@ -328,7 +342,7 @@ def take_out(p: Parameters) -> None:
 
 
 def correct(p: Parameters) -> None:
-    """Leave the change of the state (n,), times L, by the rows that hold, as u."""
+    """Store in p.u (n,) L^T times the change of the state by the rows that hold."""
     p.u[:] = 0.0
     couple(p, 0)
     solve_rows(p, int(p.ranked), p.w)
@@ -336,7 +350,7 @@ def correct(p: Parameters) -> None:
 
 
 def hold(p: Parameters) -> None:
-    """Factor M, and list the rows that hold."""
+    """Factor M, and list the rows that hold in p.order."""
     first = p.m - p.laws
     count = 0
     for k in range(p.m):
@@ -351,12 +365,12 @@ def hold(p: Parameters) -> None:
 
 
 def begun(t: float, p: Parameters, k: int) -> float:
-    """Part of the stretch in which slip k begins that has passed."""
+    """Return the elapsed fraction of the stretch in which slip k begins."""
     return float((t - p.law_begun[k]) / p.law_lasts[k])
 
 
 def way(t: float, p: Parameters, k: int) -> float:
-    """Direction of row k, of two slips that begin."""
+    """Return the direction component of row k, of two slips that begin."""
     x = begun(t, p, k)
     turn = 0.0
     for j in range(TURNS):
@@ -365,13 +379,13 @@ def way(t: float, p: Parameters, k: int) -> float:
 
 
 def drive(t: float, p: Parameters) -> None:
-    """Store the parts of sliding rows, and add the forces of limited ones."""
+    """Store the parts c of sliding rows in p.law_part; add the limited forces to f."""
     first = p.m - p.laws
     direction, part = p.law_direction, p.law_part
     for k in range(p.laws):
         part[k] = 0.0
         if p.law_mode[k] == REDUNDANT:
-            # Where it has a way: at its bound, and kept there by the others.
+            # If it has a direction: at its bound, held there by the other rows.
             part[k] = direction[k] * p.law_statics[k]
         if p.law_mode[k] == SLIDING:
             part[k] = direction[k] * p.law_bounds[k]
@@ -386,14 +400,15 @@ def drive(t: float, p: Parameters) -> None:
                 if speed > 0.0:
                     part[k] = -p.law_bounds[k] * x / speed
                 if x * direction[k] + z * direction[other] > 0.0:
-                    # Past its stop in a step that is to end there: as before it.
+                    # Beyond its stop, in a step that an event will end there: as
+                    # before.
                     part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
             p.f[:] += part[k] * p.A[(first + k) * p.n : (first + k + 1) * p.n]
 
 
 def respond(p: Parameters) -> None:
-    """Solve for q'' and lambda: the terms are there, and what slides is noted."""
+    """Solve for q'' and lambda, from stored terms and parts of sliding rows."""
     mass.free_motion(p)
     count = int(p.ranked)
     for k in range(count):
@@ -407,11 +422,11 @@ def respond(p: Parameters) -> None:
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Event functions of the laws (L,): below 0 the mode of a law is over."""
+    """Store the event functions of the laws (laws,), negative where a mode has ended."""
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
-        if p.sliding > 0.0:  # else on the lower sides of what the motion follows
+        if p.sliding > 0.0:  # else on the lower sides of followed surfaces
             p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     gaps(t, y, p, out)
     for k in range(p.laws):
@@ -419,7 +434,7 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
             continue
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
-            if p.law_weakens[k] > 0.0:  # what holds bears what slides at the least
+            if p.law_weakens[k] > 0.0:  # ends where static < sliding
                 out[k] = min(out[k], p.law_statics[k] - p.law_bounds[k])
         elif mode[k] == SLIDING:
             out[k] = slide_left(t, p, k, out[k])
@@ -430,13 +445,13 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
 
 
 def is_one_sided(p: Parameters, k: int) -> bool:
-    """Whether a law's multiplier pushes and does not pull."""
+    """Whether a law's multiplier cannot be negative."""
     # These two are the first kinds.
     return float(p.law_kind[k]) <= FREEWHEEL
 
 
 def hold_left(p: Parameters, k: int) -> float:
-    """Event function of a held row: the distance of its multiplier from its bound."""
+    """Return the event function of a held row: the distance of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
     bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
@@ -444,10 +459,12 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
-    """Event function of a sliding row: its speed; of two slips one has that of both.
+    """Return the event function of a sliding row: its speed, in the sliding direction.
 
-    Until their way has turned, and has to be noted anew. Of those that begin, how much
-    they are below what they begin with, in time, too, and forward.
+    Of two slips on a disc one has the event function of both, which also ends where
+    their direction has turned by more than `TURNED`. While they begin, it is the margin
+    to the final speed and time of the beginning, and the speed in the initial
+    direction.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])
@@ -461,7 +478,7 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     ahead = -(direction[k] * x + direction[other] * z)
     if p.law_floor[k] > 0.0:
         left = BEGUN * p.law_floor[k]
-        # By its band, half a floor, before the end: the polynomial goes no farther.
+        # Ends by its band, half a floor, before the end of the polynomial's range.
         in_time = left * (1.0 - begun(t, p, k)) - 0.5 * p.law_floor[k]
         return float(min(left - speed, in_time, ahead))
     if ahead < 0.0:
@@ -470,7 +487,10 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Event function of a row that sticks; of two slips the first has that of both."""
+    """Return the event function of a row that sticks: its bound less its multiplier.
+
+    Of two slips on a disc the first has the event function of both.
+    """
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])
