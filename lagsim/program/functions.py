@@ -1,8 +1,8 @@
-"""What is compiled from the graph: the name of a function -> what it writes to out.
+"""The functions compiled from the graph: name -> the nodes written to out.
 
-What a method needs beyond y' it names in NEEDS; a row of NEEDED makes it, so that
-nothing is differentiated or compiled that nobody asked for. `Columns` are what is
-computed for each row of the results.
+A method declares in NEEDS which functions it uses besides y', and a row of NEEDED
+constructs each one: only functions in use are differentiated and compiled. `Columns`
+are the quantities of an output row.
 """
 
 from __future__ import annotations
@@ -42,19 +42,19 @@ if TYPE_CHECKING:
 
 
 class Columns:
-    """What is computed for each row: the columns of the table, then what plots need.
+    """The quantities of an output row: columns of the table, then quantities for plots.
 
     Attributes
     ----------
     nodes : dict of str to int
-        In the order of the table; expressions of the state, q'' and lambda, those that
-        are integrated: what a reduction leaves out is `recovered`.
+        Name -> expression of the integrated state, q'' and lambda, in the order of the
+        table. Variables removed by a reduction are replaced by the nodes `recovered`.
     table : int
-        How many of them the table shows.
+        Number of columns of the table.
     sections : list of int
-        The relations of sections, by the state that is integrated.
+        The relations of sections, as expressions of the integrated state.
     wants_sections : bool
-        There are such, or strobes.
+        Whether there are sections or strobes.
     """
 
     def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
@@ -116,12 +116,12 @@ class Columns:
 
     @property
     def of_table(self) -> tuple[str, ...]:
-        """The names of those that the table shows."""
+        """Names of the columns of the table."""
         return self.names[: self.table]
 
 
 def _sums(equations: Equations) -> dict[int, int]:
-    """Multipliers, frictions and impulses of gaps with pieces: sums of these."""
+    """Return the sums over pieces of gaps: of multipliers, frictions and impulses."""
     g = equations.graph
     parts: dict[str, list[str]] = {}
     for law in equations.laws:
@@ -135,9 +135,10 @@ def _sums(equations: Equations) -> dict[int, int]:
 
 
 def _in_order(equations: Equations) -> dict[str, Row]:
-    """Rows of the constraints by name, in the order of the file.
+    """Return the rows of constraints by name, in the order of the file.
 
-    Of a gap with pieces the row of the first, with the gap itself.
+    A gap with several pieces has the row of its first piece with the residual of the
+    gap.
     """
     g, rows = equations.graph, {row.name: row for row in equations.rows}
     parts: dict[str, list[Row]] = {}
@@ -158,7 +159,10 @@ def _in_order(equations: Equations) -> dict[str, Row]:
 
 
 def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
-    """Scale of what each constraint must not miss, and that of one side."""
+    """Return residual scales of constraints, and violations of one-sided ones.
+
+    As "scale:NAME" and "missed:NAME". A law that is not one-sided has neither.
+    """
     g = equations.graph
     free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}
     nodes: dict[str, int] = {}
@@ -176,7 +180,7 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
 
 def _optional(equations: Equations) -> dict[str, int]:
-    """Columns of contacts, and what keys of `output` ask for."""
+    """Return the columns of contacts, and of optional keys of `output`."""
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
     sums = _sums(e)
@@ -202,17 +206,17 @@ def _optional(equations: Equations) -> dict[str, int]:
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Residuals of rows on the level of positions; rows of velocities have none."""
+    """Return the residuals of holonomic rows, 0 for velocity constraints."""
     return [row.residual if row.holonomic else g.zero for row in rows]
 
 
 def _conditions(e: Equations) -> list[int]:
-    """Whether each law is in force."""
+    """Return, for each law, its condition `when`; 1 if it has none."""
     return [e.graph.one if law.when is None else law.when for law in e.laws]
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Return what the loops of `dense` and `laws` begin with."""
+    """Return the functions that the kernels of `dense` and `laws` call."""
     g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
@@ -252,7 +256,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """M, A, f, b; then the rates of laws, their bounds and static ones."""
+    """Return M, A, f, b; then rates, sliding bounds and static bounds of the laws."""
     rows = e.every_row
     return [
         *(node for row in e.M for node in row),
@@ -265,15 +269,16 @@ def _dynamics(e: Equations) -> list[int]:
 
 
 def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """1 for rows whose rates a Newton step may leave anything of, else 0."""
+    """Mark rows whose rate after a Newton step has no a-priori bound: 1, others 0."""
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
 def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
-    """Return what a Newton step leaves of each residual, against its scale.
+    """Return the second-order residual of each row after a Newton step, by its scale.
 
-    The step stands in the place of the velocities: the residual and its first two
-    derivatives, of which the first cancels it where the rows are independent.
+    The step takes the place of the velocities. The residual is expanded to second
+    order; its first-order term cancels the residual itself where the rows are
+    independent.
     """
     g: Graph = e.graph
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
@@ -291,15 +296,21 @@ def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
 
 
 def _against(g: Graph, value: int, scale: int) -> int:
-    """Size of a value against its scale; 0 where that is 0."""
+    """Return |value| / scale; 0 where the scale is 0."""
     part = g.call("div", g.call("abs", value), scale)
     return g.call("if", g.call("gt", scale, g.zero), part, g.zero)
 
 
 class Pattern(NamedTuple):
-    """Which elements of M and of the rows there are.
+    """Sparsity pattern of M and of the rows.
 
-    first : the first column of each row of M; starts, columns : of the rows' elements.
+    Attributes
+    ----------
+    first : list of int, length n
+        First column of each row of M.
+    starts, columns : list of int
+        Of the elements of the rows: index of the first element of each row, and column
+        of each element.
     """
 
     first: list[int]
@@ -308,12 +319,12 @@ class Pattern(NamedTuple):
 
     @property
     def inertial(self) -> int:
-        """The elements of M in its envelope."""
+        """Number of elements of M in its envelope."""
         return sum(i - j + 1 for i, j in enumerate(self.first))
 
 
 def pattern(e: Equations) -> Pattern:
-    """Find the pattern of some equations."""
+    """Return the sparsity pattern of M and of the rows."""
     starts, columns = [0], []
     for A in e.slopes:
         columns += list(A.entries)
@@ -323,7 +334,7 @@ def pattern(e: Equations) -> Pattern:
 
 
 def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Store the pattern of the rows for the kernels."""
+    """Store the pattern, the kinds and the relations of rows for the kernels."""
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
@@ -339,7 +350,10 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
 def stepping_functions(
     e: Equations, columns: Columns, found: Pattern
 ) -> dict[str, list[int]]:
-    """`balance`, `effort`, and the columns of rows, in which nothing strikes."""
+    """Return `balance`, `effort` and `columns`, for the method `moreau`.
+
+    Columns of impulses at impacts are 0.
+    """
     g, rows = e.graph, e.every_row
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
@@ -366,7 +380,7 @@ def stepping_functions(
 
 
 def _offset(e: Equations, row: Row) -> int:
-    """Return the rate less A q'."""
+    """Return the node of the rate less A q'."""
     g = e.graph
     if row.holonomic:
         return g.call("neg", row.transport)
@@ -378,10 +392,10 @@ def _offset(e: Equations, row: Row) -> int:
 
 
 def on_rates(equations: Equations, switches: Switches) -> list[bool]:
-    """Whether each surface depends on velocities, or on states whose rates step.
+    """Return, for each surface, whether it depends on quantities whose rates jump.
 
-    Its own rate steps then; that of others is continuous. What only decides sides that
-    its expression depends on does not count.
+    These are velocities, and states with discontinuous rates; the rate of the surface's
+    expression jumps with them. Modes of other surfaces in its expression do not count.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -395,9 +409,9 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
 def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
-    """`surfaces` and `surface_rows`, see `sliding`; and the pattern of J.
+    """Return `surfaces` and `surface_rows`, see `sliding`, and the pattern of J.
 
-    That is where among its elements each row begins, and the column of each.
+    The pattern: index of the first element of each row, and column of each element.
     """
     g = equations.graph
     flow = equations.flow
@@ -433,7 +447,7 @@ def surface_functions(
 
 
 def _levers(equations: Equations, switches: Switches) -> list[int]:
-    """`corner_levers`, see `corners`; nothing where there are no corners."""
+    """Return the levers of all surfaces, see `corners`; [] without corners."""
     if not switches.corners:
         return []
     none = (equations.graph.zero,) * (1 + len(equations.multipliers))
@@ -441,8 +455,8 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
     return [x for c in found for x in (c.levers if c else none)]
 
 
-# Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
-# the time that it takes to compile.
+# Greatest number of nodes of pivots of M that are compiled: the 845 of a chain of ten
+# links increased the time to compile by a third.
 SHORT_PIVOTS = 300
 
 
@@ -455,9 +469,16 @@ def functions(
     *,
     switching: bool = False,
 ) -> dict[str, list[int]]:
-    """All functions of a system for a method that `needs` more than y'.
+    """Return all functions of a system: name -> the nodes written to out.
 
-    With `switching`, y' and the rows come from what `sliding` makes of `field`.
+    Parameters
+    ----------
+    needs : sequence of str
+        The functions that the method uses in addition to y', see NEEDED.
+    moreau : Pattern or None
+        Pattern of M and the rows for the method `moreau`; None for others.
+    switching : bool
+        Whether the kernels of `sliding` compute y' and rows from `field`.
     """
     g = equations.graph
     rest = g.call("sub", equations.energy, equations.kinetic_form)
@@ -478,7 +499,7 @@ def functions(
         found |= loop_functions(equations, columns)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
-    # Impacts may take energy from some works, where others have their own.
+    # An impact changes these energies, which differ between works.
     laws, works = bool(equations.laws), equations.works
     strikes = laws or any(may_strike(equations, x) for x in equations.rows)
     if strikes and any(x.energy != equations.energy for x in works):
@@ -492,12 +513,15 @@ def functions(
 def section_functions(
     e: Equations, relations: list[int], state: Sequence[str]
 ) -> dict[str, list[int]]:
-    """Relations of sections, and what tells how exactly they are known."""
+    """Return the relations of sections, and their slopes with the sizes of terms."""
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
 
 def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[int]:
-    """Sizes of the terms of conditions (C,), then their slopes by the names (C, V)."""
+    """Return sizes (C,) of the terms of C conditions, then their slopes (C, V).
+
+    V : the number of `names`, with respect to which slopes are taken.
+    """
     g = e.graph
     variables = [g.variable(name) for name in names]
     rows = [gradient(g, node, variables) for node in nodes]
@@ -509,11 +533,11 @@ def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[in
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
-    """Inertias that vary with positions, as coordinate -> node.
+    """Return the inertias that vary with positions: coordinate -> node.
 
-    They are the pivots of M where those are few operations, which see that a
-    coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
-    Of what is integrated by itself, its entry there.
+    These are the pivots of M if they are short expressions, since a pivot vanishes
+    where other coordinates can replace the coordinate (Euler angles at theta = 0); else
+    the diagonal of M. For a coordinate integrated by quadrature, its diagonal element.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -530,7 +554,7 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 def _solved(
     equations: Equations, plan: Plan, columns: Columns, *, switching: bool
 ) -> dict[str, list[int]]:
-    """Equations solved on the graph."""
+    """Return the functions of equations that are solved on the graph."""
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
@@ -546,7 +570,7 @@ def _solved(
         observed = g.substitute(columns.nodes.values(), forces | moved)
         found = {
             "derivative": rates,
-            # Rows show the motion without what pulls the state to the constraints.
+            # Output rows show the motion without stabilising terms.
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
     # The power of an eliminated drive depends on q''.
@@ -557,9 +581,10 @@ def _solved(
 
 
 def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
-    """Newton steps onto the constraints, of positions and of velocities.
+    """Return `position_step` and `velocity_step`: Newton steps onto the constraints.
 
-    Relations between velocities have no residual on the level of positions.
+    Velocity constraints have residual 0 on the level of positions. See `dense` for the
+    elements.
     """
     g, rows = e.graph, e.rows
     held = _held(g, rows)
@@ -579,10 +604,11 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
 
 
 def _force_rounding(e: Equations) -> list[int]:
-    """Return the rounding of the forces, each with a sign and by a part of its own.
+    """Return bounds of the rounding errors of forces and of the other rates.
 
-    All together they do something to every acceleration that any of them reaches: what
-    would cancel if they were alike does not.
+    Each force's bound is multiplied by a factor of its own with a pseudo-random sign,
+    so that errors of several forces do not cancel in an acceleration that they
+    determine.
     """
     g = e.graph
     state = e.state
@@ -595,10 +621,10 @@ def _force_rounding(e: Equations) -> list[int]:
 
 
 def _inertial(e: Equations, elimination: Elimination) -> list[int]:
-    """Return the rounding of M q'', where M varies and is no diagonal (n,).
+    """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
 
-    Where M is close to singular (angles near gimbal lock) it is all that there is.
-    Signs are those of `_force_rounding`.
+    Where M is close to singular (angles near gimbal lock) these errors dominate. Signs
+    are those of `_force_rounding`.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     if e.chains is not None:
@@ -620,7 +646,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
-    """Assign the rounding of each force its sign, and a part."""
+    """Multiply each bound by a factor of its own with a pseudo-random sign."""
     parts = (
         (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
         for k in range(len(sizes))
@@ -631,7 +657,7 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
-    """Bounds of the rounding of accelerations, as `dense.rounding` gives them."""
+    """Return bounds of the rounding errors of rates, as `dense.rounding` does."""
     g, n = e.graph, len(e.q)
     force_rounding = _force_rounding(e)
     pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
@@ -651,7 +677,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _size(g: Graph, x: int) -> int:
-    """Return |x|; of c |y|, as the rounding of an uncoupled force is, |c| |y|."""
+    """Return |x|, as |c| |y| where x = c |y|: the rounding of an uncoupled force."""
     if g.ops[x] == "mul":
         c, rest = g.value(g.args[x][0]), g.args[x][1]
         if c is not None and g.ops[rest] == "abs":
@@ -660,7 +686,7 @@ def _size(g: Graph, x: int) -> int:
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:
-    """Return the largest of sizes, which are not negative."""
+    """Return the largest of nonnegative nodes."""
     largest = g.zero
     for size in sizes:
         largest = g.call("max", size, largest)
@@ -668,7 +694,7 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Return what `dense` begins with; or the entries of Newton's matrix."""
+    """Return the functions for `dense.jacobian`, or a sparse Newton matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}
@@ -682,7 +708,10 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 
 
 def _powers(e: Equations, plan: Plan) -> list[int]:
-    """Rates of works; an eliminated moving constraint's depends on q'', solved here."""
+    """Return the rates of works, with q'' replaced by its solution.
+
+    q'' occurs in the power of an eliminated moving constraint.
+    """
     g = e.graph
     if plan.elimination is None or g.depends(e.powers).isdisjoint(e.accelerations):
         return e.powers
@@ -691,7 +720,11 @@ def _powers(e: Equations, plan: Plan) -> list[int]:
 
 
 def _lagrangian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Momenta, dL/dq + Q and powers; their slopes; and the slopes M alone."""
+    """Return the functions of variational methods.
+
+    `lagrangian`: momenta, dL/dq + Q, powers. `lagrangian_slopes`: derivatives of the
+    momenta and of dL/dq + Q with respect to q and q'. `inertia`: M.
+    """
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
@@ -714,7 +747,7 @@ def _lagrangian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 
 
 def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Matrices of a linear scene."""
+    """Return the matrices of a linear scene."""
     assert plan.elimination is not None
     return {"linear": linear_form(equations, plan.elimination)}
 
@@ -726,5 +759,5 @@ NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     # The rates of works by themselves, for scenes without constraints.
     "power": lambda e, plan: {"power": _powers(e, plan)},
 }
-# Made by the system from y' with its branches frozen.
+# Derived by the system from y' with its branches frozen.
 AFTER_FREEZING = "series"

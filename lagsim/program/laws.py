@@ -422,7 +422,7 @@ def respond(p: Parameters) -> None:
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the event functions of the laws (laws,), negative where a mode has ended."""
+    """Store the event functions of the laws (laws,), negative past a mode's end."""
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)

@@ -1,18 +1,19 @@
-"""The motion where forces step: on one side of each surface, or along it.
+"""Kernels of the motion where forces are discontinuous: beside or along surfaces.
 
-Inside an arc each surface has a side, and what steps there is constant. Where the
-fields of both sides point back onto a surface the motion follows it: y' is the
-combination f0 + sum_k w_k (f_k - f0) that stays on all surfaces it slides along, with
-f0 on the lower sides and f_k on the upper side of surface k. A surface gives a row as
-a constraint does, J (q'', s') = b, on the level of velocities and states or, for one
-whose rate does not step, of accelerations; the shares w are its multipliers. What steps
-together with a surface is carried along: it is on its own lower and upper side where
-that one is. So is a surface whose expression depends on the side: it has two values,
-each of which may leave its side.
+Inside an arc each surface has a side, and each discontinuous term is on one branch.
+Where the fields on both sides point towards a surface, the motion follows the surface:
+y' is the combination f0 + sum_k w_k (f_k - f0) that stays on all followed surfaces,
+with f0 the field on their lower sides and f_k the field on the upper side of surface k.
+A surface has a row like a constraint, J (q'', s') = b, the derivative of its expression
+or, where its rate is continuous, of its rate; the shares w are its multipliers. A
+surface that jumps together with a followed one is carried: its side changes with the
+side of the followed one. So is a surface whose expression depends on this side: the
+expression has two values, either of which may reach an end of its side.
 
-At a corner of an equality both of its rows hold, which no combination of fields does:
-f_k is there the field with a push along the surface's gradient, see `corners`. It is
-linear in that, and taken for one so large that nothing else rounds in the difference.
+At a corner of an equality the rows of both sides hold, which no combination of fields
+achieves: f_k is there the field with a force along the surface's gradient, see
+`corners`. The field is linear in this force, which is chosen so large that the
+difference f_k - f0 has no rounding error from the other forces.
 
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 LAWS = True
-# A push beside which all forces are small; a power of two, with which nothing rounds.
+# Force at a corner, large against all forces; a power of two, so that scaling is exact.
 PUSH = 2.0**100
 
 
@@ -48,19 +49,19 @@ law_event_functions = of_model("law_event_functions")
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,)."""
+    """Store y' (size,) in out."""
     combine(t, y, p)
     out[: p.size] = p.side_fields[: p.size]
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Columns of a row, without what pulls the state to the constraints."""
+    """Store the columns of an output row, without Baumgarte's stabilising terms."""
     n = p.n
     slides, low = p.slides, p.low
     gain = p.gain
     p.gain = 0.0
     for k in range(p.surfaces):
-        # Roots are shown as written unless the motion keeps to them.
+        # Outputs show exact roots, except on surfaces that the motion follows.
         if not slides[k] > 0.0:
             p.floor[k] = 0.0
     take_cells(t, y, p)
@@ -85,9 +86,9 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def take_cells(t: float, y: Floats, p: Parameters) -> None:
-    """Take the cells of tables in which a state is, as far as kernels pass them.
+    """Set the cells of tables at a state, for tables whose points end no step.
 
-    But for those along whose levels the motion slides: they have both.
+    Except for a table along a level of which the motion slides, which keeps both cells.
     """
     for k in range(p.surfaces):
         p.side_before[k] = p.side[k]
@@ -98,9 +99,9 @@ def take_cells(t: float, y: Floats, p: Parameters) -> None:
 
 
 def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Event functions of all modes: below 0 a mode is over.
+    """Store the event functions of all modes, negative where a mode has ended.
 
-    Of the surfaces (K,), then of the laws (L,).
+    Of the surfaces (surfaces,), then of the laws (laws,).
     """
     if p.sliding > 0.0:
         combine(t, y, p)
@@ -121,7 +122,7 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def look_above(t: float, y: Floats, p: Parameters) -> None:
-    """Find how far what is carried along is from its ends on the upper side."""
+    """Store the distances of carried surfaces from their ends on the upper side."""
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
             take_side(k, p.high, p)
@@ -134,10 +135,11 @@ def look_above(t: float, y: Floats, p: Parameters) -> None:
 
 
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
-    """Project a state onto the surfaces that the motion slides along.
+    """Project y, in place, onto the surfaces that the motion slides along.
 
-    Along the change of the force there, as the force itself would. A step that does not
-    bring it closer is not made: where the surface's slope vanishes there is no way.
+    The correction is a multiple of f_k - f0, the direction in which the forces act on
+    the motion along the surface. It is rejected if it does not reduce the distance from
+    the surfaces, which happens where the gradient of a surface vanishes.
     """
     sliding = int(p.sliding)
     if sliding == 0:
@@ -157,7 +159,10 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 
 
 def weigh(p: Parameters) -> None:
-    """Leave the slope of each surface that the motion follows where B was."""
+    """Store the 1-norm of each followed surface's gradient in p.B (surfaces,).
+
+    0 for the other surfaces.
+    """
     for k in range(p.surfaces):
         p.B[k] = 0.0
         if p.slides[k] == FOLLOWED:
@@ -166,7 +171,7 @@ def weigh(p: Parameters) -> None:
 
 
 def distance(p: Parameters) -> float:
-    """Distance of the state from the surfaces that it slides along."""
+    """Return the distance of the state from the surfaces that it slides along."""
     far = 0.0
     for k in range(p.surfaces):
         if p.B[k] > 0.0:
@@ -177,9 +182,9 @@ def distance(p: Parameters) -> float:
 
 
 def combine(t: float, y: Floats, p: Parameters) -> None:
-    """Leave y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
+    """Store y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
 
-    And the shares.
+    All in p.side_fields; the shares in p.share.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -208,10 +213,10 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 
 
 def share_corners(p: Parameters) -> None:
-    """Turn pushes into shares of the upper sides of corners.
+    """Convert forces at corners into shares of the upper sides.
 
-    Where nothing acts on a corner both sides have half; a push where the constraint has
-    no force leads away.
+    A share is 1/2 where no force acts on a corner; it is -1, which ends the mode, for a
+    force where the constraint transmits none.
     """
     width = 1 + p.m
     for k in range(p.surfaces):
@@ -229,14 +234,14 @@ def share_corners(p: Parameters) -> None:
 
 
 def take_side(k: int, which: Floats, p: Parameters) -> None:
-    """Put a surface, and what it carries along, on the side p.low or p.high."""
+    """Set the side of surface k, and of those carried by k, to p.low or p.high."""
     for i in range(p.surfaces):
         if i == k or int(p.leader[i]) == k + 1:
             p.side[i] = which[i]
 
 
 def share_out(sliding: int, p: Parameters) -> None:
-    """Find the shares, and what takes the state back onto the surfaces."""
+    """Compute the shares, and the coefficients of the projection onto the surfaces."""
     width = p.size + p.m
     B, right = p.B, p.right
     i = 0
@@ -258,7 +263,7 @@ def share_out(sliding: int, p: Parameters) -> None:
 
 
 def even_out(row: Floats, count: int, right: Floats) -> None:
-    """Scale a row to the size of the others: surfaces need not have the same units."""
+    """Scale a row of the equations for the shares, since surfaces differ in units."""
     size = 0.0
     for j in range(count):
         size = max(size, abs(row[j]))
@@ -268,12 +273,12 @@ def even_out(row: Floats, count: int, right: Floats) -> None:
 
 
 def above(x: float, roundoff: float) -> float:
-    """Return x, or 0 where it is roundoff."""
+    """Return x, or 0 where |x| <= `roundoff`."""
     return 0.0 if abs(x) <= roundoff else x
 
 
 def take_shares(sliding: int, p: Parameters) -> None:
-    """Combine the fields; a share that does not keep to its surface becomes -1."""
+    """Combine the fields; a share that does not keep to its surface is set to -1."""
     width = p.size + p.m
     fields = p.side_fields
     forced = fields[p.driven]
@@ -299,7 +304,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
 
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
-    """Size of the terms of row k of J times a (n + l,)."""
+    """Return the sum of |terms| of row k of J times a (n + states,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += abs(p.J[e] * a[int(p.row_columns[e])])
@@ -307,7 +312,7 @@ def extent(k: int, p: Parameters, a: Floats) -> float:
 
 
 def product(k: int, p: Parameters, a: Floats) -> float:
-    """Row k of J times a (n + l,)."""
+    """Return row k of J times a (n + states,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += p.J[e] * a[int(p.row_columns[e])]
@@ -317,8 +322,17 @@ def product(k: int, p: Parameters, a: Floats) -> float:
 def solve(size: int, B: Floats, right: Floats) -> None:
     """Solve B X = right (size, 3) in place, with row pivoting.
 
-    Where surfaces depend on each other, the first column, of shares, is as close to 0.5
-    as B lets it be; in the others what B leaves open is 0.
+    Where surfaces are dependent, the first column, of shares, is the solution closest
+    to 1/2; free components of the other columns are 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> B = np.array([2.0, 0.0, 0.0, 4.0])  # 2 x 2, row by row
+    >>> right = np.array([1.0, 2.0, 4.0, 1.0, 2.0, 4.0])  # 2 x 3
+    >>> solve(2, B, right)
+    >>> right.tolist()
+    [0.5, 1.0, 2.0, 0.25, 0.5, 1.0]
     """
     rank = 0
     for k in range(size):
@@ -350,9 +364,10 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 
 
 def share(size: int, rank: int, B: Floats, right: Floats) -> None:
-    """Leave the first column closest to 0.5 for which the first `rank` rows hold.
+    """Store in the first column of `right` the vector closest to 1/2.
 
-    The rows are made orthonormal; the next one is room.
+    Among the solutions of the first `rank` rows. The rows are orthonormalised; the next
+    row of B is workspace.
     """
     shares = B[rank * size :]
     shares[:size] = 0.5
@@ -373,7 +388,7 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
-    """Bring the largest element of column k below to `row`; return 0 if it is none."""
+    """Move the largest element of column k to row `row`; return 0 if it is roundoff."""
     if row >= size:
         return 0
     largest = row

@@ -1,8 +1,8 @@
-"""Equations -> compiled functions, linked with a method into something that runs.
+"""Equations -> compiled functions, linked with a method into an executable runner.
 
-The state y has the blocks of `methods.parts.parameters.Blocks`. Compiled functions take
-(t, y, p, out); p holds the parameters, the modes of the arc and working memory, so that
-new values of parameters compile nothing.
+The state y has the blocks of `methods.parts.parameters.Blocks`. Compiled functions have
+the arguments (t, y, p, out); p holds the parameters, the modes of the arc and working
+memory, so that new values of parameters require no compilation.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ BLOCK = 2048
 MOST_NUMBERS = 2**20
 # Numbers in a block of states of sections.
 STATES = 2**14
-# Points of tables that the kernel knows ahead.
+# Number of points of tables that are passed to the kernel at a time.
 KNOTS = 256
 _POINTER = ctypes.c_void_p
-# Of the functions of a model: t, y, p, out.
+# Result and arguments of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
 _PROJECTION = (None, (ctypes.c_double, _POINTER, _POINTER))
 _ADVANCE = (
@@ -77,7 +77,7 @@ _TABULATE = (
 
 
 def kernels(system: System) -> Iterator[Part]:
-    """Kernels that a method calls besides the model's functions."""
+    """Iterate over the kernels that a method calls besides the model's functions."""
     statics = {"LAWS": bool(system.laws)}
     ends: list[Callable[..., Any]]
     if system.moreau is not None:
@@ -110,39 +110,41 @@ class System:
     Parameters
     ----------
     equations : Equations
-        The full ones: rows show all of their columns.
+        The full equations, whose columns output rows contain.
     plan : Plan
-        Decides between straight-line code, tapes, and loops.
+        Selects straight-line code, tapes, or loops.
 
     Attributes
     ----------
     model : Model
-        As it was read.
+        As read from the file.
     equations : Equations
-        Those that are integrated.
+        The equations that are integrated.
+    n, m : int
+        Numbers of coordinates, and of constraint rows with those of laws.
     size : int
-        Components of y.
+        Number of components of y.
     state : tuple of str
-        Their names.
-    p : ndarray
+        Names of the components of y.
+    p : Parameters
         Parameters, modes, and working memory.
     unused : ndarray
-        The working memory, as each arc begins with it.
+        Initial content of the working memory of an arc.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
     watched : int
-        Surfaces and laws: what may end a mode.
+        Number of surfaces and laws, whose modes may end.
     newton : Newton or None
-        Newton's matrix of an implicit method, where it is sparse.
+        Sparse Newton matrix of an implicit method.
     parts : list of System
-        Of the subsystems, where they are integrated apart.
+        Systems of separately integrated subsystems.
     indicators : list of Indicator
-        Of localized terms, which may act within a step, see `localized`.
+        Activity indicators of localized terms, see `localized`.
     program : list of Part
         The model's functions, and the kernels that a method calls with them.
     operations : int
-        About how many one evaluation takes, of y' or of its series.
+        Approximate number of operations of one evaluation of y', or of its series.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -154,7 +156,7 @@ class System:
         self.n, self.m = len(equations.q), len(equations.multipliers)
         self.laws = equations.laws
         needs = method(plan.method).NEEDS
-        # Where each step meets all rows by impulses, none is left to do.
+        # With impulses at each step for all rows, no rows are left for other kernels.
         self.moreau = pattern(equations) if "balance" in needs else None
         if self.moreau is not None:
             self.m, self.laws = 0, ()
@@ -220,7 +222,7 @@ class System:
         self.program = [written, *kernels(self)]
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
-        """Write the code of all functions; only first runs do."""
+        """Generate the code of all functions; called if the cache does not have it."""
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes
@@ -233,19 +235,19 @@ class System:
 
     @property
     def has_loops(self) -> bool:
-        """Something is solved by the loops of `kkt`, so they need their workspace."""
+        """Whether kernels of `dense` or `laws` solve equations, and need workspace."""
         loops = self.moreau is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
     @cached_property
     def timed(self) -> list[Indicator]:
-        """Those of localized terms that depend on t alone, in each mode."""
+        """Indicators of localized terms that depend on t alone, in each mode."""
         known = {"t", *self._fixed(), *self.model.modes}
         depends = self.equations.graph.depends
         return [x for x in self.indicators if depends([x.node]) <= known]
 
     def watched_for(self, plan: Plan) -> list[Indicator]:
-        """Find what is localized in the motion, in what ends it, or in sections."""
+        """Return the indicators of the motion, of the ends of arcs, and of sections."""
         equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
@@ -254,7 +256,7 @@ class System:
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
-        """Whether the functions are those of a plan for other values, too."""
+        """Whether the compiled functions are also those of another plan, `plan`."""
         if plan.form != self.plan.form:
             return False
         if self.moreau is None and self.indicators != self.watched_for(plan):
@@ -262,13 +264,16 @@ class System:
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
     def bound(self, model: Model, plan: Plan) -> System:
-        """Return the same functions with other values, and a plan that `fits`."""
+        """Return a system with the compiled functions of this one and other values.
+
+        `plan` must fit, see `fits`.
+        """
         new = copy(self)
         new.take_values(model, plan)
         return new
 
     def take_values(self, model: Model, plan: Plan) -> None:
-        """Begin anew with other values, in a memory of its own."""
+        """Replace model, plan and the values of parameters, in new memory."""
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
@@ -291,7 +296,7 @@ class System:
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
-        """Return what stays in an arc: parameters, modes, lengths of rows."""
+        """Return the names of an arc's constants: parameters, modes, lengths of rows."""
         names = [p.name for p in self.equations.model.parameters]
         names += [mode.variable for mode in self.switches.modes]
         return names + [f"length.{row.name}" for row in self.equations.rows]
@@ -354,8 +359,8 @@ class System:
         return cast("Parameters", p)
 
     def _filled(self, p: Parameters) -> Parameters:
-        """Memory with the values of this binding."""
-        # Behind what is declared lies what the code keeps for itself.
+        """Return the complete memory, with the values of parameters."""
+        # The memory of the generated code follows the declared memory.
         more = np.zeros(self._p_size - len(p.flat))
         whole = type(p)(np.concatenate([p.flat, more]))
         for row, length in zip(self.equations.rows, self.plan.lengths, strict=True):
@@ -396,17 +401,17 @@ class System:
         )
 
     def place(self, name: str) -> int:
-        """Index of a parameter in p."""
+        """Return the index of a parameter in p."""
         return self._layout_of[name]
 
     def link(self, name: str) -> Runner:
-        """Link with the method `name`, once."""
+        """Return the runner of the method `name`, which is linked once."""
         if name not in self._runners:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:
-        """Return y at a start; sets what it determines for the whole run, and modes."""
+        """Return y at a start, after the modes and constants of the run are set."""
         known = self.plan.reduction.constants(start)
         known |= {x.name: x.value for x in self.equations.model.parameters if x.mode}
         for name, value in known.items():
@@ -416,12 +421,15 @@ class System:
     def set_modes(
         self, values: Sequence[float], which: Sequence[int] | None = None
     ) -> None:
-        """Set the branch of each switch in time, or of some, for the arc to come."""
+        """Set the branch of each time-dependent switch for the next arc.
+
+        which : indices of the switches; all by default.
+        """
         modes = self.modes_at
         self.p.flat[modes if which is None else [modes[k] for k in which]] = values
 
     def take_modes(self, other: System) -> None:
-        """Take the modes, and the branches of all switches, from another system."""
+        """Copy the modes, and the branches of all switches, from another system."""
         self.set_modes(list(other.p.flat[other.modes_at]))
         for name in self.model.modes:
             self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
@@ -433,25 +441,25 @@ class System:
             getattr(self.p, name)[:] = getattr(other.p, name)
 
     def held_together(self) -> list[int]:
-        """Return for each coordinate the first that the rows in force join it with."""
+        """Return, for each coordinate, the first one coupled to it by rows in force."""
         e, on = self.equations, self.p.law_mode != OFF
         acts = zip(e.laws, on, strict=True)
         acting = (law.row for law, holds in acts if holds and not law.slider)
         return joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
 
 
-# Kernels work for a moment at a time, so that a signal is seen soon.
-# Steps of a call: so few at first, then as many as take about this long, in seconds.
-# Where a kernel pauses changes nothing in what it computes.
+# A call of a kernel is short, so that Python handles a signal soon after it. Steps of
+# the first call, their limit, and the duration of a call, in seconds. The pauses do not
+# change the results.
 FIRST = 16
 MOST = 4000
 MOMENT = 0.02
-# Room for so many rows of each step.
+# Greatest number of rows for each step.
 ROWS = 128
 
 
 class Pace:
-    """The steps and rows that a kernel is asked for at a time, run after run.
+    """Numbers of steps and rows of the next call of a kernel, adapted to its duration.
 
     Attributes
     ----------
@@ -463,11 +471,11 @@ class Pace:
 
     @property
     def rows(self) -> int:
-        """The rows that a call may write."""
+        """Greatest number of rows of a call."""
         return ROWS * self.steps
 
     def lasted(self, seconds: float) -> None:
-        """Choose the next call by how long one of so many steps has lasted."""
+        """Set the number of steps of the next call from the duration of the last."""
         if seconds > 2.0 * MOMENT:
             self.steps = max(1, int(self.steps * MOMENT / seconds))
         elif seconds < MOMENT:
@@ -479,18 +487,19 @@ class Runner:
 
     Parameters
     ----------
+    system : System
     name : str
-        That of the method.
+        Name of the method.
 
     Attributes
     ----------
     method : module
     program : list of Part
-        All that is linked.
+        All linked parts.
     pace : Pace
-        That of the runs so far.
+        Pace of the runs so far.
     block : ndarray, shape (rows, 1 + size)
-        Times and states of the rows that the last call of `advance` has written.
+        Times and states of the rows written by the last call of `advance`.
     """
 
     def __init__(self, system: System, name: str) -> None:
@@ -522,7 +531,7 @@ class Runner:
 
     @cached_property
     def empty(self) -> State:
-        """A state that nothing has been put into: for copies, of all bindings."""
+        """An initial state of the method, which each run copies."""
         system = self.system
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
         located = len(system.columns.sections)
@@ -556,7 +565,7 @@ class Runner:
         return state
 
     def over(self, system: System) -> Runner:
-        """Return the same code over the memory of a system bound to other values."""
+        """Return a runner with this code, over the memory of a system from `bound`."""
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
         return new
@@ -564,7 +573,7 @@ class Runner:
     def function(
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
-        """Return one of the model's functions as (t, y) -> out (length,)."""
+        """Return one of the model's functions as a callable (t, y) -> out (length,)."""
         known = self._functions.get((name, length))
         if known is not None:
             return known
@@ -581,7 +590,7 @@ class Runner:
         return evaluate
 
     def event_functions(self, t: float, y: Floats) -> Floats:
-        """Event functions of the modes: of surfaces, then laws."""
+        """Return the event functions (watched,) of surfaces, then of laws."""
         return self.function("event_functions", self.system.watched)(t, y)
 
     def project_sliding(self, t: float, y: Floats) -> None:
@@ -589,9 +598,9 @@ class Runner:
         self._project(t, y.ctypes.data, self.system.p.address)
 
     def prepare(self) -> None:
-        """Compute what depends on parameters and modes alone, before each arc.
+        """Evaluate expressions of parameters and modes alone, and reset working memory.
 
-        No arc sees what another one left in the working memory.
+        Called before each arc: no arc depends on the working memory of another one.
         """
         p = self.system.p
         p.reference = p.usual_reference = self.system.plan.smallest_singular_value
@@ -605,7 +614,10 @@ class Runner:
         self._prepare(0.0, None, p.address, None)
 
     def advance(self, state: State, rows: int, budget: int) -> int:
-        """Run the method on, for so many rows at most; see `driver.advance`."""
+        """Run the method for at most `rows` rows and `budget` steps; return a code.
+
+        See `driver.advance`.
+        """
         rows = min(rows, len(self.block))
         code: int = self._advance(
             state.address, self.system.p.address, self._rows, rows, budget
@@ -613,19 +625,19 @@ class Runner:
         return code
 
     def meet_instant(self, state: State) -> None:
-        """Let sections see the time reached before anything acts there."""
+        """Evaluate sections at the time reached, before an event changes the state."""
         self._meet(state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
-        """Write the states of sections at the end of a run, see `crossings.finish`."""
+        """Write the last states of sections of a run; see `crossings.finish`."""
         self._finish(state.address, self.system.p.address, float(whole))
 
     def shown(self, count: int) -> Floats:
-        """Columns (count, columns) of the first rows of the block."""
+        """Return the columns (count, columns) of the first rows of the block."""
         return self._columns_of(self._rows, count, self._width - 1)
 
     def tabulate(self, states: Floats) -> Floats:
-        """Columns (rows, columns) of `states` (rows, 1 + size)."""
+        """Return the columns (rows, columns) of `states` (rows, 1 + size)."""
         states = np.ascontiguousarray(states)
         count, width = states.shape
         return self._columns_of(states.ctypes.data, count, width - 1)
@@ -642,7 +654,7 @@ class Runner:
 def of_method(
     system: System, name: str
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
-    """Kernels of a method, and what is known of the system they work on."""
+    """Return the kernels of a method, and the static values of the system for them."""
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]
     statics["SPARSE"] = system.newton is not None

@@ -1,10 +1,10 @@
-"""A compiled run as one module of WebAssembly, with a description of how to run it.
+"""A compiled run as a WebAssembly module, with a description of how to run it.
 
-It has the code of the kernels and functions that native runs call, and the memories
-they begin with. Its rows have the bits of runs with LAGSIM_CPU=portable.
+The module contains the compiled kernels and functions of native runs, and the initial
+memories. Its rows equal those of runs with LAGSIM_CPU=portable, bit for bit.
 
 The module imports nothing. It exports its memory and three functions, whose arrays are
-addresses in it:
+addresses in the memory:
 
     prepare(t: f64, y, p, out)        after a change of parameters; y, out: 0
     advance(s, p, out, rows: i64, steps: i64) -> i64    the next rows; a code
@@ -15,18 +15,18 @@ and a custom section "lagsim", JSON in UTF-8:
     version       of this description
     lagsim, model, method, state, columns   names, as in run.json
     places        addresses: of `s` (state), p (parameters), rows, columns
-    block         how many rows there is room for
+    block         the number of rows for which there is room
     parameters    value, and word in p: a number at p + 8 word
     words         words in s of its numbers, and of the first of its arrays
-    codes         what `advance` returns: BLOCK_FULL or PAUSED and the run goes on; DONE
-                  or EVENT_FOUND (`until`) and the state, from word `y` on at time `t`,
-                  is its last row; STIFF, each time that so many steps were held by
-                  stability as word `ask_at` says (0: never); all else is a failure
+    codes         results of `advance`: BLOCK_FULL and PAUSED, the run continues; DONE
+                  and EVENT_FOUND (`until`), the last row is the state, from word `y` on
+                  at time `t`; STIFF, after as many steps limited by stability as word
+                  `ask_at` says (0: never); all other codes are failures
 
-Rows are (1 + size) numbers, the time and the state; word `emitted` says how many were
-written. Where parameters are changed the start is not: what it depends on is the
-caller's. Of a run with events in the state, switches, or subsystems apart, the part
-that goes from arc to arc is Python: there is no module of it.
+Rows have 1 + size numbers, the time and the state; word `emitted` is the number of rows
+written. A change of parameters does not change the start: the caller sets initial
+values that depend on them. Runs with events in the state, switches, or separately
+integrated subsystems have no module, since Python code connects their arcs.
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ CODES: Final = (
 
 
 def module(runner: Runner, state: State) -> bytes:
-    """Return the module of a run.
+    """Return the WebAssembly module of a run.
 
     Parameters
     ----------
-    runner
-        Its system holds the parameters as an arc has prepared them.
-    state
-        Where the run begins.
+    runner : Runner
+        Its system's memory has the parameters as prepared for an arc.
+    state : State
+        The start of the run.
 
     Raises
     ------
     NativeError
-        If the run needs what is not in kernels.
+        If the run needs Python code between arcs.
     """
     system = runner.system
     beside = system.watched or system.switches.modes or system.plan.parts
