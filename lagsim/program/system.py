@@ -296,7 +296,7 @@ class System:
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
-        """Return the names of an arc's constants: parameters, modes, lengths of rows."""
+        """Return the names of constants of an arc: parameters, modes, row lengths."""
         names = [p.name for p in self.equations.model.parameters]
         names += [mode.variable for mode in self.switches.modes]
         return names + [f"length.{row.name}" for row in self.equations.rows]
