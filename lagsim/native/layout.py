@@ -12,7 +12,7 @@
         low: Floats = array("size", inf)  # with its initial value
 
 A memory is one flat array of doubles, which can be copied, stored and passed to native
-code: first the words of all names, in the order of the declarations (those of a base
+code: first the words of all names, in the order of the declarations (of a base
 class first; a subclass may change initial values), then the arrays. The word of a
 number or a size is its value; an array has two words, its first index and its length,
 and a block two, its first index and its end.

@@ -570,7 +570,7 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
     steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     whole = steps * max(paces) * step_cost(equations) - COMPILING * len(parts)
-    if not whole > 0.0:  # whatever the parts cost
+    if not whole > 0.0:  # even if the parts cost no time
         return float(whole)
     apart = sum(
         p * step_cost(part.equations) for p, part in zip(paces, parts, strict=True)

@@ -248,7 +248,7 @@ def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
     vanishing = ~(lengths > 0.0)
     if vanishing.any():
         around = Neighbourhood(point)
-        random = np.random.default_rng(4)  # the same states each time
+        random = np.random.default_rng(4)  # equal states in each run
         for _ in range(AROUND):
             q, v = (around.varied(NEARBY, random, velocities=x) for x in (False, True))
             found = np.fmax(lengths, _lengths(point.at(q, v)))
@@ -604,6 +604,26 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     InputError
         If the method or the formulation of the settings is impossible, or `output`
         contains a quantity that the model or the method does not provide.
+
+    Examples
+    --------
+    >>> from lagsim.admissibility.examination import examine
+    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.model.reader import read
+    >>> text = '''
+    ... coordinates: {x: {}, y: {}}
+    ... energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+    ... constraints: {rod: x^2 + y^2 = 1}
+    ... initial: {x: 1, y: 0, x_dot: 0, y_dot: 0}
+    ... simulation: {duration: 1}
+    ... '''
+    >>> model = read(text, "pendulum.yaml")
+    >>> equations = derive(model)
+    >>> plan = make_plan(equations, examine(equations).start, model.settings())
+    >>> plan.formulation, plan.projected
+    ('projection', True)
+    >>> plan.choices[0].choice
+    'mass matrix: constant, diagonal'
     """
     if (
         start.augmented
@@ -614,7 +634,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         text += "and the mass matrix of this model is singular without the constraints"
         raise unusable("singular-mass", text)
     parts = _parts(equations, start, settings)
-    if parts:  # the rows are those of the whole
+    if parts:  # each part chooses its own
         settings = settings._replace(formulation="full")
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
@@ -658,7 +678,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
     tape = tape or many_slopes(name, equations, elimination, choices)
-    # What is factored once: 2 M and A, 1 only M, 0 neither.
+    # Matrices factored once: 2 M and A, 1 only M, 0 neither.
     constant = (1 + scene.constant_rows) * scene.constant_mass
     # With the constraints, M is constant where they are.
     known = constant if not start.augmented or constant == 2 else 0
@@ -721,7 +741,7 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
         raise unusable("formulation-refused", text, settings.formulation_place)
     if why:
         return ()
-    if equations.model.output.sections:  # whose rows show all of them
+    if equations.model.output.sections:  # rows of sections have all coordinates
         return ()
     found = subsystems(equations, start)
     if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:

@@ -441,7 +441,7 @@ def join(p: Parameters, label: Floats) -> None:
     for _ in range(n):
         changed = 0.0
         for k in range(n + p.m):
-            # The rows of M, then those of A.
+            # The rows of M, then of A.
             row = p.terms[k * n :]
             if LAWS and k >= n and own_place(p, k - n) >= 0:
                 continue

@@ -194,7 +194,7 @@ def _optional(equations: Equations) -> dict[str, int]:
         free = alone.motion()[0]
         nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
         # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
-        # M (q'' - a) = Qc: no difference, and none of what switches hold.
+        # M (q'' - a) = Qc: without cancellation, and without followed switches.
         held = e.constraint_forces()
         square = g.product_sum(zip(held, alone.response(held), strict=True))
         nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
@@ -395,7 +395,7 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     """Return, for each surface, whether it depends on quantities whose rates jump.
 
     These are velocities, and states with discontinuous rates; the rate of the surface's
-    expression jumps with them. Modes of other surfaces in its expression do not count.
+    expression jumps, too. Modes of other surfaces in its expression do not count.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -624,7 +624,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
 
     Where M is close to singular (angles near gimbal lock) these errors dominate. Signs
-    are those of `_force_rounding`.
+    are as in `_force_rounding`.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     if e.chains is not None:

@@ -160,7 +160,7 @@ def share(p: Parameters, out: Floats) -> None:
             p.share_next[:count] = y[:count] + part * step[:count]
             found = share_by(p, count, p.share_next)
             fewer = unshared(p, count)
-            # At the least value its differences are rounding, those of slopes are not.
+            # Near the minimum, differences of the function are rounding, of slopes not.
             if found <= value - FALLS * part * slope or fewer <= 0.5 * left:
                 break
             part *= 0.5

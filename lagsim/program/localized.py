@@ -70,6 +70,24 @@ def indicators(
         Expressions on which the motion depends, with the modes of an arc.
     ends : sequence of int
         Expressions that end an arc.
+
+    Examples
+    --------
+    A pulse is active where the argument of its exponential is largest:
+
+    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.model.reader import read
+    >>> text = '''
+    ... coordinates: {x: {}}
+    ... energy: {kinetic: x_dot^2/2, potential: 0}
+    ... forces: {x: "exp(-(t - 5)^2/1e-6)"}
+    ... initial: {x: 0, x_dot: 0}
+    ... simulation: {duration: 10}
+    ... '''
+    >>> equations = derive(read(text, "pulse.yaml"))
+    >>> [pulse] = indicators(equations, equations.of_motion, [])
+    >>> pulse.kind == LARGEST, sorted(equations.graph.depends([pulse.node]))
+    (True, ['t'])
     """
     g, names = equations.graph, (*equations.state, "t")
 

@@ -1,4 +1,4 @@
-"""Digest of the sources of kernels, computed without translating them.
+"""Digest of the sources of kernels, computed without translation.
 
 A warm run finds cached object code by this digest, and never imports the translator.
 """

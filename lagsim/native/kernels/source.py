@@ -1,6 +1,6 @@
 """The text of kernels: its location, the meaning of its names, its static values.
 
-Static values are known at translation: numbers, and tables (tuples) of them, among the
+Static values are known at translation: numbers and tuples of numbers among the
 module's globals; variables of loops over `unrolled`; values computed from static ones
 alone.
 """
@@ -53,7 +53,7 @@ class Source:
     result : str
         Kind of the result.
     node : ast.FunctionDef
-        The function; line numbers are those of the file.
+        The function, with the line numbers of the file.
     variables : frozenset of str
         All local names: parameters, and names assigned anywhere.
     """

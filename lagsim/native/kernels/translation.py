@@ -18,7 +18,7 @@ A kernel is a plain function. Its parameters are annotated with int, float, bool
 - calls of other kernels and of functions marked `external`, by name or as attributes of
   their modules, `newton.solve(...)`;
 - `bits(x)`, the bits of a number, and its inverse `from_bits(k)`;
-- static values: numbers and tables (tuples) of them among the module's globals,
+- static values: numbers and tables (tuples of numbers) among the module's globals,
   parameters that are `Static`, the variables of loops over `unrolled`, and values
   computed from these alone. An `if` on a static value is decided at translation, and
   the other branch is not read; `for j in unrolled(...)` and
@@ -32,8 +32,8 @@ is read (`possibly-undefined`), and that no result is missing.
 Native code has the bits of CPython: no fast-math flags and no contraction, every
 operation is rounded as CPython rounds it. sqrt, floor, fabs, copysign and fma are exact
 in IEEE 754 and become instructions; the other functions are those of the C library that
-CPython calls, marked `nobuiltin` so that LLVM does not replace them (with glibc 2.36,
-pow(x, 2.0) differs from x*x for about one x in a thousand). Results differ where
+CPython calls, marked `nobuiltin` so that LLVM does not replace the calls (with glibc
+2.36, pow(x, 2.0) differs from x*x for about one x in a thousand). Results differ where
 CPython raises or has a larger range: division by zero, sqrt(-1.0), exp(1e3) return inf
 or nan; int(nan) is 0, int(1e300) the largest integer; integers wrap at 64 bits; indices
 are not checked, and negative ones do not count from the end.
@@ -122,7 +122,7 @@ _COMPARISONS: Final[dict[type[ast.cmpop], tuple[str, str]]] = {
 _LIBM: Final = """
 acos asin atan atan2 cos cosh exp expm1 log log1p pow sin sinh tan tanh
 """
-# Of the C library, and those of LLVM that are exact in IEEE 754.
+# Functions of the C library, and intrinsics of LLVM that are exact in IEEE 754.
 _FUNCTIONS: Final[dict[object, str]] = {
     **{getattr(math, name): name for name in _LIBM.split()},
     math.sqrt: "llvm.sqrt.f64",
@@ -383,7 +383,7 @@ class _Function(Folding, ast.NodeVisitor):
         return Value(self._address(memory, whole.text), "Floats")
 
     def _load_size(self, place: str) -> Value:
-        # Sizes and places stay: what is stored in between is no reason to load again.
+        # Sizes and indices are constant: stores in between require no second load.
         value = self._op("float", f"load double, ptr {place}, !invariant.load !{{}}")
         return self._op("int", f"fptosi double {value.text} to i64")
 
@@ -451,7 +451,7 @@ class _Function(Folding, ast.NodeVisitor):
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         is_or = isinstance(node.op, ast.Or)
-        # Operands known to decide nothing are left out.
+        # Operands whose static value does not decide the result are omitted.
         first, *rest = [v for v in node.values if self.fold(v) is not (not is_or)]
         test = self._converted(first, "bool")
         if not rest:
@@ -793,7 +793,7 @@ class _Translation:
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:
-        """Translate the waiting functions, and those found during their translation."""
+        """Translate the waiting functions, and functions found during translation."""
         defined = []
         used: set[str] = set()
         while self.waiting:

@@ -26,7 +26,7 @@ def helped() -> Iterator[None]:
     """Context manager within which `bring` may start second processes.
 
     Only for a process with a single thread: a fork copies locks, but not the threads
-    that hold them.
+    that would release the locks.
     """
     if not is_possible():
         yield
