@@ -1,8 +1,8 @@
-"""Families, vectors, frames and bodies of a file written out by members.
+"""Expansion of families, vectors, frames and bodies of a file into single members.
 
-Between the nodes of YAML and the reader: `Expansion` gives nodes with one entry for
-each member and component, under names with dots (`q.3`, `G.3.x`), whose scalars carry
-how their text is read for it. The reader after it knows numbers only.
+`Expansion` stands between the YAML nodes and the reader. It returns nodes with one
+entry for each member and component, under names with dots (`q.3`, `G.3.x`), whose
+scalars have a `Reading` for their member. The reader then handles scalars only.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _ONE: Members = [({}, ())]
 
 
 class _Given(NamedTuple):
-    """An entry of a section, with the members that it is for."""
+    """Entry of a section with its members."""
 
     key: Scalar
     node: Node
@@ -78,31 +78,33 @@ class _Given(NamedTuple):
 
 
 class Expansion:
-    """A file written out by members.
+    """Model file with families, vectors, frames and bodies expanded into members.
 
     Parameters
     ----------
     root
-        The file.
+        Root node of the file.
     instead
         Expressions that replace those of parameters, by their names with dots.
     report
-        Takes code, text, place and hint of a fault.
+        Function that records a fault: code, text, place and hint.
     is_unit
-        Tells whether a text is a unit.
+        Predicate: whether a text is a unit.
     graph
-        Where the expressions will be built.
+        Graph on which the expressions will be built.
+    built_in
+        Names that need no declaration.
 
     Attributes
     ----------
     node : Node
-        The file.
+        Root node of the expanded file.
     scope : Scope
-        Its names.
+        Names of the file.
     broken : set of str
         Names whose declaration has a fault.
     complete : bool
-        Every name that the file declares can be read.
+        Whether every name that the file declares could be read.
     """
 
     def __init__(
@@ -144,9 +146,9 @@ class Expansion:
             self.node = root._replace(entries=tuple(entries))
 
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
-        """Enter a hidden definition, see `trees`; give what refers to it.
+        """Add a hidden definition, see `trees`; return a reference to it.
 
-        `at`: the scalar whose text has the offsets of the value's names.
+        `at` is the scalar to whose text the offsets of the value's names refer.
         """
         single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value
@@ -160,16 +162,16 @@ class Expansion:
     def made(
         self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
     ) -> Entry:
-        """Entry that the file does not write, read as it is; `at` is why it is there.
+        """Entry that is not in the file, with its expression; `at` is its place.
 
-        `text`: of its value, where it is not that of `at`.
+        `text`: the text of its value, where it is not that of `at`.
         """
         reading = Made(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)
         return value._replace(text=name), value
 
     def _sections(self) -> dict[str, Node]:
-        """Return sections that are written out."""
+        """Return the sections that are expanded."""
         given: dict[str, list[_Given]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
@@ -214,7 +216,7 @@ class Expansion:
         return found
 
     def _make_frames(self) -> None:
-        """Let frames, if any, be known, each of which is made when it is asked for."""
+        """Create the frames of the file, if any; each is evaluated on its first use."""
         if "frames" in self._top:
             from lagsim.model.expansion.bodies import Frames
 
@@ -222,7 +224,7 @@ class Expansion:
             self.scope.frame = self.frames.named_by
 
     def _energy(self) -> list[Entry]:
-        """Return the energies, in which the word `bodies` is what it denotes there."""
+        """Return the energies, in which the word `bodies` is replaced by its tree."""
         node = self._top.get("energy")
         found = [(key, self.bound(value)) for key, value in entries_of(node)]
         given = [self._top.get(key) for key in ("bodies", "gravity")]
@@ -258,7 +260,7 @@ class Expansion:
         return None
 
     def _entries(self, section: str) -> tuple[Entry, ...]:
-        """Return the entries of a section."""
+        """Return the entries of a section of the file."""
         return entries_of(self._top.get(section))
 
     def bound(
@@ -266,7 +268,8 @@ class Expansion:
     ) -> Node:
         """Return a node whose scalars are read for a member, or outside of families.
 
-        What stands at some keys, of it or of the items of a list, is made by `rules`.
+        `rules` has functions that expand the values of some keys, of the node or of the
+        items of a list.
         """
         reading = reading or self.plain
         if callable(rules):
@@ -322,7 +325,7 @@ class Expansion:
         return parsed_key(in_file(key.text))
 
     def _members(self, key: Key, outer: Indices) -> Members:
-        """Return the members that a key denotes, within those of `outer` indices."""
+        """Return the members of a key, within the indices `outer`."""
         found: Members = [(outer, ())]
         for subscript in key.subscripts:
             token, index = subscript.token, subscript.runs
@@ -376,7 +379,7 @@ class Expansion:
         return self._join(_Given(key, node, family, parsed, members))
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
-        """Report a family whose name is another's already."""
+        """Whether a family's name is free; a name already declared is reported."""
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
             self.report("reserved-name", text, key)
@@ -394,7 +397,7 @@ class Expansion:
         return False
 
     def _join(self, one: _Given) -> _Given | None:
-        """Add members to their family; those that it has are reported."""
+        """Add members to their family; members already in the family are reported."""
         family, members = one.family, one.members
         if not one.parsed.subscripts:
             family.members.add(())
@@ -417,7 +420,7 @@ class Expansion:
     # Values
 
     def _parameters(self) -> Iterator[Entry]:
-        """Return the parameters, and note their values for ranges and subscripts."""
+        """Return the parameters, and store their values for ranges and subscripts."""
         for key, node in self._entries("parameters"):
             one = self._declared(key, node, "parameters")
             if one is None:
@@ -444,7 +447,7 @@ class Expansion:
             self.scope.of_tables |= {name} if fault.code == "range" else set()
 
     def _resolve(self, given: list[_Given]) -> None:
-        """Find the sizes of definitions, each after those that it uses."""
+        """Determine the sizes of definitions, each after the definitions in it."""
         waiting, before = [one for one in given if one.members], -1
         while len(waiting) != before:
             before, tried, waiting = len(waiting), waiting, []
@@ -460,7 +463,7 @@ class Expansion:
             one.family.resolved = True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
-        """Return components of what an entry gives its first member."""
+        """Return the components of the value of an entry's first member."""
         section, node = one.family.section, one.node
         if section == "coordinates":
             return one.family.letters
@@ -493,7 +496,7 @@ class Expansion:
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
-        """Note components of a coordinate; return whether all can be read of it."""
+        """Store the components of a coordinate; return whether all are readable."""
         below = {key.text: value for key, value in entries_of(node)}
         family.letters = ()
         if named := below.get("components"):
@@ -509,7 +512,7 @@ class Expansion:
         return empty or (known and isinstance(node, Mapping))
 
     def _with_unit(self, node: Sequence) -> bool:
-        """Return whether a list is a number with its unit, which the reader refuses."""
+        """Whether a list is a number with its unit, which the reader refuses."""
         last = node.items[-1]
         return (
             len(node.items) == len(("number", "unit"))
@@ -519,7 +522,7 @@ class Expansion:
         )
 
     def _written(self, one: _Given) -> Iterator[Entry]:
-        """Return entries of the members of an entry, and of their components."""
+        """Return the entries of all members and components of an entry."""
         family, section = one.family, one.family.section
         letters = family.letters
         if section != "definitions":
@@ -569,7 +572,7 @@ class Expansion:
     def _is_one_vector(
         self, inner: Node, letters: tuple[str, ...], one: _Given
     ) -> TypeGuard[Sequence]:
-        """Whether a list beside a range of vectors is one of numbers, as a vector."""
+        """Whether a list beside a range of vectors is one vector of numbers."""
         if not (letters and one.parsed.ranged and isinstance(inner, Sequence)):
             return False
         if one.parsed.letter or not one.members or len(inner.items) != len(letters):
@@ -588,7 +591,7 @@ class Expansion:
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar
     ) -> Node:
-        """Return what an entry gives a component of a member."""
+        """Return an entry's value for one component of a member."""
         inner, outer = _inner(node, keys), reading
         if reading.component is None:
             new = self.bound(inner, reading)
@@ -609,7 +612,7 @@ class Expansion:
     def _referring(
         self, section: str, given: Iterable[Entry], outer: Indices | None = None
     ) -> list[Entry]:
-        """Return entries for members: of start values a single one's wins."""
+        """Return entries for members; a start value for one member has precedence."""
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:
             one = self._referred(key, node, outer)
@@ -632,7 +635,7 @@ class Expansion:
     def _referred(
         self, key: Scalar, node: Node, outer: Indices | None
     ) -> _Given | Entry | None:
-        """Return an entry for members; as it is where its name is no family's."""
+        """Return an entry for each member; unchanged where its name is no family."""
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:
             return None
@@ -660,7 +663,7 @@ class Expansion:
         return _Given(key, node, family, parsed, members)
 
     def spread(self, node: Node, reading: Reading) -> Node:
-        """Return a list of components for a vector that stands where a list does."""
+        """Return the list of components of a vector in the place of a list."""
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
         size = self.scope.size(node.text, parse, reading.indices)
@@ -672,7 +675,7 @@ class Expansion:
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
 
     def _scene(self, node: Node | None) -> Node:
-        """Return the scene: points and shapes by members, links between points."""
+        """Return the scene: points and shapes by members, and links between points."""
         if node is not None and not isinstance(node, Mapping):
             return node
         entries: list[Entry] = []
@@ -705,7 +708,7 @@ class Expansion:
     def _named(
         self, key: Scalar, node: Node, space: dict[str, Family]
     ) -> Iterator[tuple[Scalar, Reading, Node]]:
-        """Return key, reading and value for each member of what has its own names."""
+        """Return key, reading and value of each member of an entry with own names."""
         found = self._key(key)
         if found is None and key.text.partition("(")[0] in self.broken:
             return
@@ -738,7 +741,7 @@ class Expansion:
         return Broken(node.place) if broken else node._replace(entries=found)
 
     def _links(self, node: Node, reading: Reading) -> Node:
-        """Return links; those of a family are between consecutive points."""
+        """Return links; a link of a family joins consecutive points."""
         if not isinstance(node, Sequence):
             return self.bound(node, reading)
         links = (link for item in node.items for link in self._joining(item))
@@ -766,7 +769,7 @@ class Expansion:
         space: dict[str, Family] | None = None,
         outer: Indices | None = None,
     ) -> list[Node]:
-        """Return the names that an item of a list denotes: members, and components."""
+        """Return the names that a list item denotes: members, and components."""
         if not isinstance(node, Scalar):
             return [node]
         found = self._key(node, outer, space)
@@ -805,7 +808,7 @@ class Expansion:
         return Sequence(tuple(curves), node.place)
 
     def _curves(self, node: Node) -> list[Node]:
-        """Return expressions that are curves: of each member, and of each component."""
+        """Return the expressions of curves: of each member and each component."""
         if not isinstance(node, Scalar):
             return [node]
         try:
@@ -832,13 +835,13 @@ class Expansion:
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:
-    """Return what a mapping has at one of some keys; else the node."""
+    """Return the value of a mapping at the first of some keys, or else the node."""
     below = {key.text: value for key, value in entries_of(node)}
     return next((below[key] for key in keys if key in below), node)
 
 
 def _with_inner(node: Node, keys: tuple[str, ...], new: Node) -> Node:
-    """Return a node with something else there."""
+    """Return a node in which `_inner`'s value is replaced."""
     if not isinstance(node, Mapping) or _inner(node, keys) is node:
         return new
     entries = ((k, new if k.text in keys else v) for k, v in node.entries)

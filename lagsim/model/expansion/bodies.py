@@ -1,8 +1,8 @@
-"""Frames, and bodies: moments of inertia of shapes of uniform density, energies.
+"""Frames and bodies: inertia of shapes of uniform density, and energies of bodies.
 
-What a frame is on, and how it is turned there, makes its matrix and its angular
-velocity: hidden definitions, see `trees`. A frame is made when it is first asked for,
-after all those that it is on.
+The matrix and the angular velocity of a frame follow from the frame it is attached to
+(`on`) and its own rotation; they are hidden definitions, see `trees`. A frame is
+created on its first use, after all frames it is attached to.
 
 Sources: J. L. Meriam, L. G. Kraige, Engineering Mechanics: Dynamics, table D/4; of a
 polygon, C. Steger, On the Calculation of Arbitrary Moments of Polygons (1996).
@@ -78,7 +78,7 @@ _ROTATED += "{angles: [a, b, c], axes: zxz}, or in the plane {angle: q}"
 
 
 class _Given(NamedTuple):
-    """A frame as the file gives it: values by their keys, for one member."""
+    """Frame as the file declares it, for one member: values by their keys."""
 
     key: Scalar
     below: dict[str, Node]
@@ -86,14 +86,14 @@ class _Given(NamedTuple):
 
 
 def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
-    """Tell whether there are other keys, which the reader reports."""
+    """Whether there are other keys than `keys`; the reader reports them."""
     return any(k not in keys and not k.startswith("x-") for k in below)
 
 
 class Section:
-    """Values of what stands in a section of frames or bodies.
+    """Reader of values in the sections of frames and bodies.
 
-    Faults are reported; then an ExpressionError is raised that is silent.
+    A fault is reported first; then an ExpressionError without a message is raised.
     """
 
     def __init__(self, x: Expansion) -> None:
@@ -102,12 +102,12 @@ class Section:
     def refuse(
         self, code: str, text: str, at: Place | Node, hint: str = ""
     ) -> NoReturn:
-        """Report a fault, and raise what stands for one that is reported."""
+        """Report a fault, and raise the ExpressionError of a reported fault."""
         self.report(code, text, at, hint)
         raise silent()
 
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
-        """Value of an expression, and its scalar."""
+        """Return the value of an expression, and its scalar."""
         if isinstance(node, Broken):
             raise silent()
         if not isinstance(node, Scalar) or node.empty:
@@ -120,13 +120,13 @@ class Section:
             raise silent() from None
 
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
-        """Hide a definition whose rate is asked for, and so is one of positions."""
+        """Add a hidden definition of positions, whose rate the energies use."""
         found = scalar(self.x.hide(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
         return found
 
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Value of an expression that is a number, and its scalar."""
+        """Return the value of an expression that is a number, and its scalar."""
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
             text = f"{what} must be a number, found {said(value)}"
@@ -136,7 +136,7 @@ class Section:
     def vector(
         self, node: Node, indices: Indices, counts: SequenceType[int], what: str
     ) -> list[tuple[Tree, Scalar]]:
-        """Components of a list, or of a vector, each with its scalar."""
+        """Return the components of a list or a vector, each with its scalar."""
         if isinstance(node, Sequence):
             found = [self.number(item, indices, what) for item in node.items]
         else:
@@ -151,12 +151,12 @@ class Section:
 
 
 class Frames(Section):
-    """The frames of a file, each made when it is first asked for.
+    """Frames of a file; each is created on its first use.
 
     Attributes
     ----------
     n : int
-        Dimensions, 2 or 3: those of the frames, which turn in the plane or in space.
+        Dimension of all frames: 2 for rotations in the plane, 3 for space.
     """
 
     def __init__(self, x: Expansion, section: Node | None) -> None:
@@ -172,7 +172,7 @@ class Frames(Section):
             self._declare(key, node)
 
     def make_all(self) -> None:
-        """Make all frames, and the constraints that hold their quaternions."""
+        """Create all frames, and the constraints on their quaternions' lengths."""
         for called in self._given:
             with suppress(ExpressionError):
                 self._frame_of(called)
@@ -198,7 +198,7 @@ class Frames(Section):
             self._given[name, member] = _Given(key, below, indices)
 
     def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
-        """Report keys that do not make a rotation."""
+        """Whether the keys form a rotation; others are reported."""
         what, report = f"the frame `{key.text}`", self.report
         if not isinstance(node, Mapping) and "on" in below:
             return True
@@ -222,7 +222,7 @@ class Frames(Section):
     # Frames by their names
 
     def named(self, node: Scalar, indices: Indices) -> Frame:
-        """Frame that an expression names; a fault is reported."""
+        """Return the frame that an expression names; a fault is reported."""
         try:
             return self.named_by(self.scope.source(node.text, parse).postfix, indices)
         except ExpressionError as fault:
@@ -230,11 +230,11 @@ class Frames(Section):
             raise silent() from None
 
     def named_by(self, steps: Steps, indices: Indices) -> Frame:
-        """Frame that the steps of an expression name, see `_called` and `_frame_of`."""
+        """Return the frame that the steps of an expression name."""
         return self._frame_of(self._called(steps, indices))
 
     def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Name and subscripts of the frame that an expression names; else a fault."""
+        """Return name and subscripts of the frame that an expression names."""
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault("the name of a frame is expected here", "", "frame")
@@ -257,7 +257,7 @@ class Frames(Section):
         raise token.fault(text, hint, "frame")
 
     def _frame_of(self, called: Called) -> Frame:
-        """Frame of a name, made after those that it is on; faults are reported."""
+        """Return a frame, created after the frames it is on; faults are reported."""
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
@@ -286,7 +286,7 @@ class Frames(Section):
         return frame
 
     def _parent(self, called: Called) -> Called:
-        """Name of the frame that one is on; in case of a fault, that is reported."""
+        """Return the name of the frame that one is on; a fault is reported."""
         given = self._given[called]
         node = given.below.get("on")
         if node is None:
@@ -304,7 +304,7 @@ class Frames(Section):
             return _SPACE
 
     def _frame(self, called: Called) -> Frame | None:
-        """Make a frame on one that is made; None where a fault is reported."""
+        """Create a frame on an existing one; return None where a fault is reported."""
         given, parent = self._given[called], self._made[self._parent(called)]
         if parent is None:
             return None
@@ -330,7 +330,7 @@ class Frames(Section):
         return self.number(given.below[key], given.indices, what)
 
     def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
-        """Return a tree that has a rate, and this."""
+        """Return a tree that has a rate, and the tree of the rate."""
         if tree.op == "number":
             return tree, ZERO
         if tree.op != "name" or not self._is_coordinate(tree):
@@ -355,7 +355,7 @@ class Frames(Section):
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
     def _axis(self, given: _Given, name: str) -> Vector:
-        """Return the unit vector of an axis, which is made of parameters."""
+        """Return the unit vector of an axis, an expression of parameters."""
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
         values = [self._fixed(tree, at, what) for tree, at in parts]
@@ -377,7 +377,7 @@ class Frames(Section):
         return found
 
     def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
-        """Value of a tree of parameters."""
+        """Return the value of a tree of parameters."""
         found = parsed(tree, at.text)
         for used in found.names:
             if used.text not in {*self.scope.numbers, *self.scope.of_tables}:
@@ -411,7 +411,7 @@ class Frames(Section):
         return by_quaternion(p, n, speeds)
 
     def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:
-        """Rotations about the frame's own axes, one after the other."""
+        """Return the frame of successive rotations about the frame's own axes."""
         given, axes = self._given[called], self._given[called].below["axes"]
         what = f"the frame `{given.key.text}`"
         letters = axes.text if isinstance(axes, Scalar) else ""
@@ -438,25 +438,25 @@ class Frames(Section):
 
 
 class Solid(NamedTuple):
-    """Inertia of a shape about its centre of mass, and where that is in the frame."""
+    """Inertia of a shape about its centre of mass, and the centre in the frame."""
 
     inertia: Value
     centre: Vector
 
 
 def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
-    """Moment of inertia m (a x^2 + b y^2 + ...) of lengths with their factors."""
+    """Moment of inertia m (a x^2 + b y^2 + ...), from pairs of length and factor."""
     squares = (product(number(c), call("pow", x, number(2.0))) for c, x in terms)
     return product(m, total(squares))
 
 
 def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vector:
-    """Principal moments of a body of revolution about z: own m r^2 about its axis."""
+    """Principal moments of a body of revolution about z with m r^2 of its own."""
     return (_of(m, *across),) * 2 + (_of(m, (own, r)),)
 
 
 def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
-    """Shape of mass m in space (n is 3) or in the plane, with its sizes."""
+    """Return the solid of a shape of mass m with its sizes, in n = 2 or 3 dimensions."""
     a = sizes[0]
     b, c = (*sizes[1:], ZERO, ZERO)[:2]
     nowhere = (ZERO,) * n
@@ -477,7 +477,7 @@ def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
 
 
 def polygon(m: Tree, corners: SequenceType[Vector]) -> Solid:
-    """Polygon of mass m in the plane; its corners are given either way round."""
+    """Return the solid of a plane polygon of mass m; corners in either orientation."""
     areas, moments, centres = [], [], []
     for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
         area = cross(a, b)
@@ -510,7 +510,7 @@ _HOW = "write {mass: m, at: [x, y, z], frame: f, inertia: J}, or `shape` for `in
 
 
 class _Body(NamedTuple):
-    """A body as the file gives it, for one member."""
+    """Body as the file declares it, for one member."""
 
     what: str
     name: str
@@ -529,12 +529,12 @@ class Drawn(NamedTuple):
 
 
 class Bodies(Section):
-    """The bodies of a file: their energies, and what the scene draws of them.
+    """Bodies of a file: their energies, and their shapes for the scene.
 
     Attributes
     ----------
     drawn : list of Drawn
-        Their shapes.
+        Shapes of the bodies.
     """
 
     def __init__(
@@ -557,7 +557,7 @@ class Bodies(Section):
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
 
     def word(self, key: str, node: Scalar) -> Tree | None:
-        """Return what the word `bodies` denotes in an energy, if it stands there."""
+        """Return the tree of the word `bodies` in an energy; None without it."""
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
             return None
         self._said.add(key)
@@ -570,7 +570,7 @@ class Bodies(Section):
         return total(self._energies[key])
 
     def idle(self) -> list[str]:
-        """Return texts of what has no effect, for warnings."""
+        """Return texts on keys without effect, for warnings."""
         found = []
         if self._given and "kinetic" not in self._said:
             found.append("`bodies` do not act: `kinetic` lacks the word `bodies`")
@@ -579,14 +579,14 @@ class Bodies(Section):
         return found
 
     def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
-        """Return a number, or what refers to a hidden definition."""
+        """Return a number, or a reference to a hidden definition of its value."""
         tree, at = found
         return (
             tree if tree.op == "number" else scalar(self.x.hide(hidden, tree, at), "")
         )
 
     def _entry(self, key: Scalar, below: dict[str, Node]) -> None:
-        """Add the bodies of an entry."""
+        """Read the bodies of an entry of the file."""
         found, what = self.x.members(key, "a body"), f"the body `{key.text}`"
         missing = [k for k in ("mass", "at") if k not in below]
         if "frame" in below and not below.keys() & {"inertia", "shape"}:
@@ -608,7 +608,7 @@ class Bodies(Section):
             self._body(_Body(what, name, below, indices))
 
     def _body(self, one: _Body) -> None:
-        """Add a body; an ExpressionError is one that is reported."""
+        """Add the energies of a body; its faults are reported and raised."""
         what, name, below, indices = one
         mass = self.number(below["mass"], indices, f"the mass of {what}")
         m = self._kept(f"body.{name}.mass", mass)
@@ -648,7 +648,7 @@ class Bodies(Section):
         return frames.named(node, one.indices)
 
     def _inertia(self, one: _Body, n: int) -> Value | None:
-        """Return the moments of inertia that the file gives."""
+        """Return the moments of inertia that the file declares."""
         node = one.below.get("inertia")
         if node is None:
             return None
@@ -662,7 +662,7 @@ class Bodies(Section):
     def _solid(
         self, one: _Body, m: Tree, n: int, frame: Frame | None, at: Vector
     ) -> Solid | None:
-        """Return the shape of a body, if it has one, and have it drawn."""
+        """Return the solid of a body's shape, if it has one, and add it to `drawn`."""
         node, what = one.below.get("shape"), f"the shape of {one.what}"
         if node is None:
             return None
@@ -710,7 +710,7 @@ class Bodies(Section):
 
 
 class Shapes(Section):
-    """Writes out the section `shapes`, and adds those of bodies."""
+    """Expansion of the section `shapes`, and the shapes of bodies."""
 
     def given(self, section: Node | None) -> Iterator[Entry]:
         """Return the shapes of the file, by members."""
@@ -753,7 +753,7 @@ class Shapes(Section):
         return self.x.bound(node, reading)
 
     def _point(self, node: Node, reading: Reading) -> Node:
-        """Return a place: a point, one of a family, or a vector."""
+        """Return the position of a shape: a point, a family's point, or a vector."""
         name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
         if name in self.x.points:
             return self.x.denoted(node, self.x.points, reading.indices)[0]

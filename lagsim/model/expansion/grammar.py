@@ -1,8 +1,9 @@
-"""Expressions of families and vectors -> steps, in postfix, to be evaluated by members.
+"""Parser of expressions with families and vectors, into postfix steps.
 
-The language's parser, extended: a name followed by `(` that is no function is a member,
-`q(i-1)`; `.x` takes a component; `sum`, `min` and `max` run over `i = a..b`; functions
-of vectors. A text is parsed once, for whatever number of members.
+It extends the language's parser: a name before `(` that is no function is a member,
+`q(i-1)`; `.x` selects a component; `sum`, `min` and `max` run over `i = a..b`; there
+are functions of vectors. A text is parsed once, for any number of members, and
+evaluated for each.
 """
 
 from __future__ import annotations
@@ -42,10 +43,10 @@ _RANGE = "such as sum(i = 1..n, m(i))"
 
 
 class Inner(NamedTuple):
-    """Payload of a step that takes so many values, and what else it is made of.
+    """Payload of a step with `takes` operands, and its further parts.
 
-    That is a component; the index, and the steps of a term, of what runs over a range;
-    the steps that name a frame, of a function of one.
+    `word` is a component, the index of a range, or a name; `steps` are those of a term
+    over the range, or of the name of a frame in a function of frames.
     """
 
     takes: int
@@ -55,7 +56,7 @@ class Inner(NamedTuple):
 
 @dataclass(slots=True)
 class _Over(Pending):
-    """A sum whose end has not been seen: its index, and where its terms begin."""
+    """Sum that is not closed yet: its index, and the begin of its terms."""
 
     index: str = ""
     ranged: bool = False
@@ -64,7 +65,7 @@ class _Over(Pending):
 
 @dataclass(slots=True)
 class _OfFrame(Pending):
-    """A function of a frame: where the steps that name it begin, and these."""
+    """Function of a frame: the steps that name the frame, and where they begin."""
 
     begin: int = 0
     frame: Steps = ()
@@ -120,12 +121,12 @@ class _Extended(Parser):
         return True
 
     def _name_frame(self, top: Pending | None) -> None:
-        """Take the steps of the first argument of a function of frames."""
+        """Store the steps of the first argument of a function of frames."""
         if isinstance(top, _OfFrame) and not top.frame:
             top.frame = self._cut(top.begin)
 
     def _cut(self, begin: int) -> Steps:
-        """Take away the steps from there on."""
+        """Remove and return the steps from `begin` on."""
         cut = tuple(self.output[begin:])
         del self.output[begin:]
         return cut
@@ -192,7 +193,7 @@ class Subscript(NamedTuple):
 
 
 class Key(NamedTuple):
-    """A name with subscripts and a component, as they stand in a key or in a list."""
+    """Name with subscripts and a component, as in a key or a list."""
 
     name: str
     subscripts: tuple[Subscript, ...] = ()
@@ -200,15 +201,12 @@ class Key(NamedTuple):
 
     @property
     def ranged(self) -> bool:
-        """Return whether it denotes several members."""
+        """Whether the key denotes several members."""
         return any(s.last is not None for s in self.subscripts)
 
 
 def parsed_key(text: str) -> Key | None:
-    """Return key of a text; None where it is not of this form.
-
-    An ExpressionError has the fault of a range.
-    """
+    """Return the key of a text; None where the text is not of this form."""
     if not ("(" in text or "." in text):
         return Key(text)
     try:

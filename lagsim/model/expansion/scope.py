@@ -1,9 +1,9 @@
-"""Names of families and vectors, and the values of expressions of them for a member.
+"""Families and vectors of a file, and values of their expressions for a member.
 
-A `Family` is what one name of the file denotes: members by their subscripts, each a
-number or a vector. `Scope.value` runs the steps of an expression for given indices and
-gives trees of scalars. `Reading` is what an expanded scalar carries: it gives the
-reader the expression of that member, with offsets in the text of the file.
+A `Family` is the meaning of one name of the file: members by their subscripts, each a
+number or a vector. `Scope.value` evaluates the steps of an expression at given indices
+and returns trees of scalars. An expanded scalar has a `Reading`, which returns the
+expression of its member, with offsets in the text of the file.
 """
 
 from __future__ import annotations
@@ -84,9 +84,9 @@ class Family:
         self.broken = False
 
     def missing(self, name: str, members: Iterable[tuple[object, Member]]) -> str:
-        """Return text on the first of some members that it does not have, or none.
+        """Return a text on the first member not in the family, or an empty text.
 
-        name : its own, or that of its rate.
+        name : the name of the family, or of its rate.
         """
         missing = (m for _, m in members if m not in self.members)
         found = next(missing, None)
@@ -95,7 +95,7 @@ class Family:
         return f"there is no `{dotted(name, found)}`: {self.described()}"
 
     def described(self) -> str:
-        """Return text on its members, for messages."""
+        """Return a text on the members, for messages."""
         if not self.members:
             return f"`{self.name}` has no members"
         ends = (min(self.members), max(self.members))
@@ -113,14 +113,14 @@ def _called(name: str, member: Member) -> str:
 
 
 class UnresolvedError(Exception):
-    """The size of a definition is needed and not known yet."""
+    """The size of a definition is needed and not determined yet."""
 
 
 class Scope:
-    """Families of a file, values of its parameters, and expressions of them.
+    """Families of a file, values of its parameters, and their expressions.
 
-    What evaluates raises an ExpressionError with the place of the first fault. Names
-    that are `built_in` are known without being given.
+    Methods that evaluate raise an ExpressionError with the place of the first fault.
+    Names in `built_in` need no declaration.
     """
 
     def __init__(self, graph: Graph, built_in: Collection[str]) -> None:
@@ -153,7 +153,7 @@ class Scope:
         return found
 
     def noted(self, found: Parsed | ParsedRelation) -> Parsed | ParsedRelation:
-        """Note that the names of an expression are used; return it."""
+        """Store that the names of an expression are used; return the expression."""
         for side in (
             (found,) if isinstance(found, Parsed) else (found.left, found.right)
         ):
@@ -165,7 +165,7 @@ class Scope:
     # Texts
 
     def source(self, text: str, parser: Parser) -> Any:
-        """Return what a parser gives for a text, for all members, once."""
+        """Return the result of a parser for a text, which is parsed once."""
         key = text, parser
         if key not in self._sources:
             try:
@@ -201,11 +201,15 @@ class Scope:
         return self._value
 
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
-        """Return size of an expression for a member, 0 where it is faulty.
+        """Return the count of components of an expression for a member.
 
-        Its fault is left for those who read the expression to report, but for -1, where
-        it depends on what is faulty itself. Where the size of
-        a definition is needed that is not known yet, this is an UnresolvedError.
+        The result is 0 where the expression has a fault of its own, which is reported
+        when the expression is read, and -1 where it depends on a faulty name.
+
+        Raises
+        ------
+        UnresolvedError
+            Where the size depends on a definition whose size is not determined yet.
         """
         known, terms, full = set(self._faulty), self._terms, self.full
         try:
@@ -224,7 +228,7 @@ class Scope:
         return self.run(steps, indices).pop()
 
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
-        """Return the values that steps leave."""
+        """Return the values on the stack after the steps."""
         stack: list[Value] = []
         for op, payload, token in steps:
             if op == "number":
@@ -264,7 +268,7 @@ class Scope:
             raise token.fault(fault.text, fault.hint, code) from None
 
     def _is_unknown(self, value: Value) -> bool:
-        """Return whether a value is a name that the file does not give."""
+        """Whether a value is a name that the file does not declare."""
         if not isinstance(value, Tree) or value.op != "name":
             return False
         name = str(value.value)
@@ -278,7 +282,7 @@ class Scope:
         return self.frame(named, indices)
 
     def reference(self, name: str) -> Family | None:
-        """Return the family of a name, which may be that of its rate or force."""
+        """Return the family of a name, or of the base of a rate or a force."""
         if family := self.variables.get(name):
             return family
         forms = [("", ENDINGS[2]), ("", ENDINGS[1]), ("Qc_", ""), ("reaction.", "")]
@@ -334,7 +338,7 @@ class Scope:
     def _over(
         self, of: Inner, token: Token, args: list[Value], indices: Indices
     ) -> Value:
-        """Return sum, least or greatest value of terms over a range."""
+        """Return the sum, least or greatest value of terms over a range."""
         first, last = (self.whole(arg, token) for arg in args)
         count = max(0, last - first + 1)
         self._terms += count
@@ -379,13 +383,13 @@ class Scope:
         return nearest
 
     def _once(self, names: set[str], code: str) -> str:
-        """Return the code of a fault of parameters, which is reported once."""
+        """Return the code of a fault of parameters, reported once."""
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names
         return SILENT if known else code
 
     def ask(self, *values: Tree) -> None:
-        """Note that the form of the equations follows values of parameters."""
+        """Store that the form of the equations depends on values of parameters."""
         parsed = (trees.parsed(value, "") for value in values)
         self._asked |= {name.text for found in parsed for name in found.names}
 
@@ -408,7 +412,7 @@ class Scope:
         return stack.pop()
 
     def _check_number(self, name: str, offset: int) -> None:
-        """Raise where a name has no value that ranges may use."""
+        """Raise an ExpressionError where a name has no value for ranges."""
         if name in self.numbers:
             return
         if name in self.of_tables:
@@ -445,14 +449,14 @@ def _check(family: Family) -> None:
 
 
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
-    """Return trees of a member; `name` is the family's, or its rate's."""
+    """Return the trees of a member; `name` is that of the family or of its rate."""
     if not family.letters:
         return trees.name(dotted(name, member), offset)
     return tuple(trees.name(dotted(name, member, c), offset) for c in family.letters)
 
 
 def _numbered(family: Family, token: Token, member: Member) -> Value:
-    """Return component of a vector that is no family, by its number from 1."""
+    """Return a component, by its number from 1, of a vector that is no family."""
     count = len(family.letters)
     if not count:
         text = f"`{token.text}` is no family, and has no subscripts"
@@ -501,10 +505,7 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
 
 
 class Reading:
-    """Reading of the text of an expanded scalar: for a member, and a component of it.
-
-    `component` is its number, of `size`; None where a number is expected.
-    """
+    """Interpretation of an expanded scalar's text for a member and component."""
 
     __slots__ = ("_last", "component", "indices", "scope", "size")
 
@@ -520,7 +521,7 @@ class Reading:
         self._last: tuple[str | None, Any, Any] = None, None, None
 
     def parsed(self, text: str, parser: Parser) -> Any:
-        """Return what the parser would give for the expression of this member."""
+        """Return the parser's result for the expression of this member."""
         if self._last[:2] != (text, parser):
             left, right, sense = self.scope.values(text, parser, self.indices)
             found: Any = self._part(left, text)
@@ -545,7 +546,7 @@ class Reading:
         return trees.parsed(value, text)
 
     def words(self, text: str) -> set[str]:
-        """Return names in the expression of this member."""
+        """Return the names in the expression of this member."""
         for parser in (parse, parse_relation, parse_condition):
             try:
                 return {name.text for name in self.parsed(text, parser).names}
@@ -560,7 +561,7 @@ class Reading:
 
 
 class Made(Reading):
-    """How a hidden definition is read: as it was made."""
+    """Reading of a hidden definition: its tree as it was created."""
 
     __slots__ = ("_parsed",)
 
@@ -569,5 +570,5 @@ class Made(Reading):
         self._parsed = parsed
 
     def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
-        """Return the expression; the text is that of what needed it."""
+        """Return the hidden definition's expression; `text` is that of its user."""
         return self.scope.noted(self._parsed)

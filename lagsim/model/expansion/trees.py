@@ -1,21 +1,22 @@
-"""Scalar expressions as trees, and vectors as tuples of 2 or 3 of them.
+"""Scalar expressions as trees, and vectors as tuples of 2 or 3 trees.
 
-A `Tree` is made by `number`, `name` and `call`; a vector is a plain tuple of trees. The
-functions below take either and raise `UnfitError` where sizes do not fit; the scope
+`number`, `name` and `call` create a `Tree`; a vector is a plain tuple of trees. The
+functions below accept either and raise `UnfitError` where sizes do not match; the scope
 that evaluates an expression (`scope.Scope`) adds its place. `parsed` writes a tree as
-the postfix that the reader builds. It is walked as often as it is used: what is used
-often, or by the next member of a recursion, becomes a *hidden definition*, no column:
-`Expansion.hide(name, value, at)` enters it as `~name` (a vector's `~name.x`, ...), and
-gives what refers to it.
+postfix for the reader. A tree is traversed once for each use: a tree used often, or by
+the next member of a recursion, becomes a *hidden definition*, which is no column:
+`Expansion.hide(name, value, at)` adds it as `~name` (for a vector `~name.x`, ...), and
+returns a reference to it.
 
-A frame has the matrix R that turns components in it into components in space, u = R v,
-and its angular velocity in its own components. What a frame adds to the one it is `on`,
-R = P E, goes on by recursion, w = E^T w_P + e, so that a chain of n frames costs n
-times one of them. In the plane R has two rows, and w is a number.
+A frame has the matrix R that transforms components in the frame into components in
+space, u = R v, and its angular velocity in its own components. A frame with the
+rotation E and the angular velocity e relative to the frame P it is `on` has R = P E
+and, by recursion, w = E^T w_P + e, so that the cost of a chain of n frames is n times
+that of one. In the plane R has two rows, and w is a number.
 
 Sources: H. Goldstein, Classical Mechanics, sections 4.6 (rotation about an axis, eq
 4.62), 4.9 (angular velocity); A. A. Shabana, Dynamics of Multibody Systems, section 2.2
-(Euler parameters, with p . p divided by: a quaternion of any length is a rotation).
+(Euler parameters, divided by p . p: a quaternion of any length is a rotation).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 class UnfitError(Exception):
-    """Values of sizes that an operation does not take; a sentence, and a hint."""
+    """Operands whose sizes an operation does not support, with a text and a hint."""
 
     def __init__(self, text: str, hint: str = "") -> None:
         super().__init__(text)
@@ -85,12 +86,12 @@ def size(value: Value) -> int:
 
 
 def said(value: Value) -> str:
-    """Return description of a value by its size, for messages."""
+    """Return the description of a value by its size, for messages."""
     return f"a vector of {size(value)}" if size(value) > 1 else "a number"
 
 
 def scalar(value: Value, what: str) -> Tree:
-    """Return value that is expected to be a number."""
+    """Return a value that must be a number."""
     if isinstance(value, Tree):
         return value
     hint = "write a component, such as `.x`, or `norm(...)`"
@@ -98,7 +99,7 @@ def scalar(value: Value, what: str) -> Tree:
 
 
 def vector(value: Value, what: str) -> Vector:
-    """Return value that is expected to be a vector of 2 or 3 components."""
+    """Return a value that must be a vector of 2 or 3 components."""
     if isinstance(value, Tree) or len(value) == len(ENTRIES):
         raise UnfitError(
             f"{what} must be a vector, found {said(value)}", "write vec(a, b)"
@@ -197,7 +198,7 @@ def choice(condition: Value, a: Value, b: Value) -> Value:
 
 
 def parsed(tree: Tree, text: str) -> Parsed:
-    """Return the postfix of a tree; `text` is where the offsets of names are."""
+    """Return the postfix of a tree; the offsets of its names refer to `text`."""
     items: list[tuple[str, Any, Token]] = []
     stack = [tree]
     while stack:
@@ -231,7 +232,7 @@ def space(n: int) -> Frame:
 
 
 def product(*factors: Tree) -> Tree:
-    """Product of factors, in which 0 and 1 are taken as what they are."""
+    """Return the product of factors, simplified for factors 0 and 1."""
     found, negative = ONE, False
     for x in factors:
         if x.op == "number" and x.value == 0.0:
@@ -244,7 +245,7 @@ def product(*factors: Tree) -> Tree:
 
 
 def total(terms: Iterable[Tree]) -> Tree:
-    """Sum of terms, without those that are 0."""
+    """Return the sum of terms, without terms that are 0."""
     found = ZERO
     for x in terms:
         if not (x.op == "number" and x.value == 0.0):
@@ -321,7 +322,7 @@ OF_A_FRAME: dict[str, Callable[..., Value]] = {
 
 
 class Chart(NamedTuple):
-    """What a frame adds to the one it is on: the rows of E, an angular velocity."""
+    """Rotation relative to another frame: the rows of E, and an angular velocity."""
 
     rows: tuple[Vector, ...]
     omega: Vector
@@ -369,7 +370,10 @@ def by_quaternion(p: Vector, n: Tree, speeds: Vector) -> Chart:
 def composed(
     called: str, parent: Frame, own: Chart, hide: Callable[[str, Value], Value]
 ) -> Frame:
-    """Frame on another one, by what it adds; entries that are no leaf are hidden."""
+    """Return the frame of a rotation `own` relative to `parent`.
+
+    Entries with operations become hidden definitions of `hide`.
+    """
 
     def kept(what: str, x: Tree) -> Tree:
         return x if not x.args else scalar(hide(f"{called}.{what}", x), what)

@@ -1,8 +1,8 @@
-"""The model file -> Model; the only place that knows the file format.
+"""Read a model file into a Model; the only package that knows the file format.
 
-`read` goes through the sections in the order in which they need each other. Each
-reports its faults and gives what is sound; at the end all faults are raised at once.
-What depends on something faulty is passed over in silence, so that one fault is
+`read` processes the sections in the order of their dependences. Each section reports
+its faults and returns its sound entries; at the end all faults are raised together. An
+entry that depends on a faulty one is skipped without a message, so that each fault is
 reported once.
 """
 
@@ -110,19 +110,19 @@ def read(
     overrides: MappingType[str, str] | None = None,
     options: MappingType[str, str] | None = None,
 ) -> Model:
-    """Read the text of a model file.
+    """Read the text of a model file and return its model.
 
     Parameters
     ----------
     text
-        The text.
+        The text of the file.
     file
-        What messages call it; its stem is the model's name if the file gives none.
+        The file's name in messages; its stem is the model's name by default.
     overrides
-        Expressions instead of those of parameters and of start values
+        Expressions that replace those of parameters and of start values
         (`--set name=expression`).
     options
-        Expressions instead of those of keys of `simulation`, such as
+        Expressions that replace those of keys of `simulation`, such as
         `{"output_step": "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
 
     Raises
@@ -143,15 +143,15 @@ def read(
 
 
 class File:
-    """A model file, and the expressions given instead of its own: a binding.
+    """Binding of a model file: the file with expressions that replace some of its own.
 
-    What is built of names alone, the graph and every expression on it, is shared with
-    its other bindings, in which the numbers are evaluated again.
+    The graph and its expressions, built of names alone, are shared with the other
+    bindings of the file; only the numbers are evaluated again.
 
     Attributes
     ----------
     x : Expressions
-        Of the file: its graph, its definitions, and the values of this binding.
+        Expressions of the file: graph, definitions, and this binding's values.
     instead, starting, options : dict of str to str
         Expressions that replace those of parameters, of start values and of keys of
         `simulation`.
@@ -231,7 +231,7 @@ class File:
         self.instead = {k: t for k, t in overrides.items() if k not in starting}
 
     def read(self, sha256: str) -> Model:
-        """Give the model.
+        """Return the model of the file.
 
         Raises
         ------
@@ -315,7 +315,7 @@ class File:
         )
 
     def mismatches(self, model: Model) -> list[Mismatch]:
-        """Give the units of the file that do not fit, found once."""
+        """Return the inconsistent units of the file, computed once."""
         if not self._units:
             self._units.append([])
             if any(key.endswith(".unit") for key, _ in leaves(self._given)):
@@ -369,7 +369,7 @@ class File:
         parameters: MappingType[str, str],
         initial: MappingType[str, str],
     ) -> Model:
-        """Give a model of this file with other values, see `Model.bind`."""
+        """Return a model of this file with other values, see `Model.bind`."""
         faults = Faults(self.file)
         old = {name: self.instead.get(name) for name in parameters}
         if any(old[name] != parameters[name] for name in self.structural() & {*old}):
@@ -391,24 +391,24 @@ class File:
         )  # fmt: skip
 
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
-        """Give a model of this file with a point of a table moved, see `Stated`."""
+        """Return a model of this file with a point of a table moved, see `Stated`."""
         again = self._read_again({})
         again.shifts = {table: (point, part)}
         return again.read(model.sha256)
 
     def _read_again(self, given: MappingType[str, str]) -> File:
-        """Give the file on a graph of its own, with other expressions besides."""
+        """Return the file on a new graph, with further replaced expressions."""
         graph = Graph(limits.graph_nodes(0), limits.work(0))
         every = {**self.instead, **self.starting, **given}
         faults = Faults(self.file)
         return File(self._given, self.file, faults, graph, every, self.options)
 
     def structural(self) -> set[str]:
-        """Give the parameters on which ranges and subscripts depend."""
+        """Return the parameters on which ranges and subscripts depend."""
         return self.expansion.scope.structural if self.expansion else set()
 
     def settings(self, options: MappingType[str, str]) -> Settings:
-        """Give the settings, see `Model.settings`."""
+        """Return the settings of the run, see `Model.settings`."""
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.known)
         asked = {**self.options, **options}
@@ -419,7 +419,7 @@ class File:
     # The expressions that the file has
 
     def _numbers(self) -> dict[str, Node]:
-        """Give what parameters and start values are given by, or replaced by."""
+        """Return the nodes of parameters and start values, replaced ones included."""
         starts = entries_of(self.top.value("initial"))
         own = (*self.parameters, *self.modes, *starts)
         given = {key.text: node for key, node in own}
@@ -427,12 +427,12 @@ class File:
         return given | {name: argument("", text) for name, text in instead.items()}
 
     def numbers(self) -> list[str]:
-        """Give the expressions that parameters and start values are given by."""
+        """Return the texts of the expressions of parameters and start values."""
         found = (leaf for node in self._numbers().values() for leaf in leaves(node))
         return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Tell whether other numbers follow these, see `Stated.depends_on`."""
+        """Whether other numbers depend on some names, see `Stated.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
         if not self.structural().isdisjoint(names):
@@ -442,7 +442,7 @@ class File:
         return not words(*others).isdisjoint(names)
 
     def texts(self) -> dict[str, Scalar]:
-        """Give the expressions of energies, forces and constraints, as `forces.x`."""
+        """Return the expressions of energies, forces and constraints, by `forces.x`."""
         below = {
             "definitions": self.definitions,
             "states": self.states,
@@ -464,7 +464,7 @@ class File:
     # model has `x`, and where it writes what `x` denotes, that.
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Give `model` in other coordinates, see `Stated.separated`."""
+        """Return `model` in further coordinates, see `Stated.separated`."""
         old = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
         names = replace(old.names, variables={**old.names.variables, **held})
@@ -503,7 +503,7 @@ _SIZES = (2, 3, 6)
 
 
 def has_members(root: Node) -> bool:
-    """Tell whether a file has families or vectors."""
+    """Whether a file has families or vectors."""
     top = {key.text: node for key, node in entries_of(root)}
     for section in ("parameters", "definitions", "forces"):
         for _, node in entries_of(top.get(section)):
@@ -515,14 +515,14 @@ def has_members(root: Node) -> bool:
 
 
 def _letter(name: str) -> str:
-    """Name the letter that no name of a file has."""
+    """Return the letter that no name of the file contains."""
     if letter := unseen(name):
         return f"the letter U+{ord(letter):04X}"
     return "a line break" if "\n" in name else "a tab"
 
 
 def _check_roots(model: Model, found: Model) -> None:
-    """Refuse multipliers that are those of other relations than the separated ones."""
+    """Refuse constraints whose multipliers change when definitions are separated."""
     g = model.graph
     new = {g.variable(d.name): d.node for d in model.definitions}
     for one, other in zip(model.constraints, found.constraints, strict=True):
@@ -546,7 +546,7 @@ _OWN = {"value", "unit", "description", "guess", "relation"}
 
 
 def _in_place(root: Node, faults: Faults) -> Node:
-    """Give the file with what is misplaced where it belongs, each reported."""
+    """Return the file with misplaced keys moved to their section, each reported."""
     if not isinstance(root, Mapping):
         return root
     top = {key.text: (key, value) for key, value in root.entries}
@@ -572,7 +572,7 @@ def _is_stranger(name: str) -> bool:
 
 
 def _take_out(top: dict[str, Entry], faults: Faults) -> None:
-    """Take sections that stand inside of sections out of these."""
+    """Move sections that are inside other sections to the top."""
     for section, (head, value) in [*top.items()]:
         for entry in entries_of(value) if section in SECTIONS else ():
             key, node = entry
@@ -588,7 +588,7 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
 
 
 def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
-    """Move entries below a section, which may not be there; tell whether they fit."""
+    """Move entries into a section, which may be absent; return whether they fit."""
     first = top[names[0]][0]
     new = first._replace(text=section, style=""), Mapping((), first.place)
     head, value = top.get(section, new)
@@ -601,7 +601,7 @@ def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
 
 
 def _unindented(top: dict[str, Entry], faults: Faults) -> dict[str, list[str]]:
-    """Give lines that follow an empty section, and are none, by this section."""
+    """Return the keys without indentation below an empty section, by section."""
     section = ""
     found: dict[str, list[str]] = {}
     for name, (_, value) in top.items():

@@ -68,7 +68,7 @@ class Energies(NamedTuple):
 
 
 def energy_fields(top: Fields) -> Fields:
-    """Give the section `energy`, its keys checked."""
+    """Return the section `energy` with its keys checked."""
     found, faults = top.below("energy", ENERGY), top.faults
     given = [k for k in ("kinetic", "potential") if k in found]
     if "energy" not in top:
@@ -104,9 +104,10 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
 
 
 def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
-    """Give the first-order states, with their rates; faults are reported.
+    """Return the first-order states with their rates; faults are reported.
 
-    The rates of others in a rate, also within that of a definition, are written out.
+    Rates of states within a rate, also in definitions, are replaced by their
+    expressions.
     """
     found: dict[str, State] = {}
     for key, node in given:
@@ -146,7 +147,7 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
 
 
 def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
-    """Give what a force acts on: a node, and whether it is a velocity."""
+    """Return the node on which a force acts, and whether it is a velocity."""
     name, place, faults = key.text, key.place, x.faults
     meaning = x.names.meaning(name)
     if meaning is None:
@@ -179,7 +180,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
 
 
 def _degrees(node: int, x: Expressions) -> Degrees | None:
-    """Give the degrees in the velocities of the terms of a node."""
+    """Return the degrees of a node's terms in the velocities."""
     return x.graph.degree(node, x.names.velocities())
 
 
@@ -227,13 +228,13 @@ def read_relation(
 
 
 def _named(node: int, kinds: Collection[Kind], x: Expressions) -> set[str]:
-    """Give the names of some kinds, and of their rates, on which a node depends."""
+    """Return the names of some kinds, and of their rates, on which a node depends."""
     known, used = x.names.variables, x.graph.depends([node])
     return {name for name in used if known.get(rated(name)[0]) in kinds}
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
-    """Give the constraints whose names are good, and declare these."""
+    """Declare the constraints with valid names and return their entries."""
     found = []
     text = node.text if isinstance(node, Scalar) else ""
     named = re.fullmatch(r"(\w+)\s*=([^=]+=?[^=]+)", text)
@@ -253,7 +254,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
 
 
 def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
-    """Give a constraint, one of two relations that share a limit as c.1 and c.2."""
+    """Return the entries of a constraint; two relations that share a limit are two."""
     found = {name.text: value for name, value in entries_of(node)}
     both, what = found.get("relation"), f"the constraint `{key.text}`"
     if not isinstance(both, Sequence):
@@ -280,7 +281,7 @@ def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ..
 def again(
     known: SequenceType[Constraint], given: SequenceType[Entry], x: Expressions
 ) -> tuple[Constraint, ...]:
-    """Give the constraints of the file at other values of the parameters."""
+    """Return the constraints of the file at other values of the parameters."""
     readers = [_Reader(key, node, x) for key, node in given]
     found = [
         c if c.always else (reader.read() or c)
@@ -292,7 +293,7 @@ def again(
 def _with_limits(
     found: SequenceType[Constraint | None], readers: SequenceType[_Reader]
 ) -> tuple[Constraint, ...]:
-    """Give constraints with the bounds of what holds, and of what slides.
+    """Return constraints with their bounds while held and while sliding.
 
     Two relations that share a limit have a slip of two components.
     """
@@ -317,7 +318,10 @@ def _with_limits(
 
 
 def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[int]:
-    """Give the rates of equalities that always hold, by which slips may be others."""
+    """Return the rates of equalities that always hold.
+
+    They relate slips to other velocities in the bounds of friction.
+    """
     g = x.graph
     forward = {
         g.variable(q): g.variable(rate_of(q)) for q in x.names.of(Kind.COORDINATE)
@@ -331,16 +335,16 @@ def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[
 
 
 def _bounds_of(c: Constraint, g: Graph, velocities: Collection[str]) -> bool:
-    """Tell whether a bound of a constraint depends on velocities."""
+    """Whether a bound of a constraint depends on velocities."""
     bounds = [c.limit, *([c.law.friction, c.law.static] if c.law else [])]
     nodes = [node for node in bounds if node is not None]
     return not {SLIP_SPEED, *velocities}.isdisjoint(g.depends(nodes))
 
 
 class _Bound(NamedTuple):
-    """A limit or friction as the file gives it: nodes, with their places in the file.
+    """Limit or friction in the file: nodes of the graph, and of the file.
 
-    `resting` is None where the file gives one for rest and sliding.
+    `resting` is None where one expression holds at rest and while sliding.
     """
 
     key: str
@@ -354,7 +358,7 @@ _NO_BOUND = _Bound("limit")
 
 
 class _Reader:
-    """Reads one constraint: its relation, and its law."""
+    """Reader of one constraint: its relation and its law."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
         self.key, self.x, self.what = key, x, f"the constraint `{key.text}`"
@@ -365,7 +369,7 @@ class _Reader:
             self.below = fields(node, self.what, CONSTRAINT, x.faults, key.place)
 
     def read(self) -> Constraint | None:
-        """Build it; None where a fault was reported."""
+        """Return the constraint; None where a fault was reported."""
         what, below, x = self.what, self.below, self.x
         below.needs("relation")
         expression, pair = below.value("relation"), self._component()
@@ -400,7 +404,10 @@ class _Reader:
         return Constraint(self.key.text, relation, law, about, limit, when, pair)
 
     def _component(self) -> int:
-        """Give 1 or -1 for components of a vector relation, which share a limit."""
+        """Return 1 or -1 for components of a vector relation with a limit, else 0.
+
+        The number is the offset of the other component in the list of constraints.
+        """
         reading = self.key.reading
         if "limit" not in self.below or reading is None or reading.component is None:
             return 0
@@ -425,14 +432,14 @@ class _Reader:
             x.faults.add("state-misplaced", text, relation.place, hint)
 
     def _refuse(self, code: str, keys: Iterable[str], why: str, hint: str) -> None:
-        """Report keys that a relation of this kind does not have."""
+        """Report keys that are invalid for a relation of this kind."""
         for key in keys:
             if key in self.below:
                 text = f"{self.what} {why} and has no `{key}`"
                 self.x.faults.add(code, text, self.below.place_of(key), hint)
 
     def _when(self) -> int | None:
-        """Build the condition under which it is in force, as 1 or 0."""
+        """Build the condition of the constraint, with the value 1 or 0."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
@@ -453,7 +460,7 @@ class _Reader:
         return self._bound("limit", LIMIT)
 
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
-        """Build the law of what is one-sided, or whose relation is not known."""
+        """Build the law of a one-sided relation; `relation` is None if faulty."""
         x = self.x
         if relation is None:
             return self._contact(known=False)
@@ -477,7 +484,7 @@ class _Reader:
         return self._contact(known=True)
 
     def _contact(self, *, known: bool) -> OneSided | None:
-        """Build the law of a contact; `known` tells that it is one."""
+        """Build the law of a contact; `known`: the relation is that of a contact."""
         what, below, faults = self.what, self.below, self.x.faults
         node, of = below.value("restitution"), f"the restitution of {what}"
         if node is None and known:
@@ -503,9 +510,9 @@ class _Reader:
         return OneSided(e or 0.0, sliding, slips, None, varies, law == "poisson")
 
     def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
-        """Build a bound of what slides, and of what rests where the file gives that.
+        """Build the bounds of a friction or limit while sliding and at rest.
 
-        speed : the name of the size of the slips, if it may stand in it.
+        speed : the name of the sliding speed, if the bound may depend on it.
         """
         node, of = self.below.value(key), f"the {key} of {self.what}"
         if not isinstance(node, Mapping):
@@ -531,7 +538,7 @@ class _Reader:
     def at_rest(
         self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
     ) -> tuple[int | None, int | None]:
-        """Give a bound of what slides, and of what rests where that differs."""
+        """Return a bound while sliding, and the bound at rest if it differs."""
         if not slips:
             return bound.sliding, bound.resting
         key = bound.key
@@ -550,7 +557,7 @@ class _Reader:
         slips: tuple[int, ...],
         rates: list[int],
     ) -> tuple[int | None, int | None]:
-        """Give a bound at the speed of the slips, and at rest where that differs."""
+        """Return a bound at the sliding speed, and at rest if it differs."""
         x, g = self.x, self.x.graph
         if bound is None or node is None:
             return bound, None
@@ -577,7 +584,7 @@ class _Reader:
         return found.sliding, None if same else found.resting
 
     def _within(self, key: str, found: Bounds, node: Node) -> None:
-        """Report bounds of parameters alone that are negative, or weaker at rest."""
+        """Report constant bounds that are negative, or lower at rest."""
         x, values = self.x, list[float]()
         for name, part in zip(("static", "dynamic"), found, strict=True):
             if x.graph.depends([part]) <= x.known.keys():
@@ -596,7 +603,10 @@ class _Reader:
         speed: str = "",
         most: float = math.inf,
     ) -> tuple[int | None, float | None]:
-        """Give the node of a coefficient, in which `speed` may stand; any value."""
+        """Return the node of a coefficient, and its value if it is constant.
+
+        speed : a name that the coefficient may contain beside the usual ones.
+        """
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}
         found = x.compile(node, what, depends)
@@ -641,10 +651,10 @@ _ROOTS = {"sqrt": 1.0 / 2.0, "cbrt": 1.0 / 3.0}
 
 
 def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
-    """Give a node that vanishes where `node` does, with each factor once.
+    """Return a node that vanishes where `node` does, with each factor once.
 
-    `node` itself where no factor that depends on `moving` is repeated, or raised to a
-    power, or inside `abs`.
+    The result is `node` itself where no factor that depends on `moving` is repeated, or
+    raised to a power, or inside `abs`.
     """
     still, powers, kinked = _factors(g, node, g.dependent([node], moving))
     if not kinked and all(power == 1.0 for power in powers.values()):
@@ -658,7 +668,7 @@ def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
 def _factors(
     g: Graph, node: int, moves: set[int]
 ) -> tuple[list[int], dict[int, float], bool]:
-    """Give the factors that do not move, the powers of those that do; any `abs`."""
+    """Return constant factors, powers of moving factors, and whether `abs` occurs."""
     still: list[int] = []
     powers: dict[int, float] = {}
     kinked = False
@@ -697,7 +707,7 @@ _HINTS = {
 
 
 def read_events(node: Node | None, x: Expressions) -> tuple[Transition, ...]:
-    """Give the events, in the order of the file; faults are reported."""
+    """Return the events, in the order of the file; faults are reported."""
     found = (
         _event(key, value, x)
         for key, value in entries(node, "`events`", x.faults)
@@ -732,7 +742,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
 
 
 def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
-    """Tell whether a key is a mode; else that is reported."""
+    """Whether a key is a mode; another key is reported."""
     name, names = key.text, x.names
     meaning, modes = names.meaning(name), names.of(Kind.MODE)
     if meaning is not None and meaning.kind is Kind.MODE:

@@ -1,4 +1,7 @@
-"""Names of a file, and expressions of them -> graph: where each name may stand."""
+"""Names of a file, and compilation of its expressions to nodes of the graph.
+
+Each expression has a set of quantities on which it may depend.
+"""
 
 from __future__ import annotations
 
@@ -110,25 +113,25 @@ class Names:
     Attributes
     ----------
     has_lagrangian
-        Whether the file gives one, so that its energies are not known.
+        Whether the file has a Lagrangian, so that its energies are not known.
     variables, places
         Kind and place of each parameter, coordinate, state and definition.
     faulty
-        Names given where a fault was reported; using them is no second fault.
+        Names with a reported fault; their use is not reported again.
     constraints
-        Name and place of each constraint; a namespace of their own.
+        Name and place of each constraint; a namespace of its own.
     reactions
-        The definitions whose reactions are asked for, as far as that can be read.
+        Definitions listed in `output.reactions`, as far as the list is readable.
     readable
-        False where a section that gives names could not be read.
+        False where a section that declares names could not be read.
     started
-        The names that `initial` has.
+        Names with an entry in `initial`.
     broken
         Names of families whose ranges have a fault.
     tables
-        The tables that are sound, by name.
+        Tables without faults, by name.
     called
-        Those that expressions call.
+        Names of tables that expressions call.
     """
 
     has_lagrangian: bool
@@ -147,13 +150,13 @@ class Names:
 
     @property
     def complete(self) -> bool:
-        """False where an unknown name may well be one that could not be read."""
+        """False where an unknown name may have been in an unreadable part."""
         return self.readable and bool(self.of(Kind.COORDINATE) or self.broken)
 
     def section(
         self, section: Node | None, what: str, kind: Kind, faults: Faults
     ) -> list[Entry]:
-        """Give the entries of a section that gives names, and declare these."""
+        """Declare the names of a section and return the valid entries."""
         if section is None:
             return []
         given = entries(section, what, faults)
@@ -161,7 +164,7 @@ class Names:
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
-        """Add a name of the file's variables; give whether it is good."""
+        """Declare a name as a variable of the file; return whether it is valid."""
         name, self._known, self._meanings = key.text, {}, {}
         if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
@@ -181,7 +184,7 @@ class Names:
         return False
 
     def of(self, kind: Kind) -> list[str]:
-        """Give the names of one kind, in the order of the file."""
+        """Return the names of one kind, in the order of the file."""
         if not self._known:
             kinds: dict[object, list[str]] = {k: [] for k in Kind}
             for name, k in self.variables.items():
@@ -193,17 +196,17 @@ class Names:
         return found
 
     def velocities(self) -> frozenset[str]:
-        """Give the names of the velocities."""
+        """Return the names of the velocities."""
         self.of(Kind.COORDINATE)
         found: frozenset[str] = self._known["velocities"]
         return found
 
     def moving(self) -> list[str]:
-        """Give the names that have rates: coordinates and definitions."""
+        """Return the names that have rates: coordinates and definitions."""
         return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
 
     def meaning(self, name: str) -> Meaning | None:
-        """Give what `name` means in an expression, or None."""
+        """Return the meaning of `name` in an expression, or None."""
         if name not in self._meanings:
             found = self._meaning(name)
             if found is None:  # it may be declared later
@@ -230,7 +233,7 @@ class Names:
         return Meaning(Kind.MULTIPLIER, base) if constraint else None
 
     def is_faulty(self, name: str) -> bool:
-        """Tell whether a fault that is already reported lies behind `name`."""
+        """Whether `name` depends on a name with a reported fault."""
         names = [name, *(base for base, _ in _parted(name))]
         families = [n.partition(".")[0] for n in names]
         return not self.faulty.isdisjoint([*names, *families])
@@ -238,9 +241,9 @@ class Names:
     def unknown(
         self, name: str, faults: Faults, among: Collection[str] | None = None
     ) -> tuple[str, str]:
-        """Say why `name` means nothing, with a hint.
+        """Return the text of a fault on an unknown name, and a hint.
 
-        `among`: the names that may stand there, where not all may.
+        `among`: the names that are allowed in this place, where not all are.
         """
         base = name.removeprefix(REACTION)
         if base != name:
@@ -292,7 +295,7 @@ class Names:
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
-    """Give the names that one is made of, and kinds by those of these."""
+    """Yield the possible bases of a derived name, with the derived kinds."""
     head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:
         base = head.removeprefix(before).removesuffix(after)
@@ -301,7 +304,7 @@ def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
 
 
 def check_name(key: Scalar, what: str, faults: Faults) -> bool:
-    """Report a key that cannot be a name; give whether it can."""
+    """Whether a key can be a name; another key is reported."""
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
         name = name.removeprefix(HIDDEN).partition(".")[0]
@@ -328,7 +331,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
 
 
 def _spelling(name: str) -> tuple[str, str] | None:
-    """Say why a text cannot be a name, with a hint."""
+    """Return the reason why a text cannot be a name, and a hint; None if it can."""
     plain = unicodedata.normalize("NFKC", name)
     if plain != name:
         return "it is not in its plain (NFKC) form", f"write `{shortened(plain)}`"
@@ -441,30 +444,30 @@ class Resolved(NamedTuple):
 
 
 class Expressions:
-    """Compiles expressions; faults go to `faults`, and give None.
+    """Compiler of expressions; a fault is added to `faults`, and the result is None.
 
     Attributes
     ----------
     graph
         The graph of the model.
     reading
-        How a text is read that no expansion has made; None in a file of numbers alone.
+        Reading of texts that no expansion created; None in a file of scalars alone.
     known
         Value and rounding error of each parameter that is known.
     modes
-        The same of modes, at the start.
+        Value and rounding error of each mode, at the start.
     definitions
         The definitions that have been built.
     energies
         Nodes of `kinetic` and `potential`, once built.
     states
-        Rates of the first-order states, once built; a variable before, as `s_dot`.
+        Rates of the first-order states, once built; before, variables such as `s_dot`.
     with_rates
-        The states whose rates a name stands for, or contains.
+        For each name, the states whose rates its expression contains.
     bound
-        Nodes of names that a part of the file has for itself: a curve's parameter.
+        Nodes of names local to a part of the file, such as a curve's parameter.
     read
-        The expressions that have been read, with what messages call them.
+        The expressions read so far, with their names in messages.
     """
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
@@ -486,7 +489,7 @@ class Expressions:
         self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
-        """Give the same with other faults and other values of the parameters."""
+        """Return a copy with other faults and other values of the parameters."""
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
         other.read = []
@@ -497,9 +500,9 @@ class Expressions:
     def scalar(
         self, node: Node | None, what: str, *, beside: bool = False
     ) -> Scalar | None:
-        """Give the scalar that an expression is expected to be, if there is one.
+        """Return the scalar of an expression, or None; other nodes are reported.
 
-        `beside`: a unit may stand beside it.
+        `beside`: a unit may be given beside the expression.
         """
         if node is None or isinstance(node, Broken):
             return None
@@ -520,9 +523,9 @@ class Expressions:
         *,
         beside: bool = False,
     ) -> tuple[Scalar, _P] | None:
-        """Give the scalar of an expression, and what a parser makes of it.
+        """Return the scalar of an expression, and its parsed form.
 
-        `what`: how messages call it; `beside`: a unit may stand beside it.
+        `what`: its name in messages; `beside`: a unit may be given beside it.
         """
         scalar = self.scalar(node, what, beside=beside)
         if scalar is None:
@@ -564,7 +567,7 @@ class Expressions:
     def _with_tables(
         self, parser: Callable[[str], _P], text: str
     ) -> Callable[[str], _P]:
-        """Give a parser that knows the tables of the file; note which are called."""
+        """Return a parser that knows the tables of the file; store the called ones."""
         tables = self.names.tables
         if not tables:
             return parser
@@ -581,7 +584,7 @@ class Expressions:
         *,
         beside: bool,
     ) -> None:
-        """Report what the parser found, in a relation or in another expression."""
+        """Report the parser's fault in a relation or in another expression."""
         text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty or fault.code == SILENT:
@@ -597,7 +600,7 @@ class Expressions:
     def meant(
         self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
     ) -> str:
-        """Give a hint for an expression with faults, or an empty text."""
+        """Return a hint for an expression with faults, or an empty text."""
         if not self.faults.may_guess():
             return ""
         known, moving = self.names.variables, self.names.moving()
@@ -611,10 +614,10 @@ class Expressions:
     def compile(
         self, node: Node | None, what: str, most: Level, *, condition: bool = False
     ) -> int | None:
-        """Give the graph node of an expression, if there is one.
+        """Return the graph node of an expression, or None.
 
-        `most` is what it may depend on; a `condition` is one, as the first argument of
-        `if`.
+        `most` is the highest level on which it may depend; `condition`: it is a
+        condition, as the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -624,13 +627,13 @@ class Expressions:
         return self.build(parsed) if sound else None
 
     def build(self, parsed: Parsed) -> int:
-        """Give the node of an expression whose names were checked."""
+        """Return the node of an expression whose names were checked."""
         return parsed.build(self.graph, self._node, self.names.tables)
 
     def number(
         self, node: Node | None, what: str, *bounds: float, positive: bool = False
     ) -> float | None:
-        """Give the value of an expression of parameters, which must be finite.
+        """Return the finite value of an expression of parameters, or None.
 
         `bounds`, `positive`: see `within`.
         """
@@ -645,7 +648,7 @@ class Expressions:
         return value
 
     def value(self, found: int, what: str, place: Place) -> float | None:
-        """Give the value of a node of parameters alone, if it is finite."""
+        """Return the value of a node of parameters alone, if it is finite."""
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
         return value if self.is_finite(value, what, place) else None
@@ -660,7 +663,7 @@ class Expressions:
         *,
         positive: bool = False,
     ) -> bool:
-        """Report a number that is not from `least` to `most`, or not `positive`."""
+        """Whether a number is in [`least`, `most`] and `positive`; else report it."""
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
             rule = f"not exceed {most:g}"
@@ -672,7 +675,7 @@ class Expressions:
         return not rule
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
-        """Report a value that is not finite."""
+        """Whether a value is finite; else report it."""
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"
             self.faults.add("not-finite", text, place)
@@ -681,11 +684,11 @@ class Expressions:
     def check(
         self, used: Iterable[Name], scalar: Scalar, what: str, most: Level
     ) -> bool:
-        """Report names that must not stand here; tell whether all may."""
+        """Whether all names are allowed in an expression; others are reported."""
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
-        """Do the same by a rule for each name, which is asked once."""
+        """Whether a rule allows all names; it is evaluated once for each name."""
         first: dict[str, Name] = {}
         for one in used:
             first.setdefault(one.text, one)
@@ -696,13 +699,13 @@ class Expressions:
     def refuse(
         self, used: Name, scalar: Scalar, code: str, text: str, hint: str = ""
     ) -> bool:
-        """Report a name that must not stand where it does; give False."""
+        """Report a name that is not allowed in its place; return False."""
         place = scalar.place_of_name(used.text, used.offset)
         self.faults.add(code, text, place, hint)
         return False
 
     def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
-        """Tell whether a name may stand in an expression, see `check_by`."""
+        """Whether a name is allowed in an expression, see `check_by`."""
         name, meaning = used.text, self.names.meaning(used.text)
         if name in self.bound:
             return True
@@ -746,9 +749,9 @@ class Expressions:
         *,
         output: bool = False,
     ) -> None:
-        """Refuse a name that means nothing; once where a hint is of several names.
+        """Report an unknown name; once where one hint covers several names.
 
-        `among`: see `Names.unknown`; `output`: accelerations may stand there.
+        `among`: see `Names.unknown`; `output`: accelerations are allowed there.
         """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)
@@ -796,7 +799,7 @@ class Expressions:
         return node
 
     def take_states(self, rates: dict[str, int]) -> None:
-        """Take the rates of the states, also in the definitions that use them."""
+        """Substitute the rates of the states in the definitions that use them."""
         g, known, self._rates = self.graph, self.definitions, []
         self.states = rates
         new = {g.variable(rate_of(s)): node for s, node in rates.items()}
@@ -826,10 +829,10 @@ class Expressions:
                 self.faults.add("state-misplaced", text, node, hint)
 
     def rate_of(self, definition: str, *, second: bool = False) -> int:
-        """Give the node of the total time derivative of a definition of positions.
+        """Return the node of the total time derivative of a definition of positions.
 
-        All of them are made at once: one sweep over the graph costs no more than one
-        for a single definition does.
+        The rates of all definitions are computed together: one sweep over the graph
+        costs no more than one for a single definition.
         """
         if not self._rates:
             known = self.definitions.items()
@@ -849,7 +852,7 @@ class Expressions:
 
 
 def _misplaced(name: str, kind: Kind, what: str, most: Level) -> tuple[str, str, str]:
-    """Give code, text and hint for a known name where it must not stand."""
+    """Return code, text and hint of a known name that is not allowed in its place."""
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:
         hint = "numbers are made of parameters and `pi`"
