@@ -456,7 +456,7 @@ def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vecto
 
 
 def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
-    """Return the solid of a shape of mass m with its sizes, in n = 2 or 3 dimensions."""
+    """Return the solid of a shape of mass m with its sizes, for n = 2 or 3 axes."""
     a = sizes[0]
     b, c = (*sizes[1:], ZERO, ZERO)[:2]
     nowhere = (ZERO,) * n

@@ -1,4 +1,4 @@
-"""Faults of a file, what its mappings, lists and texts hold, and its sections."""
+"""Faults of a file, access to its mappings, lists and texts, and its sections."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Faults:
-    """The faults found so far, and hints for them, of which so many are looked for."""
+    """Faults found so far; hints are searched for a limited number of faults."""
 
     def __init__(self, file: str, found: Iterable[Problem] = ()) -> None:
         self._file = file
@@ -48,7 +48,7 @@ class Faults:
     def add(
         self, code: str, text: str, at: Place | Node | None, hint: str = ""
     ) -> None:
-        """Add a fault, of a node or elsewhere; of members that share a place, one."""
+        """Add a fault at a node or place; once for members that share the place."""
         place = at if at is None or isinstance(at, Place) else at.place
         if self.is_known(code, place):
             return
@@ -60,16 +60,16 @@ class Faults:
         return len(self._problems)
 
     def is_known(self, code: str, place: Place | None) -> bool:
-        """Tell whether another member has this fault already."""
+        """Whether this fault is already reported for another member."""
         return self.once is not None and (code, place) in self.once
 
     def may_guess(self) -> bool:
-        """Tell whether a hint may still be looked for, and count it."""
+        """Whether a further hint may be searched; each call counts."""
         self._guesses += 1
         return self._guesses <= MAX_GUESSES
 
     def guess(self, word: str, candidates: Iterable[str]) -> str:
-        """Give the candidate most like `word`, or an empty text."""
+        """Return the candidate most similar to `word`, or an empty text."""
         among = list(candidates)
         several = len(among) > MAX_CANDIDATES or len(word) > MAX_GUESSED_LENGTH
         if not self.may_guess() or several:
@@ -79,12 +79,12 @@ class Faults:
         return next(alike, "") or nearest(word, among)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
-        """Give a hint that names the candidate most like `word`, or no hint."""
+        """Return a hint that names the most similar candidate, or no hint."""
         near = self.guess(word, candidates)
         return f"did you mean `{in_file(near)}`?" if near else ""
 
     def raise_if_any(self) -> None:
-        """Raise them all, in the order of the file; those of the command line first.
+        """Raise all faults in the order of the file, the command line's first.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class Faults:
 
 
 def _once(problems: Iterable[Problem]) -> list[Problem]:
-    """Report what is unknown where it is used first, with the count of other places."""
+    """Merge faults on an unknown name into the first, with the count of the others."""
     uses: dict[tuple[str, str], list[Problem]] = {}
     for problem in problems:
         key = (problem.code, problem.text)
@@ -120,7 +120,7 @@ def _once(problems: Iterable[Problem]) -> list[Problem]:
 
 
 def belongs(key: str) -> str:
-    """Give a hint where in the file a key stands, if it does elsewhere."""
+    """Return a hint on the place of a key in the file, or an empty text."""
     if key in SECTIONS:
         return f"`{key}` belongs at the top of the file, without indentation"
     found = next((section for section in SECTIONS if has_key(section, key)), "")
@@ -128,7 +128,7 @@ def belongs(key: str) -> str:
 
 
 def kind_of(node: Node) -> str:
-    """Say what a node is, for messages."""
+    """Return the description of a node, for messages."""
     if isinstance(node, Mapping):
         return "a mapping"
     if isinstance(node, Sequence):
@@ -139,30 +139,42 @@ def kind_of(node: Node) -> str:
 
 
 def shortened(text: str) -> str:
-    """Give a text in one short line."""
+    r"""Return a text in one short line.
+
+    Examples
+    --------
+    >>> shortened("a line\nbreak")
+    'a line break'
+    """
     words = " ".join(text.split())
     return words if len(words) <= 40 else words[:39] + "…"
 
 
 def listed(names: Iterable[str]) -> str:
-    """Give names as a text: `a`, `b`, `c`."""
+    """Return names as a text: `a`, `b`, `c`.
+
+    Examples
+    --------
+    >>> listed(["a", "b"])
+    '`a`, `b`'
+    """
     return several((f"`{n}`" for n in names), LISTED)
 
 
 def _is_given(node: Node | None) -> TypeGuard[Scalar | Mapping | Sequence]:
-    """Tell whether the file gives something here that can be read."""
+    """Whether a node has a readable content."""
     if isinstance(node, Scalar):
         return not node.empty
     return node is not None and not isinstance(node, Broken)
 
 
 def is_mapping(node: Node) -> bool:
-    """Tell whether a node is a mapping, or nothing, which counts as `{}`."""
+    """Whether a node is a mapping, or empty, which counts as `{}`."""
     return isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
 
 
 def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
-    """Give the entries of a mapping without the `x-` ones; nothing counts as `{}`."""
+    """Return the entries of a mapping without the `x-` ones; an empty node has none."""
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if _is_given(node):
@@ -172,7 +184,7 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
 
 
 def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
-    """Give the items of a list; nothing counts as an empty one."""
+    """Return the items of a list; an empty node has none."""
     if isinstance(node, Sequence):
         return list(node.items)
     if _is_given(node):
@@ -182,7 +194,7 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
 
 
 def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
-    """Give the items of a list that are texts; `what` says what they should be."""
+    """Yield the items of a list that are texts; others are reported with `what`."""
     for node in nodes:
         if isinstance(node, Scalar):
             yield node
@@ -192,9 +204,9 @@ def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A mapping, `what` to messages: its known and unknown keys.
+    """Mapping of the file with its known and unknown keys; `what` is its name.
 
-    `sound` is False where it is none.
+    `sound` is False where the node is no mapping.
     """
 
     what: str
@@ -205,19 +217,19 @@ class Fields:
     unknown: tuple[Entry, ...] = ()
 
     def __contains__(self, key: str) -> bool:
-        """Tell whether the key is there."""
+        """Whether the key is present."""
         return key in self.found
 
     def value(self, key: str) -> Node | None:
-        """Give the value of `key`, or None."""
+        """Return the value of `key`, or None."""
         return self.found[key][1] if key in self.found else None
 
     def place_of(self, key: str) -> Place:
-        """Give the place of `key`, or that of the mapping."""
+        """Return the place of `key`, or that of the mapping."""
         return self.found[key][0].place if key in self.found else self.place
 
     def at(self, key: str) -> Place:
-        """Give the place of the value of `key`, or that of the mapping."""
+        """Return the place of the value of `key`, or that of the mapping."""
         return self.found[key][1].place if key in self.found else self.place
 
     def needs(self, key: str, hint: str = "") -> None:
@@ -229,7 +241,7 @@ class Fields:
     def either(
         self, one: str, other: str, hint: str, place: Place | None = None
     ) -> bool:
-        """Tell whether one of two keys is given; both, or neither, are reported."""
+        """Whether exactly one of two keys is present; else report a fault."""
         both = one in self and other in self
         if both or not (one in self or other in self):
             code = "both-given" if both else "missing-key"
@@ -243,7 +255,7 @@ class Fields:
     def choice(
         self, key: str, known: SequenceType[str], code: str = "unknown-name"
     ) -> str:
-        """Give the text of `key`, which is one of a few; the first of them if none."""
+        """Return the text of `key`, one of `known`; the first one by default."""
         name = self.text(key) or known[0]
         if name in known:
             return name
@@ -254,14 +266,14 @@ class Fields:
         return known[0]
 
     def below(self, key: str, known: Collection[str]) -> Fields:
-        """Give the mapping at `key`, see `fields`; an empty one where there is none."""
+        """Return the mapping at `key`, see `fields`; an empty one by default."""
         node = self.value(key)
         if node is None:
             return Fields(f"`{key}`", {}, self.place, True, self.faults)
         return fields(node, f"`{key}`", known, self.faults, self.place_of(key))
 
     def text(self, key: str) -> str:
-        """Give the plain text of `key`; an empty one where there is none."""
+        """Return the plain text of `key`; an empty text by default."""
         node = self.value(key)
         if not _is_given(node):
             return ""
@@ -279,7 +291,7 @@ class Fields:
         return node.text.strip()
 
     def truth(self, key: str, *, default: bool = False) -> bool:
-        """Give whether the value of `key` is `true`; `default` where there is none."""
+        """Whether the value of `key` is `true`; `default` if it is absent."""
         node = self.value(key)
         if node is None or isinstance(node, Broken):
             return default
@@ -293,11 +305,11 @@ class Fields:
 def fields(
     node: Node, what: str, known: Collection[str], faults: Faults, place: Place
 ) -> Fields:
-    """Read a mapping whose keys are known; an unknown one is a fault.
+    """Read a mapping with known keys; unknown ones are reported.
 
-    An unknown key that looks like a known one is read as that, so that what it says is
-    not also reported as missing. Faults of the mapping as a whole, which messages call
-    `what`, are reported at `place`: its key.
+    An unknown key similar to a known one is read as the known key, so that the known
+    key is not also reported as missing. Faults of the mapping as a whole, named `what`
+    in messages, are placed at `place`, that of its key.
     """
     given = entries(node, what, faults)
     found = {key.text: (key, value) for key, value in given if key.text in known}
@@ -333,7 +345,7 @@ def fields(
 
 
 def _called(key: str, value: Node, known: Collection[str]) -> str:
-    """Give the key that is called otherwise elsewhere, or an empty text."""
+    """Return the known key with another name elsewhere, or an empty text."""
     several = isinstance(value, Mapping)
     relation = isinstance(value, Scalar) and re.search("[<>=]", value.text)
     unfit = {"forces": not several, "dissipation": several, "until": not relation}
@@ -356,14 +368,14 @@ SECTIONS: dict[str, Form] = _SCHEMA["properties"]
 
 
 def _keys(form: Form) -> dict[str, Form]:
-    """Give the keys of a mapping, which may stand for an expression."""
+    """Return the keys of a mapping, for which the form may allow an expression."""
     forms: list[Form] = form.get("anyOf", [form])
     found: dict[str, Form] = forms[-1]["properties"]
     return found
 
 
 def _keys_below(section: str) -> dict[str, Form]:
-    """Give the keys of what each name of a section is given by."""
+    """Return the keys of each entry of a section."""
     return _keys(SECTIONS[section]["additionalProperties"])
 
 
@@ -398,17 +410,17 @@ RESERVED = tuple(name for name in _REFUSED["enum"] if name not in JOINING)
 
 
 def has_key(section: str, key: str) -> bool:
-    """Tell whether a section has a key of this name."""
+    """Whether a section has a key of this name."""
     return key in SECTIONS[section].get("properties", ())
 
 
 def schema(choices: MappingType[str, Iterable[str]]) -> Form:
-    """Give the JSON Schema of the model file.
+    """Return the JSON Schema of the model file.
 
     Parameters
     ----------
     choices
-        Of keys of `simulation` that are names, those that there are.
+        For keys of `simulation` that are names, the valid names.
     """
     chosen = {
         key: {**SIMULATION[key], "enum": list(names)} for key, names in choices.items()

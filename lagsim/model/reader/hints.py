@@ -1,7 +1,7 @@
-"""Hints: what was likely meant by an expression, a name or a key that is none here.
+"""Hints: the likely meaning of an expression, a name or a key that is not valid.
 
-Spellings of other languages, of textbooks and of pocket calculators. Patterns are
-compiled where a file has a fault: they are many.
+They cover spellings of other languages, of textbooks and of pocket calculators. The
+many patterns are compiled only where a file has a fault.
 """
 
 from __future__ import annotations
@@ -113,7 +113,13 @@ MODULES = r"Modelica\.Math|np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
 
 
 def spelt_call(name: str, arguments: str) -> str:
-    """Give a call as it is written here, of a function known elsewhere, or nothing."""
+    """Return a call in this language's spelling, or an empty text.
+
+    Examples
+    --------
+    >>> spelt_call("arctan", "x")
+    'atan(x)'
+    """
     known = _RENAMED.get(name.casefold(), name.casefold())
     if known in FUNCTIONS:
         return f"{known}({arguments})"
@@ -155,7 +161,7 @@ _SECOND_RATE = "the second rate is written {0}_ddot"
 
 
 def _call(found: re.Match[str]) -> str:
-    """Say how a function is called: its name, and its argument."""
+    """Return the hint for a call: the function's name, and its argument."""
     return f"write {spelt_call(found[1], found[2])}"
 
 
@@ -358,12 +364,12 @@ def of_text(
     *,
     beside: bool = False,
 ) -> str:
-    """Give a hint for an expression with faults: the whole that was meant, or a part.
+    """Return a hint for an expression with faults: a corrected whole, or a part.
 
-    What the hint for a fault says is put in its place, until there is no fault. Where
-    that does not succeed it is the hint for the first. `known` are the variables of the
-    file, `moving` those that have rates; `beside`: a unit may stand beside it, as it is
-    the value of a parameter or a definition.
+    The correction of each fault is inserted until no fault is left. Where that fails,
+    the hint is that for the first fault. `known` are the variables of the file,
+    `moving` those that have rates; `beside`: the expression is the value of a parameter
+    or a definition, which can have a unit.
     """
     first, reason, short = "", "", len(text) <= WINDOW
     given, text = text, _typed(text, known) if short else text
@@ -395,7 +401,7 @@ def of_text(
 
 
 def _typed(text: str, known: Collection[str]) -> str:
-    """Give an expression of LaTeX or in signs of print as it is typed."""
+    """Return an expression of LaTeX or with signs of print in ASCII."""
     words = (w[0] for w in re.finditer(r"[^\W\d_]\w*", text) if not w[0].isascii())
     if not any(_is_known(word, known) for word in words):
         text = unicodedata.normalize("NFD", text.replace("≠", "!="))
@@ -413,9 +419,9 @@ def _typed(text: str, known: Collection[str]) -> str:
 
 
 def _put(text: str, start: int, end: int, new: str, *, last: bool = False) -> str:
-    """Put an expression into another, with the signs that keep both as they are.
+    """Replace a part of an expression, with the parentheses and `*` needed.
 
-    `last`: a power that follows is that of its last factor.
+    `last`: a power after the part is that of its last factor.
     """
     before, after = text[:start], text[end:]
     left, right = before.rstrip()[-1:], after.lstrip()[:1]
@@ -436,7 +442,7 @@ _LIST = re.compile(r"\[([^\[\]]*)\]")
 def _step(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Give begin and end of what the hint for a fault replaces, and the hint."""
+    """Return begin, end and hint of the part that a fault's correction replaces."""
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
     if "only what is right" in hint:
@@ -465,7 +471,7 @@ def _step(
 def _renaming(
     text: str, names: Iterable[Name], known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str] | None:
-    """Give the same for the first name that means nothing and is called otherwise."""
+    """Return begin, end and hint for the first unknown name with another spelling."""
     unknown = (name for name in names if not _is_known(name.text, known))
     for name in islice(unknown, MOST_STEPS):
         if found := matching(text, name.offset, parsed=True):
@@ -480,10 +486,10 @@ def _renaming(
 def matching(
     text: str, offset: int, known: Collection[str] = (), *, parsed: bool = False
 ) -> tuple[int, int, str] | None:
-    """Give the first spelling around an offset: its begin, its end, and its hint.
+    """Return begin, end and hint of the first known spelling around an offset.
 
-    `known`: names that are variables, and call nothing; `parsed`: only of what parses
-    as an expression and is meant otherwise.
+    `known`: names that are variables, and no calls; `parsed`: only spellings that parse
+    as an expression with another meaning.
     """
     first = max(0, offset - WINDOW)
     near, offset = text[first : offset + WINDOW], offset - first
@@ -502,7 +508,7 @@ def matching(
 def _of_quantity(
     text: str, fault: ExpressionError, known: Collection[str], *, beside: bool
 ) -> str:
-    """Give a hint where a whole text is a number, or `1/2`, with a unit after it."""
+    """Return a hint where a whole text is a number, or `1/2`, with a unit after it."""
     found = re.fullmatch(_QUANTITY, text)
     number, unit = text[: fault.offset].strip(), text[fault.offset :]
     if found and found[2]:
@@ -557,7 +563,7 @@ def _moves(name: str, moving: Collection[str]) -> bool:
 
 
 def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
-    """Return the correction of a call that is known elsewhere, or nothing."""
+    """Return the correction of a call that is known elsewhere, or an empty text."""
     if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
         square = spelt_call("square", argument)
         return f"write {square} for the square, sqrt({argument}) for the root"
@@ -610,7 +616,7 @@ _WORDS = {
 
 
 def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
-    """Give a hint for a name that means nothing, see `of_text`."""
+    """Return a hint for an unknown name, see `of_text`."""
     if name.casefold() in _NUMBERS:
         return _NUMBERS[name.casefold()]
     if name in _WORDS:
@@ -641,7 +647,7 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
 
 
 def _called_so(name: str, known: Collection[str]) -> str:
-    """Give the variable of this name, Greek letters or theirs; or an empty text."""
+    """Return the variable of this name in Greek or Latin letters, or an empty text."""
     if _is_known(name, known):
         return name
     plain = spelt_out(name).replace("_", "")
@@ -650,7 +656,7 @@ def _called_so(name: str, known: Collection[str]) -> str:
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
-    """Give the variables, two or more, of whose names a name is made; or none."""
+    """Return the two or more variables whose names form a name, or an empty list."""
     if 1 < len(known) <= MOST_PARTS and len(name) <= WINDOW:
         several = sorted(map(re.escape, known), key=len, reverse=True)
         one = f"(?:{'|'.join(several)})(?:_dot)?"
@@ -661,7 +667,7 @@ def _parts(name: str, known: Collection[str]) -> list[str]:
 
 
 def rate_of(name: str, moving: Collection[str]) -> str:
-    """Give the rate that is spelt otherwise, such as `x_dot` for `xdot`, or nothing."""
+    """Return the rate in another spelling, such as `x_dot` for `xdot`, or no text."""
     if len(name) > WINDOW:
         return ""
     name = _typed(name, moving)
@@ -674,14 +680,20 @@ def rate_of(name: str, moving: Collection[str]) -> str:
 
 
 def rate_within(text: str, moving: Collection[str]) -> str:
-    """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
+    """Return the rate that a text denotes, such as `d/dt x`, or an empty text."""
     hint = of_text(text[:WINDOW], parse, moving, moving)
     found = re.match(r"write ((.+)_dd?ot)\b", hint)
     return found[1] if found and found[2] in moving else ""
 
 
 def spelt_out(name: str) -> str:
-    """Give a name in small letters, with Greek ones by their names: theta for θ."""
+    """Return a name in lower case, with Greek letters by their names.
+
+    Examples
+    --------
+    >>> spelt_out("θ")
+    'theta'
+    """
     if name.isascii():
         return name.casefold()
     full = {x: unicodedata.name(x, "") for x in name if x > "\x7f"}
@@ -693,7 +705,7 @@ def spelt_out(name: str) -> str:
 
 
 def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str]) -> str:
-    """Give a hint where a number, a count or two times stand as a key of a mapping."""
+    """Return a hint where a number, a count or two times are given as a key."""
     name, keys = key.text.casefold(), [k.text for k, _ in given]
     if "output_step" in known and name in SPANS:
         return quantities.span(value) or "write `start: ...` and `end: ...`"
@@ -747,7 +759,7 @@ _INSTEAD = (
 
 
 def of_lines(node: Node, what: str) -> str:
-    """Give a hint where something else stands for a mapping."""
+    """Return a hint where another node is in the place of a mapping."""
     parts = (part for item in items_of(node) for part in items_of(item))
     text = ", ".join(texts_of(parts))
     if what == "`coordinates`" and re.fullmatch(rf"{_NAME}(?:[\s,]+{_NAME})*", text):
@@ -762,7 +774,7 @@ def of_lines(node: Node, what: str) -> str:
 
 
 def as_list(node: Node, what: str = "") -> str:
-    """Say how what stands for a list is written as one."""
+    """Return a hint with the spelling of a node as a list."""
     if isinstance(node, Mapping):
         pairs = [(key.text, text_of(value)) for key, value in node.entries]
         if not any(text for _, text in pairs):
@@ -780,7 +792,7 @@ def as_list(node: Node, what: str = "") -> str:
 
 
 def text_of(node: Node) -> str:
-    """Give the text of a scalar, of a list of them, or dots."""
+    """Return the text of a scalar, or of a list of scalars, or dots."""
     if isinstance(node, Sequence):
         return ", ".join(map(text_of, node.items))
     return node.text if isinstance(node, Scalar) else "..."

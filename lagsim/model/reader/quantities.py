@@ -1,4 +1,4 @@
-"""Numbers as they are written elsewhere: with units, separators, a decimal comma."""
+"""Numbers in notations of other programs: with units, separators, a decimal comma."""
 
 from __future__ import annotations
 
@@ -53,18 +53,24 @@ _LIKE = {
 
 
 def words(text: str) -> list[str]:
-    """Give the names in a text."""
+    """Return the names in a text."""
     return re.findall(_WORD, text)
 
 
 def is_unit(text: str) -> bool:
-    """Tell whether a text looks like a unit: each word of it does."""
+    """Whether a text looks like a unit: each word of it does."""
     found = words(unit(text))
     return bool(found) and all(re.fullmatch(_UNIT, word) for word in found)
 
 
 def unit(text: str) -> str:
-    """Give a unit as it is written: powers by `^`, products by `*`."""
+    """Return a unit in this language's spelling: powers by `^`, products by `*`.
+
+    Examples
+    --------
+    >>> unit("m/s²")
+    'm/s^2'
+    """
     for letter, plain in (
         ("**", "^"), ("²", "^2"), ("³", "^3"), ("·", "*"), ("⋅", "*"),
         ("°", "deg"), ("º", "deg"), ("^(-2)", "^-2"), ("^(-1)", "^-1"),
@@ -78,7 +84,7 @@ def unit(text: str) -> str:
 
 
 def _scaled(number: str, of: str) -> tuple[str, str]:
-    """Give a number in units of the SI, and the unit; as it is where that is plain."""
+    """Return a number in SI units, and the unit; unchanged for an unclear unit."""
     found = re.findall(_FACTOR, of)
     if "".join(a + b + (c and f"^{c}") for a, b, c in found) != of:
         return number, of
@@ -104,7 +110,13 @@ def _scaled(number: str, of: str) -> tuple[str, str]:
 
 
 def in_si(symbol: str) -> tuple[str, float]:
-    """Give the unit of the SI for a symbol, and the factor between them."""
+    """Return the SI unit of a symbol, and the factor between both.
+
+    Examples
+    --------
+    >>> in_si("km")
+    ('m', 1000.0)
+    """
     plain, above, below = _SCALES.get(symbol, (symbol, "", ""))
     values = [
         math.prod(math.pi if x == "pi" else float(x) for x in factors.split())
@@ -114,9 +126,9 @@ def in_si(symbol: str) -> tuple[str, float]:
 
 
 def quantity(number: str, of: str, *, beside: bool) -> str:
-    """Say how a number with a unit is written.
+    """Return a hint with the spelling of a number that has a unit.
 
-    `beside`: it is the value of a parameter or a definition, with its unit beside it.
+    `beside`: the number is the value of a parameter or a definition, with its unit.
     """
     of = unit(of)
     if of == "Hz" and not beside:
@@ -142,7 +154,7 @@ _GROUP = 3
 
 
 def separated(text: str) -> str:
-    """Say how a number with a decimal comma or marks of thousands is written."""
+    """Return a hint with the spelling of a number with separators, or an empty text."""
     if not re.fullmatch(SEPARATED, text):
         return ""
     text, *power = re.split(r"(?=[eE])", text)
@@ -168,7 +180,7 @@ _SPAN = (
 
 
 def span(node: Node) -> str:
-    """Say how a run from one time to another is written, or give an empty text."""
+    """Return a hint with the spelling of a time span, or an empty text."""
     text = ", ".join(texts_of(items_of(node)))
     if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
@@ -176,13 +188,13 @@ def span(node: Node) -> str:
 
 
 def time(node: Node) -> str:
-    """Say how one time is written, where there are two or a rate; else nothing."""
+    """Return a hint with the spelling of one time, for a span or a rate, or no text."""
     found = re.fullmatch(rf"({NUMBER})\s*(?:Hz|1/s|fps)", " ".join(texts_of([node])))
     return f"write 1/{found[1]}" if found else span(node)
 
 
 def of_collection(node: Node, *, beside: bool) -> str:
-    """Say what is written for a mapping or a list in the place of one expression."""
+    """Return a hint for a mapping or a list in the place of an expression."""
     if isinstance(node, Mapping):
         given = {k.text: v.text for k, v in node.entries if isinstance(v, Scalar)}
         if given.get("value"):

@@ -80,7 +80,7 @@ BEGIN = ("initial", "rest")
 def read_settings(
     section: Fields, instead: MappingType[str, str], x: Expressions
 ) -> Settings:
-    """Give the section `simulation`, with what replaces its keys."""
+    """Return the settings of the section `simulation`, with some keys replaced."""
     given = dict(section.found)
     if "duration" in instead:
         given.pop("end", None)
@@ -138,7 +138,7 @@ class _Simulation:
         *,
         positive: bool = False,
     ) -> float | None:
-        """Give a number that must be from `least` to `most`, or `positive`."""
+        """Return a number in [`least`, `most`] and `positive`, or None."""
         node, x, what = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
             text = f"{what} must be one time, found {kind_of(node)}"
@@ -189,7 +189,7 @@ class _Simulation:
 
 
 def read_output(found: Fields, x: Expressions) -> Output:
-    """Give the columns and the plots asked for."""
+    """Return the columns, plots and options of the section `output`."""
     columns = tuple(x.names.of(Kind.DEFINITION))
     node = found.value("columns")
     named = items(node, "`columns`", x.faults)
@@ -243,7 +243,7 @@ def _sections(
 
 
 def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterator[str]:
-    """Give the two columns that a picture of a section is asked to show."""
+    """Yield the two columns on the axes of a section's picture."""
     given = items(below.value("plot"), "`plot`", x.faults)
     if given and len(given) != len(("right", "up")):
         text = f"`plot` of a section names two columns, found {len(given)}"
@@ -262,13 +262,13 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
 
 
 def asked_reactions(section: Node | None) -> list[str]:
-    """Give the names that `reactions` lists, sound or not: definitions may use them."""
+    """Return the names in the list `reactions`, valid or not; definitions use them."""
     lists = (v for k, v in entries_of(section) if k.text == "reactions")
     return [name for node in lists for name in texts_of(items_of(node))]
 
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
-    """Give the definitions of positions and time that a list names."""
+    """Return the definitions of positions and time that a list names."""
     given = items(node, "`reactions`", x.faults)
     hint = "what constraints do to a coordinate is Qc_<name>"
     found = []
@@ -290,7 +290,7 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
 def _definitions(
     given: Iterable[Node], what: str, hint: str, x: Expressions
 ) -> dict[str, Place]:
-    """Give the definitions that items of a list name; `hint` is for coordinates."""
+    """Return the definitions in a list, with places; `hint` is for coordinates."""
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
     for item in named(given, f"a {what} is the name of a definition", x.faults):
@@ -312,7 +312,7 @@ def _definitions(
 
 
 def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
-    """Say that a name of something else is none of a definition, with a hint."""
+    """Return text and hint of the fault on a name that is no definition."""
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
     columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
@@ -339,7 +339,7 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
 
 
 def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
-    """Give the expressions of an axis; to the right there is one."""
+    """Return the expressions of an axis; the horizontal axis has one."""
     nodes: tuple[Node, ...] = () if node is None else (node,)
     if isinstance(node, Sequence) and axis != "x":
         nodes, count = node.items, len(node.items)
@@ -355,7 +355,7 @@ def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
 
 
 def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
-    """Give the axes that `log` names."""
+    """Yield the axes in the list `log`."""
     for part in items_of(plot.value("log")):
         hint = "write y, or [x, y] for several"
         if isinstance(part, Broken):
@@ -380,12 +380,15 @@ _Link: TypeAlias = "tuple[tuple[str, str], str, StringLength | None]"
 
 
 def read_scene(found: Fields, x: Expressions) -> Scene:
-    """Give the points, the links between them, and the shapes."""
+    """Return the points, the links between points, and the shapes."""
     return _Reader(found, x).read()
 
 
 class _Reader:
-    """Reads a scene: `points` are sound, `named` all; `whole`: no other is meant."""
+    """Reader of a scene: `points` has the sound points, `named` the names of all.
+
+    `whole`: all names of points were readable, so that another name is a fault.
+    """
 
     def __init__(self, found: Fields, x: Expressions) -> None:
         self.found, self.x, self.faults = found, x, x.faults
@@ -443,14 +446,14 @@ class _Reader:
     # Links
 
     def _pair(self, node: Node) -> list[str]:
-        """Give the two points that a link without brackets names, or none."""
+        """Return the two points of a link without brackets, or an empty list."""
         found = texts_of(items_of(node))
         if isinstance(node, Scalar):
             found = re.split(r"\s*(?:,|->?|–|\s)\s*", node.text)
         return found if len(found) == 2 and set(found) <= set(self.named) else []
 
     def _looking(self, node: Node) -> list[_Link]:
-        """Give the two points of each link, its look, and its length if it has one."""
+        """Return the two points of each link, its look, and its length or None."""
         if not isinstance(node, Mapping):
             return [(pair, "", None) for pair in self._link(node)]
         found = fields(node, "a link", LINK, self.faults, node.place)
@@ -466,7 +469,7 @@ class _Reader:
         return [(pair, look, length) for pair in pairs]
 
     def _length(self, found: Fields) -> StringLength | None:
-        """Give the length of a string, an expression of parameters."""
+        """Return the length of a string, an expression of parameters, or None."""
         node = found.value("length")
         if node is None:
             return None
@@ -474,7 +477,7 @@ class _Reader:
         return None if length is None else StringLength(length, node.place)
 
     def _link(self, node: Node) -> list[tuple[str, str]]:
-        """Give the points that a link joins, each to the next."""
+        """Return the pairs of consecutive points that a link joins."""
         if isinstance(node, Scalar) and not node.empty and (pair := self._pair(node)):
             text = f"a link must be a list, found {kind_of(node)}"
             self.faults.add("not-a-list", text, node, f"write [{', '.join(pair)}]")
@@ -491,7 +494,7 @@ class _Reader:
         return [*pairwise(known)] if len(known) == len(ends) else []
 
     def _is_point(self, name: Scalar) -> bool:
-        """Tell whether a point has this name; else that is reported."""
+        """Whether a point has this name; an unknown name is reported."""
         named = self.named
         if name.text not in named and self.whole:
             hint = self.faults.did_you_mean(name.text, named)
@@ -578,7 +581,7 @@ class _Reader:
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
-        """Give the sizes in a list, or the one that stands by itself."""
+        """Return the sizes in a list, or a single size without a list."""
         if counts == (1,):
             return [node]
         given, wanted = items(node, what, self.faults), " or ".join(map(str, counts))
@@ -603,7 +606,7 @@ class _Reader:
         return tuple(self._point(f"a corner of {what}", n) for n in given) or ((),)
 
     def _at(self, what: str, node: Node | None) -> tuple[tuple[int, ...], str]:
-        """Give the place of a shape, and the point there, if `at` names one."""
+        """Return the origin of a shape, and the name of the point in `at`, if any."""
         if node is None or isinstance(node, Broken):
             return (), ""
         if not isinstance(node, Scalar) or re.search(r"[^\w. ]", node.text):
@@ -613,7 +616,7 @@ class _Reader:
         return (), ""
 
     def _axes(self, what: str, node: Node | None) -> tuple[int, ...]:
-        """Give the rotation matrix, of an angle or as it stands, row by row."""
+        """Return the entries of a rotation matrix, from an angle or rows."""
         x, what = self.x, f"`frame` of {what}"
         if isinstance(node, Sequence):
             rows = [items(row, f"a row of {what}", x.faults) for row in node.items]
@@ -634,7 +637,7 @@ class _Reader:
 def check_sizes(scene: Scene, x: Expressions) -> None:
     """Report sizes that are negative or not finite, at these parameters.
 
-    Those of shapes, and lengths of strings.
+    The sizes are those of shapes, and the lengths of strings.
     """
     numbers = {name: value for name, (value, _) in x.known.items()}
 

@@ -1,7 +1,7 @@
-"""Tables of numbers in CSV files as spreadsheets and instruments write them.
+"""CSV files of numbers, as spreadsheets and instruments write them.
 
-Cells are separated by commas, semicolons or tabs; with the latter two numbers may have
-decimal commas. Lines that begin with `#` are comments.
+Cells are separated by commas, semicolons or tabs; with semicolons or tabs, numbers may
+have decimal commas. Lines that begin with `#` are comments.
 """
 
 from __future__ import annotations
@@ -30,15 +30,7 @@ class Row(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """Rows of a file, the header first, and how its numbers are written.
-
-    Attributes
-    ----------
-    separator : str
-        The sign between cells.
-    comma : bool
-        Whether numbers have decimal commas.
-    """
+    """Rows of a file, the header first, and the notation of its numbers."""
 
     rows: list[Row]
     separator: str
@@ -46,11 +38,11 @@ class Sheet(NamedTuple):
 
     @property
     def header(self) -> list[str]:
-        """Names of the columns, without blanks around them."""
+        """Names of the columns, stripped of blanks."""
         return [cell.strip() for cell in self.rows[0].cells] if self.rows else []
 
     def number(self, cell: str) -> float:
-        """Return the number of a cell, nan where it is no finite number."""
+        """Return the number of a cell; nan where it is no finite number."""
         text = cell.replace(",", ".") if self.comma else cell
         try:
             value = math.nan if "_" in text else float(text)
@@ -59,7 +51,7 @@ class Sheet(NamedTuple):
         return value if math.isfinite(value) else math.nan
 
     def excess(self, row: Row) -> str:
-        """Return a fault of a row with more cells than the header, else nothing."""
+        """Return the fault of a row longer than the header, or an empty text."""
         many = len(row.cells)
         if many <= len(self.header) or not any(row.cells[len(self.header) :]):
             return ""
@@ -69,7 +61,7 @@ class Sheet(NamedTuple):
         return text
 
     def span(self, row: Row, column: int) -> tuple[int, int]:
-        """Return where a cell begins in its line, from 1, and its length."""
+        """Return the position in the line at which a cell begins, and its length."""
         begin = sum(len(cell) + 1 for cell in row.cells[:column])
         cells = row.cells[column : column + 1]
         return min(begin, len(row.line)) + 1, max(1, len(cells[0]) if cells else 1)

@@ -1,4 +1,4 @@
-"""Tables of a file: points that it gives, or a CSV beside it, made into functions."""
+"""Tables of a file as functions, from points in the file or in a CSV file beside it."""
 
 from __future__ import annotations
 
@@ -40,13 +40,19 @@ def read_tables(
     file: str,
     shifts: Mapping[str, tuple[int, float]],
 ) -> tuple[Table, ...]:
-    """Give the tables, and make them known as functions; faults are reported.
+    """Return the tables, and declare them as functions; faults are reported.
 
     Parameters
     ----------
+    given
+        Entries of the section `tables`.
+    x
+        Expressions of the file, to whose names the tables are added.
+    file
+        Path of the model file.
     shifts
-        By table, the number of a point and the part of the range of all values by which
-        its value is to be moved.
+        By table, the number of a point and the change of its value, as a fraction
+        of the range of all values.
     """
     for key, node in given:
         table = _Reader(key, node, x, file).table(shifts.get(key.text))
@@ -58,7 +64,7 @@ def read_tables(
 
 
 class _Reader:
-    """Reads one table."""
+    """Reader of one table."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
         self.name, self.place, self.x, self.file = key.text, key.place, x, file
@@ -68,7 +74,7 @@ class _Reader:
         self.sha256 = ""
 
     def table(self, shift: tuple[int, float] | None = None) -> Table | None:
-        """Give the table, or None."""
+        """Return the table, or None where a fault was reported."""
         code = "unknown-interpolation"
         how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
         outside = self.below.choice("outside", tables.OUTSIDE, code)
@@ -97,7 +103,7 @@ class _Reader:
         return Table(self.name, *made, how, outside, path, self.sha256, constants)
 
     def _is_sound(self) -> bool:
-        """Tell whether it has no fault so far."""
+        """Whether no fault was reported since this reader began."""
         return len(self.x.faults) == self._faults
 
     def _fault(self, code: str, text: str, at: Place | Node, hint: str = "") -> None:
@@ -106,7 +112,7 @@ class _Reader:
     # The points
 
     def _points(self) -> _Points | None:
-        """Give the points as they stand in the file, or None where there are none."""
+        """Return the points in the order of the file, or None."""
         below, own = self.below, "points" in self.below
         if not own and "file" not in below and below.unknown:
             return None
@@ -140,7 +146,7 @@ class _Reader:
         return self._counted(numbers, lambda i, j: parts[i][j].place)
 
     def _number(self, node: Node) -> float:
-        """Give a number, or an expression of numbers; nan where that is reported."""
+        """Return the value of a number or an expression of numbers; nan for a fault."""
         if isinstance(node, Scalar):
             value = _float(node.text)
             if math.isfinite(value):
@@ -167,7 +173,7 @@ class _Reader:
         return points if sound else None
 
     def _from_file(self) -> _Points | None:
-        """Read columns of a CSV."""
+        """Return points read from columns of a CSV file."""
         path, below = self.below.text("file"), self.below
         text = self._content(path)
         if text is None:
@@ -197,7 +203,7 @@ class _Reader:
         return self._read(sheet, columns, path) if self._is_sound() else None
 
     def _content(self, path: str) -> str | None:
-        """Give the text of a file in the model's folder or below it."""
+        """Return the text of a file in the model's folder or below, or None."""
         place = self.below.at("file")
         parts = PurePath(path)
         fault, hint = "", "the file is in the model's folder, or in one below it"
@@ -314,7 +320,7 @@ class _Reader:
 
 
 def _float(text: str) -> float:
-    """Give a number as a file has it; nan where it is none."""
+    """Return the number of a text; nan where it is none."""
     try:
         return math.nan if "_" in text else float(text)
     except ValueError:

@@ -1,10 +1,11 @@
-"""Units of the expressions of a file, checked where they are given.
+"""Consistency of units in the expressions of a file, where units are given.
 
-Each expression is gone through with the units of its names: coordinates, parameters,
-definitions and states that have one, their rates, and definitions whose unit follows.
-What has no unit, or one that is not known, fits everything, and so does a plain number
-in a sum. A unit is taken in powers of kg, m, s, A, K, mol, cd, with its scale against
-these, so that kN/m fits N/mm; angles are numbers. Numbers are never scaled.
+Each expression is evaluated with the units of its names: coordinates, parameters,
+definitions and states with a unit, their rates, and definitions whose unit follows from
+their expression. An operand without a unit, or with an unknown unit, fits any other,
+and so does a plain number in a sum. A unit is a product of powers of kg, m, s, A, K,
+mol, cd with a scale, so that kN/m fits N/mm; angles are numbers. Numbers are never
+scaled.
 
 Other libraries know more units: pint takes half a second to load.
 """
@@ -69,7 +70,7 @@ _ANY = (
 
 
 def reduced(text: str) -> Unit | None:
-    """Return a unit in those of the SI with its scale; None where it is not known."""
+    """Return a unit in SI base units with its scale; None for an unknown unit."""
     unit = parsed(quantities.unit(text))
     found: Unit | None = PURE if unit is not None else None
     for symbol, power in (unit or {}).items():
@@ -86,15 +87,15 @@ def reduced(text: str) -> Unit | None:
 def mismatches(
     model: Model, read: Iterable[tuple[str, Scalar, Parsed | ParsedRelation]]
 ) -> list[Mismatch]:
-    """Find units that do not fit.
+    """Return the inconsistent units of a model.
 
-    read : every expression, with what messages call it.
+    read : every expression, with its name in messages.
     """
     return _Check(model, read).run()
 
 
 class _Check:
-    """Goes through all expressions once; `read` has them by what messages call them."""
+    """Evaluation of the units of all expressions; `read` has these by their names."""
 
     def __init__(
         self,
@@ -126,7 +127,7 @@ class _Check:
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
     def value(self, what: str) -> Quantity:
-        """Give the quantity of an expression; of a relation none."""
+        """Return the quantity of an expression; an unknown one for a relation."""
         if what not in self.values:
             self.values[what] = _UNKNOWN
             if what in self.read:
@@ -134,7 +135,7 @@ class _Check:
         return self.values[what]
 
     def _energy(self) -> Quantity:
-        """Give what all energies are in; those that differ are reported."""
+        """Return the quantity of all energies; inconsistent ones are reported."""
         found = _UNKNOWN
         for what in ("the kinetic energy", "the potential energy", "the Lagrangian"):
             own = self.value(what)
@@ -148,7 +149,7 @@ class _Check:
         return found
 
     def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
-        """Give what an expression of a kind, of a name, is expected to be in."""
+        """Return the expected quantity of an expression, by its kind and name."""
         per_second = {"s": -1.0}
         if kind in ("the definition", "the parameter", "the mode"):
             return self.units.get(name, _UNKNOWN)
@@ -167,7 +168,7 @@ class _Check:
         return Quantity(times(force, per_second) if rate else force)
 
     def _of(self, name: str) -> Quantity:
-        """Give the quantity of a variable."""
+        """Return the quantity of a variable."""
         if name in ("t", "pi"):
             return _TIME if name == "t" else Quantity(PURE, free=True)
         base, order = rated(name)
@@ -218,7 +219,7 @@ class _Check:
         args: Sequence[Quantity],
         power: float | None,
     ) -> Quantity:
-        """Give the quantity of an operation; arguments that do not fit are reported."""
+        """Return the quantity of an operation; inconsistent arguments are reported."""
         if op not in OPERATIONS or op in JOINING:  # a table
             return _UNKNOWN
         if _is_timed(args[-2:] if op == "if" else args):
@@ -263,7 +264,7 @@ class _Check:
 
 
 def _is_timed(args: Sequence[Quantity]) -> bool:
-    """Whether quantities are of t and numbers alone."""
+    """Whether quantities depend on t and numbers alone."""
     timed = [x is _TIME or x is _TIMED for x in args]
     pairs = zip(args, timed, strict=True)
     return any(timed) and all(is_so or x.free for x, is_so in pairs)

@@ -1,4 +1,4 @@
-"""Coordinates, definitions, parameters and start values: names, and what gives them."""
+"""Reader of coordinates, definitions, parameters and start values."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
-    """Give the coordinates."""
+    """Return the coordinates."""
     found = []
     for key, node in given:
         what = f"the coordinate `{key.text}`"
@@ -72,7 +72,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
 def _value_entry(
     key: Scalar, node: Node, what: str, x: Expressions
 ) -> tuple[Node, str, str]:
-    """Give expression, unit and description of `name: expression` or a mapping."""
+    """Return expression, unit and description of `name: expression` or a mapping."""
     if not isinstance(node, Mapping):
         return node, "", ""
     found = fields(node, what, VALUE, x.faults, key.place)
@@ -82,7 +82,7 @@ def _value_entry(
 
 
 class Definitions:
-    """Reads the definitions; those for output wait until the energies are built."""
+    """Reader of definitions; those for output are built after the energies."""
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
@@ -111,7 +111,7 @@ class Definitions:
             x.definitions[name] = Resolved(None, max((levels[name], *below)))
 
     def _in_order(self) -> list[str]:
-        """Give the definitions, each after those it uses; cycles are left out."""
+        """Return the definitions, each after the ones it uses, without cycles."""
         # Those that are ready come in the order of the file.
         sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():
@@ -148,7 +148,7 @@ class Definitions:
         self.x.faults.add("cycle", about, place)
 
     def build(self, *levels: Level) -> None:
-        """Build the definitions of some levels, those of positions first."""
+        """Build the definitions of some levels, positions first."""
         known = self.x.definitions
         for level in levels:
             most = max(level, Level.VELOCITY)
@@ -160,7 +160,7 @@ class Definitions:
                     known[name] = Resolved(self.x.build(parsed), level)
 
     def read(self, *, hidden: bool = False) -> tuple[Definition, ...]:
-        """Give the sound definitions in the order of the file, or those it implies."""
+        """Return the sound definitions in the order of the file, or the hidden ones."""
         return tuple(
             Definition(name.lstrip(HIDDEN), known.node, known.level, *about)
             for name, about in self._about.items()
@@ -176,10 +176,10 @@ SET = "--set "
 
 
 class Unfolded(Graph):
-    """A graph whose numbers are variables, so that nothing is folded.
+    """Graph whose numbers are variables, so that no constants are folded.
 
-    Folding would lose the rounding error of what it folds: `cos(pi/2)` is not zero,
-    but zero within its error.
+    Folding would lose the rounding error of the folded operation: `cos(pi/2)` is not
+    zero, but zero within its error.
     """
 
     def __init__(self) -> None:
@@ -187,7 +187,7 @@ class Unfolded(Graph):
         super().__init__()
 
     def constant(self, x: float) -> int:
-        """Give the node of the number `x`: a variable that is called as it is."""
+        """Return the node of the number `x`, a variable with the number as its name."""
         exact = float(x).is_integer()
         self.numbers[repr(x)] = x, 0.0 if exact else UNIT_ROUNDOFF * abs(x)
         return self.variable(repr(x))
@@ -198,10 +198,10 @@ class Unfolded(Graph):
         known: dict[str, Value],
         tables: MappingType[str, Table],
     ) -> Value:
-        """Give value and rounding error of an expression of numbers.
+        """Return value and rounding error of an expression of numbers.
 
-        A number alone is exact: it is what the file states. `known`: value and error of
-        each name in it but `pi`.
+        A single number is exact, as written in the file. `known`: value and error of
+        each name in the expression but `pi`.
         """
         (kind, number, _), *more = parsed.postfix
         if not more and kind == "number":
@@ -214,10 +214,10 @@ class Unfolded(Graph):
 
 
 class _Numbers:
-    """Reads numbers that may use those read before.
+    """Reader of numbers whose expressions may use the numbers read before.
 
-    `instead` are expressions that replace those of the file, by name; `known` value
-    and rounding error of each number that is sound.
+    `instead` has expressions that replace those of the file, by name; `known` has value
+    and rounding error of each sound number.
     """
 
     def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:
@@ -237,7 +237,7 @@ class _Numbers:
         beside: bool = False,
         wanted: bool = True,
     ) -> tuple[Scalar, Parsed, Value] | None:
-        """Give an expression that a rule allows, and its finite value, if `wanted`."""
+        """Return an expression that `rule` allows, and its finite value, or None."""
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
             return None
@@ -250,10 +250,10 @@ class _Numbers:
 
 
 class Parameters(_Numbers):
-    """Reads the parameters."""
+    """Reader of parameters and modes."""
 
     def read(self, given: list[Entry], modes: list[Entry]) -> tuple[Parameter, ...]:
-        """Give parameters and modes, with what `--set` gives; faults are reported."""
+        """Return parameters and modes with replaced values; faults are reported."""
         self._check_names()
         below = {key.text for key, _ in given}  # the parameter being read, and later
         found = []
@@ -316,10 +316,10 @@ STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE, Kind.DEFINITION, Kind.RAT
 
 
 class Initial(_Numbers):
-    """Reads the section `initial`: stated values and guesses, also of definitions."""
+    """Reader of the section `initial`: exact values and guesses."""
 
     def read(self, entry: Entry | None, root: Place) -> tuple[InitialValue, ...]:
-        """Give the start values: all positions, all velocities, then definitions."""
+        """Return the start values: all positions, all velocities, then definitions."""
         x = self.x
         if entry is None:
             hint = "each coordinate needs a start value"
@@ -390,7 +390,7 @@ class Initial(_Numbers):
         return InitialValue(name, *value, guess, stated, scalar.place, defined)
 
     def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
-        """Give the expression of a start value, and whether it is a guess."""
+        """Return the expression of a start value, and whether it is a guess."""
         faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
@@ -418,7 +418,7 @@ class Initial(_Numbers):
         return broken if guess is None else (guess, True)
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
-        """Give position and velocity where a start value holds both."""
+        """Return the texts of position and velocity where an entry has both."""
         own = ("guess", "unit", "description")
         values = [value for k, value in entries_of(node) if k.text not in own]
         given = node.items if isinstance(node, Sequence) else values
@@ -435,7 +435,7 @@ class Initial(_Numbers):
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
-        """Tell whether a key has a start value; give the node of a definition."""
+        """Return whether a key can have a start value, and a definition's node."""
         name, names, faults = key.text, self.x.names, self.x.faults
         meaning = names.meaning(name)
         if meaning is None:
@@ -493,7 +493,7 @@ class Initial(_Numbers):
         faults.add("unknown-name", text, key, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
-        """Tell for `check_by` whether a start value may use a name."""
+        """Whether a start value may use a name; a rule for `check_by`."""
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":
             return True
