@@ -1,4 +1,4 @@
-"""Files of a run, one module for each kind; each is written whole or not at all."""
+"""Writers of the files of a run, one module per kind; each write is atomic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lagsim.notes import Caution
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# The name of a file, and its content or why it could not be drawn.
+# The name of a file, and its content or the warning that it could not be drawn.
 Made: TypeAlias = "tuple[str, bytes | Caution]"
 T = TypeVar("T")
 # The columns of energies.
@@ -32,9 +32,9 @@ class Format(StrEnum):
 
 
 def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
-    """Return what is drawn, or the warning that `name` could not be drawn.
+    """Return draw(), or a warning that `name` could not be drawn if it raises.
 
-    A picture that cannot be drawn costs that picture, and nothing else of a run.
+    A picture that cannot be drawn does not stop the run or the other files.
     """
     import traceback
 

@@ -1,6 +1,6 @@
-"""Picture: a matplotlib Figure with title, legend and notes; what is drawn in panels.
+"""Picture: a matplotlib Figure with title, legend and notes; curves, marks and maps.
 
-Places are found by matplotlib's constrained layout, once for all formats.
+matplotlib's constrained layout places the panels, once for all formats.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ if TYPE_CHECKING:
 
 # Of pixels to the inch.
 DPI = 200
-# Inches: of a picture; of a line of its title or legend, and of one of its notes; what
-# the numbers below the last panel take, and what is above each panel.
+# Inches: width of a picture; height of a line of its title or legend, of a line of its
+# notes, of the numbers below the last panel, and of the space above each panel.
 WIDTH, LINE, NOTE, BELOW_PANELS, APART = 7.0, 0.2, 0.14, 0.45, 0.26
-# Letters to the inch: of the title, and of small print.
+# Letters per inch: of the title, and of small print.
 OF_TITLE, OF_SMALL_PRINT = 10, 14
-# Of a legend, what a line before a name takes.
+# Letters that fit into the room of the line before a name of a legend.
 BESIDE = 6
 
 # Points, as printed.
@@ -67,11 +67,11 @@ FONT = "DejaVu Sans"
 
 INK, DIM, FAINT = "#000000", "#555555", "#d8d8d8"
 
-# How lines and marks look, in matplotlib's words for a Line2D.
+# Style of lines and marks: keywords of matplotlib's Line2D.
 Pen: TypeAlias = dict[str, Any]
-# A name in a legend, and the pen that it names.
+# A name in a legend, and its pen.
 Entry: TypeAlias = tuple[str, Pen]
-# What an axis shows, and its unit.
+# Name of the quantity on an axis, and its unit.
 Named: TypeAlias = tuple[str, str]
 NOTHING: Named = ("", "")
 
@@ -86,12 +86,22 @@ PENS: tuple[Pen, ...] = (
     {"color": "#56B4E9", "dashes": (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)},
 )
 BLACK: Pen = {"color": INK}
-# Of maps, and of many curves; of a cell without a result.
+# Colours of maps and of many curves; colour of a cell without a result.
 COLOURS, NO_RESULT = "viridis", "#999999"
 
 
 def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
-    """Return the pen of points that no line joins."""
+    """Return the pen of points without a line.
+
+    Parameters
+    ----------
+    marker : str
+        matplotlib's name of the marker.
+    size : float
+        In points.
+    color, fill : str
+        Colours of edge and inside; by default they are equal.
+    """
     edge = 0.0 if marker == "." else 0.8
     return {
         "color": color, "marker": marker, "markersize": size, "linestyle": "none",
@@ -115,7 +125,7 @@ HOUSE: dict[Any, Any] = {
     "figure.constrained_layout.h_pad": 0.06, "figure.constrained_layout.w_pad": 0.08,
     "svg.hashsalt": "lagsim",
 }  # fmt: skip
-# No file tells a date, a version or who made it: the same rows give the same bytes.
+# Files contain no date, version or author: equal rows give equal bytes.
 NOBODY = {
     "png": ("Software",),
     "svg": ("Creator", "Date", "Format", "Type"),
@@ -127,7 +137,7 @@ R = TypeVar("R")
 
 
 def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
-    """Let a function draw as lagsim does, whatever the user's matplotlibrc says."""
+    """Decorate a function so that it draws in lagsim's style, not the user's."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -144,7 +154,7 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 @in_house_style
 def content(figure: Figure, form: str = "png") -> bytes:
-    """Return a figure as a file: png, svg (with letters as outlines) or pdf."""
+    """Return the bytes of a figure as png, svg (with letters as outlines) or pdf."""
     if isinstance(figure, Picture):
         figure.settle()
     file = io.BytesIO()
@@ -161,7 +171,7 @@ def content(figure: Figure, form: str = "png") -> bytes:
 def legend(
     of: Figure | SubFigure | Axes, entries: Sequence[Entry], width: float, **more: Any
 ) -> Legend:
-    """Name lines, by default in as many columns as fit into a width in inches."""
+    """Add a legend, by default in as many columns as fit into `width` inches."""
     names, columns = in_columns(entries, width)
     # Where there is no pen there is no line; a broad one keeps to its place.
     pens = (pen or {"linestyle": "none"} for _, pen in entries)
@@ -171,7 +181,7 @@ def legend(
 
 
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
-    """Return names, cut to a line, and how many columns of them fit beside lines."""
+    """Return names cut to a line of `width` inches, and the number of columns."""
     most = int(OF_SMALL_PRINT * width)
     names = [shortened(name, most - BESIDE) for name, _ in entries]
     longest = max(map(len, names), default=0)
@@ -179,20 +189,20 @@ def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
 
 
 def legend_above(axes: Axes, entries: Sequence[Entry], **more: Any) -> None:
-    """Name the lines of a panel above it."""
+    """Add a legend above a panel."""
     more |= {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
     legend(axes, entries, size_of(axes)[0], **more)
 
 
 class Picture(Figure):
-    """A picture with a title, a legend below it, and notes below all.
+    """A picture with a title, a legend below it, and notes at the bottom.
 
     Parameters
     ----------
     height : float
-        Of panels, and what belongs to them, in inches.
+        Of the panels with their labels, in inches.
     title, subject : str
-        What is shown, and what of it.
+        Written as `title: subject`.
     width : float
         In inches.
     legend : sequence of (str, Pen)
@@ -201,8 +211,8 @@ class Picture(Figure):
     Attributes
     ----------
     adjust : list of callable
-        What chooses scales by the sizes of panels, called before these are final too,
-        since they depend on the numbers at axes.
+        Functions that choose scales by the sizes of panels. `settle` calls each twice,
+        before and after the layout, since sizes depend on the numbers at axes.
     """
 
     def __init__(
@@ -230,7 +240,7 @@ class Picture(Figure):
             self.supxlabel(mathtext(below), x=0.012, **look)
 
     def settle(self) -> None:
-        """Find the places of panels, and keep them."""
+        """Run the layout once, draw the deferred parts, and fix panel positions."""
         engine = self.get_layout_engine()
         if engine is None or not self.axes:
             return
@@ -245,18 +255,18 @@ class Picture(Figure):
         self.set_layout_engine("none")
 
     def when_placed(self, draw: Callable[..., None], *args: Any) -> None:
-        """Draw by a function that needs the sizes of panels."""
+        """Call `draw(*args)` once the sizes of panels are known."""
         self._drawing.append(functools.partial(draw, *args))
 
     def _repr_png_(self) -> bytes:
-        """Return what a notebook shows, without pyplot."""
+        """Return the PNG for a notebook, without pyplot."""
         return content(self)
 
 
 def header(
     of: Figure | SubFigure, entries: Sequence[Entry], width: float, title: str = ""
 ) -> int:
-    """Put a title, and below it a legend, above all panels; return its lines."""
+    """Add a title and a legend above all panels; return the lines of the legend."""
     if title or entries:
         legend(
             of, entries, width, loc="outside upper left", title=title or None,
@@ -276,13 +286,19 @@ def frame(
     above: bool | None = None,
     colour: str = INK,
 ) -> None:
-    """Give a panel its scales, and name what they show.
+    """Set scales and labels of a panel.
 
     Parameters
     ----------
-    below, up : name and unit of each axis; without `below` it has no numbers.
-    above : the second stands above the panel, or at its side; None: where it fits.
-    colour : of the axis that runs up.
+    axes : Axes
+    x, y : Scale
+    below, up : (str, str)
+        Name and unit of each axis; without `below` the x axis has no numbers.
+    above : bool or None
+        Whether the label of the y axis is above the panel, or at its side; None: where
+        it fits.
+    colour : str
+        Colour of the y axis.
     """
     x.put(axes, "x")
     y.put(axes, "y")
@@ -305,13 +321,13 @@ GREY = "#444444"
 
 
 class Mark(NamedTuple):
-    """Name of a kind of event, and its mark at the top of a panel."""
+    """Name of a kind of event, and the pen of its mark at the top of a panel."""
 
     name: str
     top: Pen
 
 
-# In the order of a legend. Filled where something holds from then on.
+# In the order of a legend. A filled mark: a constraint is in force from this time on.
 MARKS = {
     "impact": Mark("impact", mark("|", 5.0, "#D55E00")),
     "corner": Mark("corner", mark("|", 5.0, "#0072B2")),
@@ -324,12 +340,12 @@ MARKS = {
     "rank": Mark("loss of rank", mark("D", 2.8, GREY)),
 }
 OTHERS = Mark("event", mark("|", 5.0, "#888888"))
-# Points from one tick to the next of its kind, so that thousands are no black band; and
-# from one other mark to the next, beside its own width.
+# Least distance in points between ticks of one kind, so that thousands do not fill a
+# band; and between other marks, beside their own width.
 TICKS_APART, MARKS_APART = 5.0, 2.0
-# Single values more than these have no dots.
+# Largest number of single values that are drawn with dots.
 MOST_DOTS = 40
-# What lies past the horizon, where a row is no longer a forecast.
+# Colour past the horizon, where a row is no longer a forecast.
 LOST = "#dddddd"
 
 # Where a line covers this part of the area that it spans, its strokes lie a twentieth
@@ -337,11 +353,11 @@ LOST = "#dddddd"
 BAND = 0.5
 # A jump in a pixel with more values than this is hidden in its band.
 CROWD = 4
-# Of a band: swings no broader than so many pixels.
+# Widest swing in pixels that is drawn as a band.
 NARROW = 10
-# Lines that cover more than the area they span leave nothing to see.
+# Ratio of covered to spanned area above which lines hide each other.
 BLOT = 1.5
-# Of a line that such areas are asked of, in inches.
+# Width of a line for such areas, in inches.
 STROKE = 0.9 / 72
 
 # Successive directions of a curve that turn by more than a right angle so often mean
@@ -350,12 +366,12 @@ TOO_COARSE, ENOUGH = 0.25, 1000
 
 
 def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
-    """Add a line; `Axes.plot` would measure it, though the scales are known."""
+    """Add a line without measuring it, unlike `Axes.plot`: the scales are known."""
     axes.add_artist(Line2D(x, y, **pen, **more))
 
 
 def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
-    """Draw y against x; a value between two gaps becomes a dot."""
+    """Draw y against x; an isolated value between two gaps (nan) becomes a dot."""
     # Moved to whole pixels, a level curve between two would show its rounding.
     line(axes, x, y, pen, snap=False)
     seen = np.isfinite(x) & np.isfinite(y)
@@ -366,7 +382,7 @@ def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
 
 
 def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
-    """Draw values against time: as a curve, or as the band that it fills."""
+    """Draw values against time: as a curve, or as a band where swings are dense."""
     if not len(t) or ink(*inches(axes, t, values)) < BAND:
         curve(axes, t, values, pen)
         return
@@ -393,9 +409,10 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 
 def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
-    """Widen what is filled at each pixel to what a swing fills, if that is narrow.
+    """Return the band (low, high) widened to the envelope over one narrow swing.
 
-    Else the pixels in which swings turn, and those between, would be seen as a pattern.
+    Otherwise the alternation of pixels with and without turning points would be
+    visible.
     """
     turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
     swing = 2.0 * len(low) / max(turns, 1)
@@ -409,7 +426,7 @@ def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
 
 
 def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
-    """Draw y against x, by dots or lines; pale after the first `trusted` values."""
+    """Draw y against x as dots or a line; pale after the first `trusted` values."""
     if trusted < len(x):
         path(
             axes, x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen), len(x)
@@ -425,14 +442,14 @@ def _pale(pen: Pen) -> Pen:
 
 
 def point(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen) -> None:
-    """Draw a mark, or some, above the curves, whole at the edge too."""
+    """Draw one or several marks above the curves, unclipped at the edge."""
     x, y = np.atleast_1d(x, y)
     if len(x):  # without any it had no place, and no layout were found
         line(axes, x, y, {"zorder": 2.5, **pen}, clip_on=False)
 
 
 def shade(axes: Axes, horizon: float) -> None:
-    """Shade what lies past a time."""
+    """Shade the panel past the time `horizon`."""
     low, high = axes.get_xlim()
     if horizon < high:
         look: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
@@ -440,7 +457,7 @@ def shade(axes: Axes, horizon: float) -> None:
 
 
 def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
-    """Mark times by short ticks at the top; no two of them so near that they touch."""
+    """Mark times by short ticks at the top of a panel; omit ticks that would touch."""
     low, high = axes.get_xlim()
     inside = np.sort([t for t in times if low <= t <= high])
     across = axes.get_xaxis_transform()
@@ -455,7 +472,7 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
 
 
 def _spaced(places: Array, apart: float) -> list[int]:
-    """Return which of ascending places stay, the first of those nearer than `apart`."""
+    """Return the indices of places that are `apart` or more from the last kept one."""
     kept = []
     k = 0
     while k < len(places):
@@ -465,7 +482,10 @@ def _spaced(places: Array, apart: float) -> list[int]:
 
 
 def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
-    """Draw what is 0 but at single times: a line up to each value, where few a dot."""
+    """Draw a column that is 0 except at single times: a line up to each value.
+
+    Few values (at most `MOST_DOTS`) have a dot each.
+    """
     line(axes, axes.get_xlim(), (0.0, 0.0), pen)
     there = np.isfinite(values) & (values != 0.0)
     t, values = t[there], values[there]
@@ -478,14 +498,17 @@ def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return where values lie on the sheet."""
+    """Return the coordinates of points (x, y) on the sheet, in inches."""
     pixels = axes.transData.transform(np.column_stack((x, y))).T
     across, up = pixels / axes.figure.dpi
     return across, up
 
 
 def ink(x: Array, y: Array) -> float:
-    """Return which part of the area that it spans a line covers, if not over itself."""
+    """Return the area that a line covers, over the area of its bounding box.
+
+    Overlap is not subtracted. x, y : ndarray, shape (n,), in inches.
+    """
     length = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     # A line along an axis spans no area, but has a width.
     sides = [max(high - low, 0.1) for low, high in (extent(x), extent(y))]
@@ -493,10 +516,10 @@ def ink(x: Array, y: Array) -> float:
 
 
 def dotted(x: Array, y: Array) -> bool:
-    """Whether a path, given in inches, is better shown by its points than by lines.
+    """Whether a path (x, y), in inches, is better drawn by points than by lines.
 
-    It is when lines would only fill an area, and when the points are too far apart, so
-    that chords would be seen and not the curve.
+    True where lines would only fill an area, and where points are so far apart that
+    chords would be seen instead of the curve.
     """
     if min(high - low for low, high in (extent(x), extent(y))) < STROKE:
         return False  # along an axis every chord is the curve
@@ -508,14 +531,14 @@ def dotted(x: Array, y: Array) -> bool:
 
 # --- Columns
 
-# Inches: of a panel of columns, of one that shows a path, of a spectrum, of a map.
+# Heights in inches: of a panel of columns, of a path, of a spectrum, of a map.
 PANEL, PATH, SPECTRUM, MAP = 1.65, 4.2, 3.2, 2.2
-# Of the largest amplitude, what a spectrum still shows.
+# Least amplitude that a spectrum shows, relative to the largest.
 SHOWN = 1e-5
 
 
 class Column(NamedTuple):
-    """A column, what it is called, whether its scale is logarithmic: values (rows,)."""
+    """Column of a picture: typeset name, unit, values (rows,), kind of scale."""
 
     name: str
     unit: str
@@ -523,20 +546,20 @@ class Column(NamedTuple):
     log: bool = False
 
     def stand_at(self, axis: Axis) -> None:
-        """Name an axis with what its numbers count in."""
+        """Label an axis with the column's name and unit."""
         name_axis(axis, self.name, self.unit)
 
 
 def stack_height(count: int, height: float) -> float:
-    """Return what so many panels above each other take."""
+    """Return the height in inches of `count` panels above each other."""
     return count * (APART + height) + BELOW_PANELS
 
 
 @in_house_style
 def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
-    """Draw columns against another, those of one unit in one panel.
+    """Draw columns against another column, one panel for each unit.
 
-    What has the unit of `against` is drawn at equal scales.
+    If all columns have the unit of `against`, both axes have equal scales.
     """
     groups = list(_grouped(columns))
     equal = bool(against.unit) and {c.unit for c in columns} == {against.unit}
@@ -554,7 +577,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
 
 @in_house_style
 def crossed(title: str, x: Column, y: Column, kind: str) -> Picture:
-    """Draw points: the states of a section, of a kind such as crossings."""
+    """Draw points: the states of a section; `kind` is written after their number."""
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} {kind}")
     axes = found.subplots()
     axes.plot(x.values, y.values, **mark(".", 3.0, PENS[0]["color"]))
@@ -570,7 +593,16 @@ def crossed(title: str, x: Column, y: Column, kind: str) -> Picture:
 def spectrum_figure(
     title: str, across: Column, up: Column, peaks: Sequence[tuple[float, float]]
 ) -> Picture:
-    """Draw amplitudes against frequencies, with the places of peaks, and their list."""
+    """Draw amplitudes against frequencies, with marks at the peaks and their list.
+
+    Parameters
+    ----------
+    title : str
+    across, up : Column
+        Frequencies and amplitudes.
+    peaks : sequence of (float, float)
+        Frequency and amplitude of each.
+    """
     subject = f"spectrum of {up.name.removeprefix('amplitude of ')}"
     found = Picture(stack_height(1, SPECTRUM), title, subject)
     axes = found.subplots()
@@ -611,10 +643,20 @@ def map_figure(
     abreast: int = 1,
     **header: Any,
 ) -> Picture:
-    """Draw maps, values (rows, columns), over two others: borders of their cells.
+    """Draw maps: values (rows, columns) as colours over the plane of two other columns.
 
-    So many beside each other; of what is nan the ground is seen, and what differs by
-    rounding errors is of one colour. `header` are what else a `Picture` is made of.
+    Parameters
+    ----------
+    title, subject : str
+    across, up : Column
+        Borders of the cells.
+    maps : sequence of Column
+        Values of the cells; cells with nan are grey, and values that differ by rounding
+        have one colour.
+    abreast : int
+        Number of maps side by side.
+    **header
+        Further arguments of `Picture`.
     """
     sizes: dict[str, float] = {}
     for column in maps:

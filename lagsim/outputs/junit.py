@@ -1,4 +1,4 @@
-"""JUnit's XML, which CI servers read: cases that passed, failed, or are broken."""
+"""JUnit XML for CI servers: test cases that passed, failed, or could not be judged."""
 
 from __future__ import annotations
 
@@ -9,15 +9,23 @@ from xml.etree import ElementTree as ET
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# What XML 1.0 cannot say, escaped or not.
+# Characters that XML 1.0 excludes, escaped or not.
 _UNSPEAKABLE = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class Outcome(NamedTuple):
     """Test case and its outcome.
 
-    `kind` is empty for one that passed, `failure` for one that was judged and failed,
-    `error` for one that could not be judged; `code` and `text` say why.
+    Attributes
+    ----------
+    name, file : str
+    seconds : float
+        Duration.
+    kind : str
+        Empty for a case that passed, `failure` for one that failed, `error` for one
+        that could not be judged.
+    code, text : str
+        Code and text of the reason; empty for a case that passed.
     """
 
     name: str
@@ -29,7 +37,14 @@ class Outcome(NamedTuple):
 
 
 def document(suite: str, cases: Sequence[Outcome]) -> bytes:
-    """Return the document."""
+    """Return the JUnit XML document of the suite called `suite`.
+
+    Examples
+    --------
+    >>> found = document("golden", [Outcome("pendulum", "pendulum.yaml", 0.25)])
+    >>> b'tests="1" failures="0"' in found
+    True
+    """
     whole = {
         "tests": str(len(cases)),
         "failures": str(sum(case.kind == "failure" for case in cases)),
@@ -61,5 +76,5 @@ def _seconds(time: float) -> str:
 
 
 def _spoken(text: str) -> str:
-    """Write letters that XML has no way to write as Python does, with a backslash."""
+    """Return `text` with Python escapes for the characters that XML 1.0 excludes."""
     return _UNSPEAKABLE.sub(lambda m: ascii(m[0])[1:-1], text)

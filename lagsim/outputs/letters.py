@@ -1,7 +1,7 @@
-"""Names as pictures write them: Greek letters, subscripts, dots; the rest as it is.
+"""Names in pictures: Greek letters, subscripts and dots instead of underscores.
 
-A subscript that Unicode has no letters for stands between two marks until a text is
-drawn: `mathtext` gives what matplotlib typesets, `plain` what is read without it.
+A subscript for which Unicode has no letters is enclosed by two marks until the text is
+drawn: `mathtext` converts such a text for matplotlib, `plain` for other readers.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# Columns that go with a name: constraint forces, multipliers and what they miss.
+# Columns that belong to a name: constraint forces, multipliers and residuals.
 PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
 
-# Around a subscript; no name has them, and of other texts they are taken out.
+# Marks around a subscript; no name contains them, other texts are cleared of both.
 BELOW, END = "\x0e", "\x0f"
 ELLIPSIS = "…"
 _DIGITS = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
@@ -29,7 +29,7 @@ _SUBSCRIPT = re.compile(f"{BELOW}([\\w,.+−]*){END}")
 _MARKS = re.compile(f"[{BELOW}{END}]")
 _DOTTED = re.compile("(\\w+)([\u0307\u0308])")
 _COMMANDS = {"\u0307": "dot", "\u0308": "ddot"}
-# What is not drawn well without a formula.
+# Texts that matplotlib draws well as a formula only.
 _FORMULA = re.compile(f"{BELOW}|\\w\\w[\u0307\u0308]")
 
 _POWER = re.compile(r"(?:\^|\*\*)(-?\d+)")
@@ -39,15 +39,15 @@ _NAME = re.compile(
     r"(?P<head>[^\W\d]\w*)\((?P<at>[\w\s,+-]*)\)(?P<component>\.[^\W\d]\w*)?"
     r"|[^\W\d]\w*(?!\w|\s*\()"
 )
-# What stands before the name of a constraint or a quantity in the name of a column.
+# Prefixes of the names of columns that belong to a constraint or a quantity.
 _HEADS = frozenset({"friction", "impulse", "gauss", "action", "reaction", "d", "sd"})
 
 
 class PictureNames(UnicodeNames):
-    """Names with all that follows `_` as a subscript: `x_left`, `omega_1`."""
+    """Names with all parts after `_` as a subscript: `x_left`, `omega_1`."""
 
     def split(self, name: str) -> tuple[str, str]:
-        """Return the letter or word, and its subscript."""
+        """Return the letter or word of a name, and its subscript."""
         base, below = super().split(name)
         digits, _, rest = below.partition("_")
         if not rest:
@@ -59,12 +59,19 @@ class PictureNames(UnicodeNames):
         return base, f"{BELOW}{','.join(parts)}{END}"
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Put dots over a letter or word."""
+        """Return letter or word with `order` dots over it, and its subscript."""
         return base + ("", *_COMMANDS)[order] + below
 
 
 class Letters:
-    """Typeset names of one model; the names that come first look best."""
+    """Typesetting of the names of one model.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of the model. Typeset names are distinct; where two would be equal,
+        earlier names have precedence.
+    """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
         names = list(names)
@@ -74,7 +81,7 @@ class Letters:
         }
 
     def name(self, name: str) -> str:
-        """Return a name, or a column's: θ̇ for `theta_dot`, Qc with θ for `Qc_theta`."""
+        """Return the typeset name of a variable or a column: θ̇ for `theta_dot`."""
         for prefix, written in PREFIXES.items():
             if name.startswith(prefix):
                 rest = self.name(name.removeprefix(prefix)).translate(_DIGITS)
@@ -88,11 +95,17 @@ class Letters:
         return self._typeset.show(Name(base, order))
 
     def text(self, text: str) -> str:
-        """Return an expression with its names written so: q₁ for `q(1)`."""
+        """Return an expression with its names typeset: q₁ for `q(1)`.
+
+        Examples
+        --------
+        >>> Letters(["theta", "m"]).text("m*theta_dot^2")
+        'm*θ̇^2'
+        """
         return _NAME.sub(self._written, text).replace("-", "−")
 
     def _written(self, found: re.Match[str]) -> str:
-        """Return a name in an expression, with its subscripts and its component."""
+        """Return a typeset name, matched in an expression, with its subscripts."""
         head, at, component = found["head"], found["at"], found["component"] or ""
         if head is None:
             return self.name(found[0])
@@ -108,13 +121,13 @@ class Letters:
 
 
 def letters_of(model: Model) -> Letters:
-    """Return how a model's names are written."""
+    """Return the typesetting of a model's names."""
     parts = (model.variables, model.definitions, model.parameters)
     return Letters([x.name for part in parts for x in part])
 
 
 def mathtext(text: str) -> str:
-    """Return a text as matplotlib's mathtext has it; a `$` of its own is no formula."""
+    """Return a typeset text in matplotlib's mathtext, with the text's own `$` escaped."""
     shown = text.replace("$", r"\$")
     if _FORMULA.search(text):
         shown = _SUBSCRIPT.sub(_below, shown)
@@ -133,12 +146,18 @@ def _dotted(found: re.Match[str]) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text that may be cut anywhere: λ_c for λ with c as its subscript."""
+    """Return a typeset text as plain letters, which may be cut anywhere: λ_c."""
     return text.replace(BELOW, "_").replace(END, "")
 
 
 def shortened(text: str, most: int) -> str:
-    """Return a text of at most so many letters, if need be without its middle."""
+    """Return a text cut to `most` letters, by omission of its middle.
+
+    Examples
+    --------
+    >>> shortened("kinetic energy of the rod", 15)
+    'kinetic…the rod'
+    """
     text = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
     if len(text) <= most:
         return text
@@ -149,5 +168,11 @@ def shortened(text: str, most: int) -> str:
 
 
 def raised(unit: str) -> str:
-    """Return a unit with its powers raised: m/s² for `m/s^2`."""
+    """Return a unit with its powers raised: m/s² for `m/s^2`.
+
+    Examples
+    --------
+    >>> raised("m/s^2")
+    'm/s²'
+    """
     return _POWER.sub(lambda found: found[1].translate(SUPERSCRIPTS), unit)

@@ -1,4 +1,4 @@
-"""Small pages for notebooks, in HTML that needs nothing else."""
+"""HTML fragments for notebooks, which refer to no other file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ _CELL = "text-align: left; vertical-align: top"
 
 
 def listed(items: Sequence[str], most: int = LINE - 13) -> str:
-    """Return `a, b, c`, or as many as fit: `a, b and 12 more`; of nothing `none`."""
+    """Return `a, b, c`, or as many as fit: `a, b and 12 more`; `none` if empty.
+
+    Examples
+    --------
+    >>> listed(["x", "y", "theta"])
+    'x, y, theta'
+    """
     whole = ", ".join(items) or "none"
     if len(whole) <= most:
         return whole
@@ -26,13 +32,13 @@ def listed(items: Sequence[str], most: int = LINE - 13) -> str:
 
 
 def short(text: str, most: int = LINE) -> str:
-    """Return a text on one line of so many letters at most."""
+    """Return a text on one line of at most `most` letters."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 3].rstrip()}..."
 
 
 def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
-    """Return a text for `repr`: a head, and below it a line for each name and text."""
+    """Return a text for `repr`: a head, and a line for each pair (name, text)."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows), default=0)
     lines = [f"  {name:<{width}}  {short(text, LINE - width)}" for name, text in rows]
@@ -40,22 +46,22 @@ def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def page(*parts: str) -> str:
-    """Return the parts that have something to show, below each other."""
+    """Return the non-empty parts, each on lines of its own."""
     return "\n".join(part for part in parts if part)
 
 
 def heading(text: str) -> str:
-    """Return a heading."""
+    """Return a heading in HTML."""
     return f"<strong>{escape(text)}</strong>"
 
 
 def paragraph(text: str) -> str:
-    """Return a paragraph; nothing where there is no text."""
+    """Return a paragraph in HTML; "" without text."""
     return f"<p>{escape(text)}</p>" if text else ""
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
-    """Return a table of texts; nothing where it has no rows."""
+    """Return an HTML table of texts; "" without rows."""
     lines = [_row("td", row) for row in rows]
     if not lines:
         return ""
@@ -69,7 +75,7 @@ def _row(tag: str, cells: Sequence[str]) -> str:
 
 
 def picture(png: bytes, about: str) -> str:
-    """Return a picture that lies in the page itself."""
+    """Return an HTML image that contains its data, with alternative text `about`."""
     source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
     style = "max-width: 700px; width: 100%"
     return f'<img alt="{escape(about)}" style="{style}" src="{source}">'

@@ -1,4 +1,4 @@
-"""Data that the pictures of one run share: rows, names, units, events."""
+"""Data shared by the pictures of one run: rows, names, units, events."""
 
 from __future__ import annotations
 
@@ -16,25 +16,34 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.run.observers.thinning import Thinning
 
-# Kinds of events that take in others at their time.
+# Kinds of events that absorb other events at the same time.
 IMPACTS = ("impact", "corner", "zeno")
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Data that the pictures of one run share.
+    """Data shared by the pictures of one run.
 
     Attributes
     ----------
-    title : the model's name; plain text, as everything that is written here.
-    rows : the thinned rows of the run.
-    units : unit of each column that has one; that of `t` too.
-    events : times to mark, by the kind of what happens.
-    note : below the title: that and why a run is incomplete; else empty.
-    horizon : rows past this time are no forecast; infinite where all are.
-    letters : how names are written.
-    form : png, svg or pdf.
-    is_sum : whether the energy is T + V, and not another energy function.
+    title : str
+        The model's name; plain text, as all texts of a record.
+    rows : Thinning
+        The thinned rows of the run.
+    units : mapping of str to str
+        Unit of each column that has a unit, `t` included.
+    events : mapping of str to sequence of float
+        Times to mark, by kind of event.
+    note : str
+        Written below the title: the reason why a run is incomplete; else empty.
+    horizon : float
+        Time past which rows are no forecast; inf if all rows are.
+    letters : Letters
+        Typesetting of names.
+    form : str
+        png, svg or pdf.
+    is_sum : bool
+        Whether the energy is T + V, and not another energy function.
     """
 
     title: str
@@ -48,22 +57,22 @@ class Record:
     is_sum: bool = True
 
     def unit(self, column: str) -> str:
-        """Return the unit of a column, empty where none is known."""
+        """Return the unit of a column; "" if it is unknown."""
         return raised(self.units.get(column, ""))
 
     def named(self, column: str) -> tuple[str, str]:
-        """Return a column's name, as it is written, and its unit."""
+        """Return the typeset name of a column, and its unit."""
         return self.letters.name(column), self.unit(column)
 
     def trusted(self) -> int:
-        """Return how many of the points that paths show lie before the horizon."""
+        """Return the number of points of a path before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
 
 def merged(events: Iterable[Event]) -> list[Event]:
-    """Return the events that are marked: those at the time of an impact are part of it.
+    """Return the events to mark: an impact absorbs the other events at its time.
 
-    So are those at which bouncing ends.
+    The end of a sequence of impacts (`zeno`) absorbs them, too.
     """
     own = [
         e._replace(kind="switch") if e.kind == "zeno" and e.constraint is None else e

@@ -1,4 +1,4 @@
-"""Tables and pictures of sections: the states at crossings, and every period."""
+"""Tables and pictures of sections: the states at crossings, or after every period."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.outputs import Made
 
-# Of the range of a column in the run, and of its largest value: a column that varies by
-# less on a section is fixed there.
+# A column whose variation on a section is below these parts of its range in the run,
+# and of its largest value, counts as constant there.
 FIXED, ROUNDED = 1e-6, 2.0**-40
-# Columns of constraints.
+# Prefixes of columns of constraints.
 BESIDE = ("residual_", "lambda_", "Qc_")
 
 
@@ -31,9 +31,9 @@ class Found(NamedTuple):
     Attributes
     ----------
     columns : sequence of str
-        Those of the table.
+        Columns of the tables.
     rows : mapping of str to ndarray, shape (k, columns)
-        By the name of the section.
+        The states on each section, by its name.
     """
 
     columns: Sequence[str]
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 
 
 def tables(found: Found) -> Iterator[Made]:
-    """Give name and content of the table of each section."""
+    """Yield file name and content of the table of each section."""
     for name, rows in found.rows.items():
         yield f"section_{name}.csv", table_of(found.columns, rows.tolist())
 
@@ -49,9 +49,16 @@ def tables(found: Found) -> Iterator[Made]:
 def pictures(
     equations: Equations, found: Found, ranges: Floats, form: str
 ) -> Iterator[Made]:
-    """Give name and content of the picture of each section.
+    """Yield file name and content of the picture of each section.
 
-    ranges : (2, columns), the least and the greatest value of each column in the run.
+    Parameters
+    ----------
+    equations : Equations
+    found : Found
+    ranges : ndarray, shape (2, columns)
+        Least and greatest value of each column in the run.
+    form : str
+        png, svg or pdf.
     """
     from lagsim.outputs.figure import Column, content, crossed
 
@@ -72,14 +79,33 @@ def pictures(
 
 
 def least_variations(ranges: Floats) -> Floats:
-    """Return how much each column varies at least, if it is not fixed (columns,)."""
+    """Return the least variation of each column that is not rounding noise (columns,).
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (2, columns)
+        Least and greatest value of each column in the run.
+    """
     low, high = ranges
     rounding = ROUNDED * np.maximum(-low, high)
     return np.asarray(np.maximum(FIXED * (high - low), rounding))
 
 
 def drawn(name: str, names: Sequence[str], rows: Floats, ranges: Floats) -> Floats:
-    """Return the values of a column as they are drawn: one, where it is fixed."""
+    """Return the values of a column to draw (k,), without rounding noise.
+
+    A column that varies by less than `least_variations` is drawn as its median.
+
+    Parameters
+    ----------
+    name : str
+    names : sequence of str
+        Columns of `rows`.
+    rows : ndarray, shape (k, columns)
+        The states on a section.
+    ranges : ndarray, shape (2, columns)
+        Least and greatest value of each column in the run.
+    """
     k = names.index(name)
     values, least = rows[:, k], least_variations(ranges)[k]
     if not len(values) or np.ptp(values) > least:
@@ -91,8 +117,9 @@ def drawn(name: str, names: Sequence[str], rows: Floats, ranges: Floats) -> Floa
 def shown(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     """Return the two columns that the picture of a section shows.
 
-    They are the first two that vary on it, against the time if there are fewer.
-    Energies and what belongs to constraints do not count.
+    The first two columns that vary on the section; with fewer, time comes first.
+    Energies and columns of constraints are not considered. Arguments are as for
+    `drawn`.
     """
     motion = [n for n in names[1:] if n not in ENERGIES and not n.startswith(BESIDE)]
     if not len(rows):
