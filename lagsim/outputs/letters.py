@@ -127,7 +127,7 @@ def letters_of(model: Model) -> Letters:
 
 
 def mathtext(text: str) -> str:
-    """Return a typeset text in matplotlib's mathtext, with the text's own `$` escaped."""
+    """Return a typeset text in matplotlib's mathtext, with its own `$` escaped."""
     shown = text.replace("$", r"\$")
     if _FORMULA.search(text):
         shown = _SUBSCRIPT.sub(_below, shown)

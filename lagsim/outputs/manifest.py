@@ -1,4 +1,4 @@
-"""Records as JSON: run.json of a run, and what `check --json` has of a start."""
+"""Records as JSON: run.json of a run, and the report of `check --json` on a start."""
 
 from __future__ import annotations
 
@@ -48,7 +48,22 @@ def manifest(
     timings: Mapping[str, float],
     files: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the content of run.json; keys are only ever added."""
+    """Return the content of run.json; versions of lagsim only add keys.
+
+    Parameters
+    ----------
+    session : Session
+    trajectory : Trajectory
+    residuals : ResidualMonitor
+    constraint_residual : float
+    error_bar : ErrorBar or str
+        A text: the reason why there is no error bar.
+    cautions : sequence of Caution
+    timings : mapping of str to float
+        Seconds by stage.
+    files : sequence of str
+        Names of the files of the run.
+    """
     model, plan = session.case.equations.model, session.plan
     counts = trajectory.statistics
     return {
@@ -111,7 +126,7 @@ def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
     }
 
 
-# Keys of a residual, and its attributes.
+# Keys of a residual in JSON, and the attributes of the residual.
 LEVEL = {"residual": "value", "scale": "scale", "bound": "bound", "bound_reason": "why"}
 
 
@@ -193,7 +208,7 @@ def _constraint(verdict: Verdict) -> dict[str, Any]:
 
 
 def encode(document: Any) -> bytes:
-    """Return a JSON document as people can read it; what is not finite is null."""
+    """Return a JSON document, indented; nan and inf become null."""
     option = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
     try:
         return orjson.dumps(document, option=option)
@@ -202,7 +217,7 @@ def encode(document: Any) -> bytes:
 
 
 def _printable(document: Any) -> Any:
-    """Return the document with `?` for the bytes of names that are no letters."""
+    """Return the document with `?` for bytes of file names that are not Unicode."""
     if isinstance(document, str):
         return document.encode(errors="replace").decode()
     if isinstance(document, dict):
@@ -213,9 +228,10 @@ def _printable(document: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of what numbers and pictures rest on.
+    """Return the versions of Python and of the loaded packages of `PACKAGES`.
 
-    From the modules: reading the metadata of packages takes longer than integrating.
+    Read from the modules: reading the metadata of packages takes longer than
+    integrating.
     """
     found = {"python": sys.version.split()[0]}
     for name in PACKAGES:

@@ -1,9 +1,9 @@
 """The pictures of a run: energy, trajectory, constraint forces, the model's plots.
 
-And one picture of several runs: a panel for each column, a curve for each run.
+Besides, one picture of several runs: a panel for each column, a curve for each run.
 
-Columns against time are drawn in panels below and beside each other, plots that the
-model asks for against time or against each other.
+Columns against time are drawn in a grid of panels, plots of the model file against time
+or against each other.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array, Thinning
 
-    # Curves by name: what runs across, and up.
+    # Abscissae and ordinates of curves, by name.
     Curves: TypeAlias = Mapping[str, tuple[Array, Array]]
 
 # --- What pictures of a run have in common
@@ -97,7 +97,10 @@ def sheet(
     width: float = WIDTH,
     timed: bool = True,
 ) -> Picture:
-    """Return a picture with title, subject and legend of events, and no panels yet."""
+    """Return a picture with title, subject and legend of events, without panels.
+
+    `timed`: its panels have a time axis, on which events are marked.
+    """
     names: list[tuple[str, Pen]] = []
     if timed:
         names += [(look.name, look.top) for look, _ in event_marks(record)]
@@ -110,14 +113,14 @@ def sheet(
 
 
 def event_marks(record: Record) -> list[tuple[Mark, Sequence[float]]]:
-    """Return the marks of events, with their times."""
+    """Return the marks of events that occurred, each with the times of the events."""
     known = [(look, record.events.get(kind, ())) for kind, look in MARKS.items()]
     others = [t for k, own in record.events.items() if k not in MARKS for t in own]
     return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
 
 
 def mark_events(record: Record, axes: Axes) -> None:
-    """Mark events on Axes against time, and shade what is no forecast."""
+    """Mark events on Axes against time, and shade the part past the horizon."""
     shade(axes, record.horizon)
     for look, times in event_marks(record):
         marks(axes, times, look)
@@ -130,28 +133,28 @@ def time_of(record: Record) -> Scale:
 
 # --- Columns against time
 
-# Coordinates of one unit share a panel while they are few, and while none of them
-# would be squeezed by the others into less than this part of it.
+# Coordinates of one unit share a panel if there are at most `SHARING`, and if the range
+# of each is at least this part of the panel.
 SHARING = 3
 SQUEEZED = 0.05
 
-# Columns that are 0 but in the rows after impacts.
+# Prefix of columns that are 0 except in the rows after impacts.
 IMPULSE = "impulse."
 
-# More panels than this would be too small to read.
+# Largest number of panels that are large enough to read.
 MOST_PANELS = 40
 
-# Up to so many panels: how many stand beside each other, and their height.
+# Largest number of panels, number side by side, and height of each in inches.
 GRIDS = (
     (1, 1, 2.4), (2, 1, 1.6), (3, 1, 1.25), (4, 1, 1.05), (5, 1, 0.95), (12, 2, 0.95),
     (24, 3, 0.8), (MOST_PANELS, 5, 0.55),
 )  # fmt: skip
-# So many beside each other where some are pairs, which three or five would part.
+# Number of panels side by side where x and y form pairs, which odd numbers would part.
 IN_PAIRS = 4
 
 
 def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Put columns of one unit into one group where they fit, in the given order."""
+    """Return groups of column names, each for one panel: by unit where they fit."""
     by_unit: dict[str, list[str]] = {}
     for name in names:
         by_unit.setdefault(record.unit(name), []).append(name)
@@ -171,9 +174,20 @@ def _comparable(record: Record, names: Sequence[str]) -> bool:
 def in_pairs(
     groups: Sequence[tuple[str, ...]], columns: int
 ) -> tuple[list[tuple[str, ...]], int]:
-    """Put x and y of a body side by side: an empty group is a free place.
+    """Return groups arranged so that x and y of a body are side by side.
 
-    Give the groups, and how many stand beside each other.
+    Parameters
+    ----------
+    groups : sequence of tuple of str
+    columns : int
+        Number of panels side by side.
+
+    Returns
+    -------
+    found : list of tuple of str
+        An empty tuple is a free place.
+    columns : int
+        Number of panels side by side, made even if there are pairs.
     """
     firsts = {one for one, other in pairwise(groups) if _is_pair(one[0], other[0])}
     if firsts and columns > 1 and columns % 2:
@@ -187,13 +201,19 @@ def in_pairs(
 
 
 def _is_pair(one: str, other: str) -> bool:
-    """Return whether two names differ in an x and a y alone."""
+    """Whether two names differ in one letter: x in the first, y in the second."""
     differ = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
     return len(one) == len(other) and differ in ([("x", "y")], [("X", "Y")])
 
 
 def chosen(names: Sequence[str], most: int) -> list[str]:
-    """Return at most so many of the names, evenly spaced, first and last included."""
+    """Return at most `most` of the names, evenly spaced, first and last included.
+
+    Examples
+    --------
+    >>> chosen(["a", "b", "c", "d", "e"], 3)
+    ['a', 'c', 'e']
+    """
     if len(names) <= most:
         return list(names)
     return [names[k * (len(names) - 1) // (most - 1)] for k in range(most)]
@@ -204,7 +224,8 @@ class Panels:
 
     Attributes
     ----------
-    height : how much of a picture they take.
+    height : float
+        Of the grid with its labels, in inches.
     """
 
     def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
@@ -217,7 +238,7 @@ class Panels:
     def draw(
         self, picture: Picture, part: Picture | SubFigure, *, above: bool = False
     ) -> None:
-        """Draw them in a part of a picture, with all names `above` or as it fits."""
+        """Draw the panels in a part of a picture; with `above`, labels are above."""
         record, abreast = self._record, self._abreast
         above = above or abreast > 1
         panels = part.subplots(self._rows, abreast, squeeze=False)
@@ -286,7 +307,7 @@ def label_greatest(
 
 
 def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Return the greatest of the sizes of columns of each unit."""
+    """Return the greatest of the sizes of columns, for each unit."""
     found: dict[str, float] = {}
     for name, size in sizes.items():
         found[record.unit(name)] = max(found.get(record.unit(name), 0.0), size)
@@ -294,17 +315,17 @@ def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
 
 
 def size_of_column(record: Record, name: str) -> float:
-    """Return the greatest size among the finite values of a column; 0 without any."""
+    """Return the greatest absolute finite value of a column; 0 without any."""
     return greatest(record.rows.series(name)[1])
 
 
 # --- A plot that the model asks for
 
-# Inches: the height of a panel; where both directions have one scale, at least and at
-# most, the width of it, what stands beside it, and the least width of the picture.
+# Inches: the height of a panel; with one scale for both directions, its least and its
+# greatest height, its width, the room beside it, and the least width of the picture.
 HEIGHT, LOWEST, TALLEST, PANEL, BESIDE, NARROWEST = 3.6, 1.2, 5.2, 6.0, 0.9, 3.4
-# Where one scale would make one side so many times longer than the other, a path would
-# look like a line.
+# Greatest ratio of the sides of a panel with one scale for both directions: with larger
+# ratios, a path would look like a line.
 LONGEST = 12.0
 DIRECTIONS = frozenset("xyz")
 SIDES = ("y", "y2")
@@ -312,7 +333,7 @@ SIDES = ("y", "y2")
 
 @in_house_style
 def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
-    """Draw one entry of the model's `output.plots`, `number` counted from 0."""
+    """Draw entry `number`, counted from 0, of the model's `output.plots`."""
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves
     texts = {name: record.letters.text(curve.text) for name, curve in curves.items()}
@@ -360,14 +381,14 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
 
 
 def side_of(name: str) -> str:
-    """Return the axis of a curve: y, or y2 at the right."""
+    """Return the axis of a curve from its column's name: `y`, or `y2` (right)."""
     return name.split(".")[1]
 
 
 def _values(
     record: Record, wanted: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
-    """Return the values to draw, with gaps where a logarithm has none."""
+    """Return abscissae and ordinates to draw, nan where a logarithm is undefined."""
     # Against time the envelope keeps spikes; others need both values of a row.
     across, up = record.rows.series(name) if timed else record.rows.path(x, name)
     if "x" in wanted.log:
@@ -392,7 +413,10 @@ def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scal
 def _are_directions(
     record: Record, curves: Mapping[str, Curve], scene: Scene, drawn: Curves
 ) -> bool:
-    """Return whether both directions are of one kind: then circles are round."""
+    """Whether abscissa and ordinate are lengths that one scale can show.
+
+    They are if units are equal, or both are coordinates of points or called x, y or z.
+    """
     units = {record.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}
     is_known = units != {""} and len(units) == 1
@@ -418,8 +442,8 @@ def _path(record: Record, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
 
 # --- The pictures
 
-# An energy that stays so many times as far from 0 as any of them changes is drawn about
-# its start.
+# An energy whose distance from 0 always exceeds the largest change of all energies by
+# this factor is drawn relative to its start.
 FAR = 10.0
 # The panels of the energies and of their drift, in inches.
 TALL, LOW = 2.2, 1.1
@@ -429,12 +453,13 @@ LONG = "trajectory"
 
 @in_house_style
 def energy(record: Record) -> Picture:
-    """Draw the energies, and below them how far energy - work strays from its start.
+    """Draw the energies, and below them the drift of energy - work.
 
     Parameters
     ----------
-    record : its rows have `energy` and `kinetic`, `potential` or `lagrangian`, and
-        the difference `DRIFT` where there is a column `work`.
+    record : Record
+        Its rows have `energy` and `kinetic`, `potential` or `lagrangian`, and the
+        difference `DRIFT` if there is a column `work`.
     """
     heights = [TALL, LOW]
     picture = sheet(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
@@ -450,7 +475,7 @@ def energy(record: Record) -> Picture:
             named[name] += f" less {read_off(start)} {unit}".rstrip()
     whole = BLACK | {"linewidth": 1.8}
     pens = dict(zip(names, (*PENS[: len(names) - 1], whole), strict=True))
-    # A part that is the whole is seen upon it.
+    # A part that equals the sum is drawn above the sum.
     drawn = {}
     for name in reversed(names):
         t, energies = record.rows.series(name)
@@ -467,9 +492,9 @@ def energy(record: Record) -> Picture:
 
 
 def _far_starts(record: Record, names: Sequence[str]) -> dict[str, float]:
-    """Return what each energy is drawn less: its start where that is far from 0.
+    """Return the constant that is subtracted from each energy: its start, or 0.
 
-    What is added to T or V is added to T + V.
+    It is 0 for an energy near 0. Constants of T and V are also subtracted from T + V.
     """
     series = {name: record.rows.series(name)[1] for name in names}
     ends = {name: extent(values) for name, values in series.items()}
@@ -507,9 +532,17 @@ def trajectory(
     subject: str = "coordinates",
     model: Model | None = None,
 ) -> Picture:
-    """Draw coordinates and states against time, and the paths of a scene's points.
+    """Draw variables against time, and the paths of a scene's points.
 
-    With the shapes of the scene, which `model` gives.
+    Parameters
+    ----------
+    record : Record
+    names : sequence of str
+        Coordinates and states.
+    scene : Scene
+    subject : str
+    model : Model, optional
+        Source of the scene's shapes, which are drawn if given.
     """
     shown = chosen(names, MOST_PANELS)
     panels = Panels(record, grouped(record, shown))
@@ -530,7 +563,14 @@ def trajectory(
 def constraint_forces(
     record: Record, coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Picture:
-    """Draw the constraint force on each coordinate, each multiplier and impulse."""
+    """Draw the constraint force on each coordinate, each multiplier and impulse.
+
+    Parameters
+    ----------
+    record : Record
+    coordinates, constraints : sequence of str
+        Names.
+    """
     forces = [f"Qc_{name}" for name in coordinates]
     multipliers = [f"lambda_{name}" for name in constraints]
     columns = record.rows.columns
@@ -561,7 +601,7 @@ def _counted(subject: str, shown: int, total: int) -> str:
 
 
 def pictures(record: Record, model: Model) -> Iterator[Made]:
-    """Return file name and content of every picture of a run, one after the other."""
+    """Yield file name and content of each picture of a run."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
     moving = [x.name for x in model.variables]
     subject = "coordinates and states" if model.states else "coordinates"
@@ -593,16 +633,16 @@ def _file(draw: Callable[[], Picture], form: str) -> bytes:
 
 # --- One picture of several runs
 
-# Inches: how high a panel is where there are so many; and at least.
+# Inches: height of a panel by the number of panels; least height.
 OVERLAID = (2.9, 1.9, 1.5, 1.3)
 LEAST_OVERLAID = 1.1
-# Runs that a legend names; more are distinguished by colour, and what a bar of colours
-# takes.
+# Largest number of runs in a legend; more are distinguished by colour. Height in inches
+# of the bar of colours.
 MOST_NAMED, BAR = 12, 0.5
 
 
 def pens(count: int) -> list[Pen]:
-    """Return distinct pens: by colour, and by dashes, also where colours end."""
+    """Return `count` distinct pens: by colour, then by colour and dashes."""
     size = len(PENS)
     return [
         PENS[(k + k // size) % size] | {"color": PENS[k % size]["color"]}
@@ -625,11 +665,11 @@ def overlay(
     title : str
         The model's name.
     runs : mapping of str to Thinning
-        What each is called, and its rows.
+        Rows of each run, by its name.
     units : mapping of str to str
-        Of the columns; the first one is that of the time, `t`.
+        Units of the columns; the first one is that of the time, `t`.
     notes : sequence of str
-        Said below the panels.
+        Written below the panels.
     order : tuple
         A name, and a number for each run, by which many runs are coloured.
     """

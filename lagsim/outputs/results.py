@@ -1,13 +1,13 @@
-"""The folder of a run's results: replaced as a whole, or left as it was.
+"""The folder of a run's results, which a run replaces as a whole or leaves unchanged.
 
-Every file is written beside its place and synced. When all are complete the old
-run.json goes, the files take their places, and the new run.json comes last: who finds a
-run.json finds the files that it lists, whatever happened in between. A table and its
-run.json may do so before pictures are drawn, which come to them later.
+Every file is written under a temporary name and synced. When all files are complete the
+old run.json is removed, the files are renamed, and the new run.json is renamed last:
+wherever there is a run.json, the files that it lists are complete. A table and its
+run.json may be placed before pictures are drawn, which are added later.
 
-A folder may come from a stranger. Nothing is written through a link that was put there,
-no pipe is waited for, and of what its run.json lists only files with names that lagsim
-gives are removed.
+A folder may be somebody else's. Symbolic links in it are not followed for writing,
+pipes are not waited for, and of the files listed by its run.json only those with names
+that lagsim uses are removed.
 """
 
 from __future__ import annotations
@@ -43,34 +43,34 @@ MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
 PART, NEW = ".lagsim-{}.part", ".lagsim-{}.new"
-# So long after a file was begun nobody writes to it any more.
+# Seconds after which a temporary file counts as abandoned.
 ABANDONED_SECONDS = 60.0
-# Locked by who fills a folder, and gone when it is filled. A file, for on a network
-# file system a lock of the folder itself holds back no other machine.
+# Lock file of the process that fills a folder, removed afterwards. A file, since on a
+# network file system a lock of the folder itself does not exclude other machines.
 LOCK = PART.format("lock")
-# A run on its way, and the rows that one which goes on with it begins with.
+# Saved state of an unfinished run, and its rows so far, for a run that continues it.
 RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
-# What lagsim calls what it leaves, so that a later run may remove it.
+# Names of lagsim's files, which a later run may remove.
 _OWN = re.compile(
     r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
     r"|reactions|work_precision|stability|sweep|section_\w+)"
     r"\.(csv|npz|parquet|json|png|svg|pdf|html)"
 )
-# How often one who waits for a folder looks whether it is free.
+# Seconds between two attempts to lock a folder.
 _GLANCE_SECONDS = 0.02
 
 
 class Results:
-    """A folder being filled; use `open_results`.
+    """A folder that is being filled; create it by `open_results`.
 
     Attributes
     ----------
     names : list of str
-        The files that `commit` will put in their places, the manifest aside.
+        The files that `commit` will rename to their places, without the manifest.
     manifest : str
-        The file that lists the others.
+        Name of the file that lists the others.
     cautions : list of Caution
-        That the folder could not be locked, where it could not.
+        The warning that the folder could not be locked, if so.
     """
 
     def __init__(self, folder: Path, manifest: str = MANIFEST) -> None:
@@ -82,18 +82,18 @@ class Results:
         self._digests: dict[str, str] = {}
 
     def reserve(self) -> None:
-        """Keep room for the manifest."""
+        """Reserve disk space for the manifest."""
         self._begun(self.manifest, bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
-        """Return the path to write file `name` to until `commit`."""
+        """Return the temporary path of file `name`, which `commit` renames."""
         if name in self.names:
             return self._part(name)
         self.names.append(name)
         return self._begun(name)
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a whole file, or, where that fails, nothing."""
+        """Write a whole file; if this fails, remove it and raise."""
         try:
             _write(self.part(name), content)
         except BaseException:
@@ -101,14 +101,14 @@ class Results:
             raise
 
     def drop(self, name: str) -> None:
-        """Do without a file that was begun."""
+        """Remove a file that was begun."""
         self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
         files.drop(self._part(name))
 
     def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
-        """Write files; give the warnings of those that could not be drawn."""
+        """Write files; yield the warnings of files that could not be drawn."""
         for name, content in made:
             if isinstance(content, bytes):
                 self.write(name, content)
@@ -116,12 +116,12 @@ class Results:
                 yield content
 
     def digests(self) -> dict[str, str]:
-        """Return the sha256 of each file, by which readers know them for one set.
+        """Return the sha256 of each file, which shows that files belong together.
 
         Raises
         ------
         OSError
-            If one cannot be read.
+            If a file cannot be read.
         """
         for name in self.names:
             if name not in self._digests:
@@ -131,24 +131,25 @@ class Results:
         return {name: self._digests[name] for name in self.names}
 
     def stand(self, manifest: bytes) -> None:
-        """Put in its place what there is so far; `commit` adds what comes later.
+        """Place the files written so far with a manifest; `commit` adds later files.
 
         Raises
         ------
         OSError
-            If something cannot be written.
+            If a file cannot be written.
         """
         self._place(self._begun("first", manifest))
 
     def commit(self, manifest: bytes) -> None:
-        """Put all files in their places, remove what the last run left, then run.json.
+        """Place all files, remove obsolete files of the last run, then place run.json.
 
-        Removed is what an earlier run.json lists and this run has not written.
+        A file is obsolete if the earlier run.json lists it and this run has not written
+        it.
 
         Raises
         ------
         OSError
-            If something cannot be written; then the folder is as it was.
+            If a file cannot be written; then the folder is unchanged.
         """
         part = self._part(self.manifest)
         _write(part, manifest)
@@ -171,20 +172,20 @@ class Results:
             _sync(self.folder, os.O_RDONLY)
 
     def discard(self) -> None:
-        """Remove what was begun, by this run or by one that was killed."""
+        """Remove temporary files of this run or of a killed run."""
         for path in self.folder.glob(PART.format("*")):
             if path.name != LOCK:
                 with contextlib.suppress(OSError):
                     files.drop(path)
 
     def forget(self) -> None:
-        """Remove what a run on its way has kept of itself."""
+        """Remove the saved state of an unfinished run."""
         for name in (RESTART, RESTART_ROWS):
             with contextlib.suppress(OSError):
                 (self.folder / name).unlink()
 
     def unusable(self, error: OSError) -> InputError:
-        """Return what tells that nothing can be written here."""
+        """Return the error that the folder cannot be written."""
         return _unusable(self.folder, f"cannot be written: {error.strerror}")
 
     def _begun(self, name: str, content: bytes = b"") -> Path:
@@ -200,7 +201,7 @@ class Results:
         return self.folder / PART.format(name)
 
     def before(self) -> dict[str, Any]:
-        """Return what an earlier run's manifest says; nothing where there is none."""
+        """Return the manifest of an earlier run; {} without one."""
         try:
             found = orjson.loads(files.content(self.folder / self.manifest))
         except (OSError, ValueError):
@@ -208,7 +209,7 @@ class Results:
         return found if isinstance(found, dict) else {}
 
     def _listed(self) -> set[str]:
-        """Return the files of the run before."""
+        """Return the names of lagsim's files that the earlier manifest lists."""
         names = self.before().get("files")
         names = names if isinstance(names, list) else []
         own = {n for n in names if isinstance(n, str) and is_own(n)}
@@ -216,7 +217,13 @@ class Results:
 
 
 def is_own(name: str) -> bool:
-    """Return whether lagsim gives a file that name, and may remove it."""
+    """Whether `name` is a name of lagsim's files, which a later run may remove.
+
+    Examples
+    --------
+    >>> is_own("trajectory.csv"), is_own("thesis.csv")
+    (True, False)
+    """
     return _OWN.fullmatch(name) is not None
 
 
@@ -228,21 +235,22 @@ def open_results(
     patience: float = 0.0,
     first: Callable[[], None] | None = None,
 ) -> Iterator[Results]:
-    """Make the folder and hold it against other runs.
+    """Context manager: create the folder, and lock it against other runs.
 
     Parameters
     ----------
-    manifest
-        The file that lists the others and comes last.
-    patience
-        So many seconds another may take until it has left the folder.
-    first
-        Called before what was left by a killed run is removed.
+    folder : Path
+    manifest : str
+        The file that lists the others and is placed last.
+    patience : float
+        Seconds to wait for a lock of another process.
+    first : callable, optional
+        Called before the temporary files of a killed run are removed.
 
     Raises
     ------
     InputError
-        If the folder cannot be made or written, or another run is writing into it.
+        If the folder cannot be created or written, or another run is writing into it.
     """
     results = Results(folder, manifest)
     with contextlib.ExitStack() as stack:
@@ -265,12 +273,12 @@ def open_results(
 
 @contextlib.contextmanager
 def _held(results: Results, until: float) -> Iterator[None]:
-    """Hold a folder as soon as no other process does; it is free when this one ends.
+    """Context manager: lock a folder, waiting until time `until` for its release.
 
     Raises
     ------
     InputError
-        Where another does for too long.
+        If another process has the lock for longer.
     OSError
     """
     if fcntl is None:  # Windows: renaming over an open file fails by itself
@@ -300,7 +308,7 @@ def _held(results: Results, until: float) -> Iterator[None]:
 
 
 def _locked(path: Path, results: Results) -> int | None:
-    """Lock a file, made if need be; give its handle, or None where another has."""
+    """Create and lock a file; return its handle, or None if it is locked."""
     handle = _opened(path)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -323,7 +331,7 @@ def _locked(path: Path, results: Results) -> int | None:
 
 
 def _opened(path: Path) -> int:
-    """Open the file that is locked; what else has its name is replaced."""
+    """Open the lock file; an entry of its name that is no usable file is replaced."""
     try:
         return files.begin(path)
     except FileExistsError:  # of a run that was killed, or goes on
@@ -342,7 +350,7 @@ def _unusable(folder: Path, why: str) -> InputError:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file over what is there, so that room kept there is used."""
+    """Write a file over its old content, so that reserved space is used."""
     handle = files.held(path, os.O_RDWR)
     try:
         files.write(handle, content)
@@ -351,7 +359,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _sync(path: Path, flags: int = os.O_RDWR) -> None:
-    """Have the system put a file, or a folder's list of files, on the disk."""
+    """Flush a file, or a folder's list of files, to the disk."""
     handle = os.open(path, flags)
     try:
         os.fsync(handle)
@@ -360,16 +368,24 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
 
 
 def put(path: Path, content: bytes, *, held: bool = False) -> None:
-    """Write one file as a whole or not at all.
+    """Write one file atomically.
 
-    A link in its place is replaced, not followed. A pipe that is read and a terminal
-    get the bytes. `held`: into a folder that is held; who holds it next removes what
-    a process that is killed here has begun, elsewhere who writes there after a minute.
+    A symbolic link in its place is replaced, not followed; pipes and terminals receive
+    the bytes. A temporary file that a killed process has left is removed by the next
+    holder of the folder's lock if `held`, else by the next call for the folder after a
+    minute.
+
+    Parameters
+    ----------
+    path : Path
+    content : bytes
+    held : bool
+        Whether this process has locked the folder.
 
     Raises
     ------
     OSError
-        Where that fails.
+        If the file cannot be written.
     """
     import secrets
 
@@ -394,35 +410,40 @@ def put(path: Path, content: bytes, *, held: bool = False) -> None:
 
 # --- Before a run
 
-# Bytes of a number and its comma, as people's scenes have them: 16 digits and a sign.
-# Packed, each is a double; Parquet and its kin may do with half.
+# Bytes per number: in CSV about 16 digits, a sign and a comma, in packed formats a
+# double; Parquet may compress to half.
 USUAL = {Format.CSV: 19.0, Format.NPZ: 8.0, Format.PARQUET: 8.0}
-# Below this it never is, but for columns of zeros.
+# Least size of a table relative to `USUAL`, except for columns of zeros.
 LEAST = 0.5
-# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+# Numbers in a table above which the free disk space is checked: 20 megabytes.
 MANY = 1_000_000
 
 
 def refuse_without_room(
     folder: Path, form: Format, settings: Settings, columns: int, *, ends: bool
 ) -> str:
-    """Refuse a table that the disk has no room for; warn of one that it may not have.
+    """Refuse a table that exceeds the free disk space; return a warning if it may.
 
     Parameters
     ----------
-    folder
-        Where it comes; it need not be there yet.
-    ends
-        The run may end long before its time, by `until`.
+    folder : Path
+        Folder of the table; it need not exist.
+    form : Format
+    settings : Settings
+    columns : int
+        Number of columns.
+    ends : bool
+        Whether the run may end long before its duration, by `until`.
 
     Returns
     -------
     str
-        The warning, or nothing.
+        The warning, or "".
 
     Raises
     ------
     InputError
+        If the table does not fit.
     """
     rows = math.floor(settings.duration / settings.output_step) + 1
     if rows * columns < MANY:
@@ -448,7 +469,7 @@ def _free(folder: Path) -> int:
     return 1 << 62
 
 
-# How a result was made, by the keys of a record; so many differences are listed.
+# Keys of the options in a record; largest number of differences in a warning.
 OPTIONS = ("method", "formulation", "rtol", "atol", "step")
 MOST_LISTED = 3
 
@@ -456,14 +477,15 @@ MOST_LISTED = 3
 def replaced(
     before: Mapping[str, Any], now: Mapping[str, Any], folder: Path
 ) -> Caution | None:
-    """Warn of a result of the same file with other parameters, or of another file.
+    """Return a warning if a result of other parameters or of another file is replaced.
 
-    There is no warning of a file that was edited since.
+    There is no warning if the model file was edited in between.
 
     Parameters
     ----------
-    before, now
-        The contents of two run.json; the first may be anything.
+    before, now : mapping
+        The contents of two run.json; `before` may be any JSON object.
+    folder : Path
     """
     old, new = before.get("model"), now["model"]
     if not isinstance(old, dict):

@@ -32,36 +32,42 @@ if TYPE_CHECKING:
 
     from lagsim.run.observers.thinning import Array
 
-    # Least and greatest of what runs across, and of what runs up.
+    # Least and greatest value of the abscissa, and of the ordinate.
     Ends: TypeAlias = Sequence[tuple[float, float]]
 
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
 STEPS = (1, 2, 2.5, 5, 10)
-# Letters to the inch of a label at the side, and of one below or above; inches by which
-# it may be longer than its panel is high, or wide; what is left of a name in any case.
+# Letters per inch of a label at the side, and of one below or above; inches by which
+# they may exceed the height, or the width, of the panel; least letters of a name.
 OF_LABELS, ABOVE, SPARE, SPARE_ABOVE, LEAST_NAME = 12, 15, 0.4, 0.25, 7
-# Powers of ten stand at the ticks of scales that go further than this.
+# Ratio of the ends above which ticks of a logarithmic scale are powers of ten.
 DECADES = 1000.0
 
-# A spike lasts for no more than this part of the time, and is so many times as high as
-# anything else.
+# Longest part of the time that a spike lasts, and least ratio of its height to all
+# other values.
 SPIKE, HIGH = 0.02, 30.0
-# What ends so many times as large as it mostly was, at the end, has exploded.
+# A curve grows without bound if its greatest value is this many times its median, and
+# occurs after this part of the time.
 EXPLOSION, LAST = 1e6, 0.9
-# Of decades: what is shown of those that a spike, or growth, began with.
+# Length of the linear part of the scale of such a curve, in decades.
 FEWEST = 0.5
 ROUND = (1.0, 2.0, 5.0, 10.0)
 
 
 class Scale(NamedTuple):
-    """A range from `low` to `high`, linear or of powers of ten.
+    """A range from `low` to `high`: linear, logarithmic, or linear near 0 only.
 
     Attributes
     ----------
-    log : whether it is logarithmic; then `low` may be the larger.
-    linear : beyond this size it is, to both sides, if that is not 0.
-    share : of how many decades the length of `linear` is.
+    low, high : float
+        Ends; `low` may be the larger if `log`.
+    log : bool
+        Whether the scale is logarithmic.
+    linear : float
+        If not 0, the scale is linear up to this absolute value, logarithmic beyond it.
+    share : float
+        Length of the linear part, in decades.
     """
 
     low: float
@@ -71,7 +77,7 @@ class Scale(NamedTuple):
     share: float = 1.0
 
     def put(self, axes: Axes, direction: Literal["x", "y"]) -> None:
-        """Give Axes this range, with matplotlib's ticks."""
+        """Set this scale on an axis of `axes`, with ticks by matplotlib."""
         across = direction == "x"
         axis: Axis = axes.xaxis if across else axes.yaxis
         choose = axes.set_xscale if across else axes.set_yscale
@@ -92,7 +98,7 @@ class Scale(NamedTuple):
         (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
 
     def _beyond(self, most: int) -> Locator:
-        """Return ticks at 0, at powers, and at the ends of a long linear part."""
+        """Return ticks at 0, powers of ten, and the ends of a long linear part."""
         ends = self.low, self.high
         apart = math.log10(max(map(abs, ends)) / self.linear) / most
         powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
@@ -105,19 +111,19 @@ class Scale(NamedTuple):
 
 
 def size_of(axes: Axes) -> tuple[float, float]:
-    """Return width and height of a panel in inches; before it is drawn, about."""
+    """Return width and height of a panel in inches; approximate before the layout."""
     dpi = axes.figure.dpi
     return axes.bbox.width / dpi, axes.bbox.height / dpi
 
 
 def per_inch(axes: Axes, ends: Ends) -> float:
-    """Return how much an inch is on one scale for both directions of a panel."""
+    """Return the length per inch of one scale for both directions of a panel."""
     sides = zip(ends, size_of(axes), strict=True)
     return max((high - low) / side for (low, high), side in sides)
 
 
 def put_around(axes: Axes, ends: Ends, each: float) -> None:
-    """Give both directions a scale, so much an inch, about the middle of their ends."""
+    """Set scales of `each` per inch on both axes, about the middle of their ends."""
     across, up = (
         Scale(middle - half, middle + half)
         for (low, high), side in zip(ends, size_of(axes), strict=True)
@@ -128,10 +134,10 @@ def put_around(axes: Axes, ends: Ends, each: float) -> None:
 
 
 def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -> None:
-    """Name an axis, with what its numbers count in, and from where.
+    """Label an axis with name, unit, power of ten and offset of its numbers.
 
-    The name is cut to the length of the axis. `text` is where it is written: above the
-    panel, or by default at the axis.
+    The name is cut to the length of the axis. `text` is the Text to write to, above the
+    panel; by default it is the label of the axis.
     """
     width, height = size_of(axis.axes)
     across = text is not None or axis is axis.axes.xaxis
@@ -143,14 +149,14 @@ def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -
 
 
 class Label:
-    """What an axis shows, of at most so many letters; the name is cut to them."""
+    """Label of an axis, of at most `most` letters, to which the name is cut."""
 
     def __init__(self, text: Text, name: str, unit: str, most: int) -> None:
         self._text, self._named, self._most = text, (name, unit), most
         self.write()
 
     def write(self, offset: str = "", scale: str = "") -> None:
-        """Write it, with an offset and a power of ten."""
+        """Set the label's text, with an offset and a power of ten."""
         name, unit = self._named
         inside = f"{scale} {unit}".strip()
         if name and inside:
@@ -161,7 +167,7 @@ class Label:
 
 
 class Counting(ScalarFormatter):
-    """Numbers that count from an offset in powers of ten; both stand in the label.
+    """Formatter that writes offset and power of ten of the ticks into the label.
 
     matplotlib writes ten digits of the offset, which are too few.
     """
@@ -171,7 +177,7 @@ class Counting(ScalarFormatter):
         self._label = label
 
     def set_locs(self, locs: Any) -> None:
-        """Take places of ticks, and write what they count in."""
+        """Set the places of ticks, and write their offset and power of ten."""
         super().set_locs(locs)
         # Its name of before 3.11 will go in 3.13.
         power = vars(self).get("_orderOfMagnitude", vars(self).get("orderOfMagnitude"))
@@ -183,10 +189,10 @@ class Counting(ScalarFormatter):
 
 
 class Powers(LogFormatterSciNotation):
-    """Powers of ten, and on a scale of few decades plain numbers."""
+    """Formatter of powers of ten; of plain numbers on a scale of few decades."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """Return the text at a tick; past the ends there may be no number left."""
+        """Return the text at a tick; "" if the tick is not finite."""
         text = str(super().__call__(x, pos)) if math.isfinite(x) else ""
         assert self.axis is not None
         low, high = self.axis.get_view_interval()
@@ -194,7 +200,13 @@ class Powers(LogFormatterSciNotation):
 
 
 def read_off(value: float, digits: int = 4) -> str:
-    """Return a number in a few digits, as one writes it by hand."""
+    """Return a number with a few digits, in handwritten form.
+
+    Examples
+    --------
+    >>> read_off(-0.25), read_off(6.02214e23, 3)
+    ('−0.25', '6.02 × 10²³')
+    """
     short = f"{value:.{digits}g}"
     if "e" in short:
         front, _, power = f"{value:.{digits - 1}e}".partition("e")
@@ -206,14 +218,20 @@ def read_off(value: float, digits: int = 4) -> str:
 
 
 def power_of_ten(exponent: int) -> str:
-    """Return 10 with a raised exponent, in plain text."""
+    """Return 10 with a raised exponent, in plain text.
+
+    Examples
+    --------
+    >>> power_of_ten(-3)
+    '10⁻³'
+    """
     return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
 def extent(
     *series: Array, empty: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, float]:
-    """Return the least and the greatest finite value; `empty` where there is none."""
+    """Return the least and the greatest finite value of arrays; `empty` without any."""
     usable = [s[np.abs(s) < OVERFLOW] for s in series]
     usable = [s for s in usable if len(s)]
     if not usable:
@@ -222,14 +240,21 @@ def extent(
 
 
 def greatest(values: Array) -> float:
-    """Return the greatest size among finite values; 0 where there are none."""
+    """Return the greatest absolute value among finite values; 0 without any."""
     return max(map(abs, extent(values)))
 
 
 def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scale:
-    """Return a scale for values: rounding noise of a constant is flat on it.
+    """Return a linear scale for values, on which rounding noise is flat.
 
-    `size` is that of values they are compared with; what is nothing beside it is 0.
+    Parameters
+    ----------
+    *series : ndarray, shape (n,)
+    margin : float
+        Free part of the range at both ends.
+    size : float
+        Size of other values in the unit; values that are rounding errors beside it are
+        0.
     """
     low, high = extent(*series, empty=(0.0, 1.0))
     if max(abs(low), abs(high)) <= ZERO_BESIDE * size:
@@ -246,7 +271,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
 
 
 def is_level(*series: Array) -> bool:
-    """Return whether values are constant but for rounding errors."""
+    """Whether values are constant up to rounding errors."""
     low, high = extent(*series)
     return high - low <= COMPUTED_ZERO * max(abs(low), abs(high))
 
@@ -261,7 +286,7 @@ def time_scale(t: Array) -> Scale:
 
 
 def noise_scale(values: Array, size: float) -> Scale:
-    """Return a scale for what should be zero; `size` is that of what it comes from."""
+    """Return a scale for residuals of a quantity that has the given size."""
     low, high = extent(values)
     low, high = min(low, 0.0), max(high, 0.0)
     if high - low < FAINT:
@@ -272,7 +297,10 @@ def noise_scale(values: Array, size: float) -> Scale:
 
 
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
-    """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
+    """Return a logarithmic scale with free room at both ends.
+
+    The room is `margin` times the decades of the values, plus `least` decades.
+    """
     low, high = extent(*(s[s > 0.0] for s in series), empty=(1.0, 10.0))
     low = max(low, FAINT)
     high = max(low, high)
@@ -284,8 +312,8 @@ def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale
 def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
     """Return a scale for curves (times, values) against time, as `value_scale` does.
 
-    One spike, or growth without end, would be a line at 0 and a corner on a linear
-    scale: powers of ten count from some size on; growth of one sign has no other.
+    A spike, or unbounded growth, would hide all other values on a linear scale: the
+    scale is then logarithmic beyond some size, or, for growth of one sign, everywhere.
     """
     series = [values for _, values in drawn]
     plain = value_scale(*series, size=size)
@@ -307,7 +335,7 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Return whether the largest value is among the last."""
+    """Whether the largest value of a curve is among the last."""
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
         largest = t[int(sizes.argmax())]
@@ -317,7 +345,7 @@ def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
 
 
 def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Scale:
-    """Return a scale with powers of ten beyond a size, in half of it at most."""
+    """Return a scale that is logarithmic beyond `linear`, in at most half of it."""
     decades = max(math.log10(most / linear), 1.0)
     # The margin of a linear scale may be larger than all that is on the other side.
     low = plain.low if -plain.low > 0.1 * plain.high else -linear
@@ -326,6 +354,6 @@ def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Sca
 
 
 def _round(size: float) -> float:
-    """Return a round number that is not less."""
+    """Return the least round number that is not less than `size`."""
     power = 10.0 ** math.floor(math.log10(size))
     return next((x * power for x in ROUND if x * power >= size), 10.0 * power)

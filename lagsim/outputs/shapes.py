@@ -1,8 +1,9 @@
 """Shapes of a scene in rows of a run: corners, faces and edges, for any picture.
 
-A body of space is a polyhedron: seen along parallel lines, a face is in front where its
-corners go round against the clock. An edge between faces is seen where one of these
-is; the outline of what is round is where a face in front meets one behind.
+A body in space is a polyhedron. In a parallel projection, a face is in front if its
+corners are counterclockwise. An edge between two faces is visible if one of the faces
+is in front; the outline of a round surface consists of edges between a face in front
+and a face behind.
 """
 
 from __future__ import annotations
@@ -23,34 +24,35 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model, Shape
 
-    # Two corners, and the faces between which they are; -1 where there is none.
+    # Two corners, and the two faces that meet in the edge; -1: no face.
     Edges = list[tuple[int, int, int, int]]
     # Corners (n, d), faces, edges and seams.
     Mesh = tuple[Floats, list[list[int]], Edges, Edges]
 
-# Corners of what is round: of a face, and of the outline of a cylinder or a cone.
+# Number of corners of a circle: of a face, and of the outline of a cylinder or a cone.
 ROUND, AROUND = 72, 32
-# Of a curve, and of one that changes its shape.
+# Number of points of a curve, and of a curve that changes its shape.
 ALONG, CHANGING = 1000, 64
-# Rows in which it is looked how far a shape reaches.
+# Number of rows in which the extent of a shape is computed.
 ROWS = 500
 
 
 class Body(NamedTuple):
-    """A shape in some rows: corners in its own axes, and what joins them.
+    """A shape in some rows: corners in axes of its own, with faces and edges.
 
     Attributes
     ----------
+    shape : Shape
     at : ndarray, shape (rows, d)
-        One row of what does not move.
+        Origin; one row if the body is at rest.
     axes : ndarray, shape (rows, d, d)
-        Its axes are the columns.
+        Rotation matrices: the body's axes are the columns.
     corners : ndarray, shape (rows or 1, n, d)
-        In these axes; of one row where they do not change.
+        Components along the body's axes; one row if they are constant.
     faces : list of list of int
-        The corners of each, against the clock for who sees it from outside.
+        The corners of each face, counterclockwise as seen from outside.
     edges, seams : list
-        Of faces; seams are between flat parts of what is round.
+        Edges of faces; seams are edges between flat parts of a round surface.
     moves : bool
     radius : float
         Of a sphere, else 0.
@@ -68,30 +70,30 @@ class Body(NamedTuple):
 
     @property
     def height(self) -> float | None:
-        """That of a level ground of space; None of all else."""
+        """Height of a level ground in space; None for other bodies."""
         level = self.shape.kind == "ground" and not self.shape.corners
         return float(self.corners[0, 0, 2]) if level else None
 
     def placed(self, rows: Sequence[int] | NDArray[np.intp]) -> Floats:
-        """Return the corners in the scene (rows, n, d)."""
+        """Return the corners in the axes of the scene (rows, n, d)."""
         corners = self.corners if len(self.corners) == 1 else self.corners[rows]
         placed: Floats = corners @ self.axes[rows].swapaxes(1, 2)
         return placed + self.at[rows][:, np.newaxis]
 
 
 def _moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
-    """Return the columns on which nodes depend."""
+    """Return the names of columns on which nodes depend."""
     fixed = {p.name for p in model.parameters} - model.modes | {CURVE}
     return model.graph.depends(nodes) - fixed
 
 
 def needed(model: Model) -> frozenset[str]:
-    """Return the columns of which shapes are made."""
+    """Return the names of columns on which the shapes depend."""
     return _moving(model, [n for shape in model.scene.shapes for n in shape.nodes])
 
 
 def words(model: Model) -> int:
-    """Return how many numbers the shapes have in a row."""
+    """Return the number of values per row that the shapes need."""
     d, found = model.scene.dimension, 0
     for shape in model.scene.shapes:
         found += d * (bool(shape.at) + d * bool(shape.axes))
@@ -101,7 +103,7 @@ def words(model: Model) -> int:
 
 
 def string_lengths(model: Model) -> list[float | None]:
-    """Return the length of each link that is a string of a length of its own."""
+    """Return the length of each link that is a string with a stated one, else None."""
     values, g = model.parameter_values, model.graph
     return [
         None if x is None else evaluate(g, [x.node], values)[0]
@@ -112,7 +114,13 @@ def string_lengths(model: Model) -> list[float | None]:
 def bodies(model: Model, columns: Mapping[str, Floats], count: int) -> list[Body]:
     """Return the shapes of a model in rows of a run.
 
-    `columns` are those that are `needed`, (count,) each.
+    Parameters
+    ----------
+    model : Model
+    columns : mapping of str to ndarray, shape (count,)
+        The columns `needed(model)`.
+    count : int
+        Number of rows.
     """
     # A constraint force without constraints has no column.
     values: dict[str, float | Floats] = dict.fromkeys(needed(model), 0.0)
@@ -191,7 +199,7 @@ def _flat(corners: Floats, *, closed: bool) -> Mesh:
 
 
 def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
-    """Return a body in its own axes; one that turns has a line that shows it."""
+    """Return a body in its own axes; `turns` adds a line that shows its rotation."""
     if kind == "ground":  # a plane: the height of one place in it
         return np.array([[0.0, 0.0, sizes[0]]]), [], [], []
     if kind == "sphere":
@@ -214,7 +222,7 @@ def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
 
 
 def _great_circles(radius: float, count: int) -> Mesh:
-    """Return circles of a sphere across its axes, z first."""
+    """Return `count` great circles of a sphere, normal to its axes, z first."""
     circle = np.pad(_circle(radius, ROUND), ((0, 0), (0, 1)))
     corners = np.concatenate([np.roll(circle, k, axis=1) for k in range(count)])
     edges = [
@@ -227,10 +235,18 @@ def _great_circles(radius: float, count: int) -> Mesh:
 def _prism(
     outline: Floats, low: float, high: float, *, line: bool = False, tip: bool = False
 ) -> Mesh:
-    """Return what is between an outline (n, 2) at `high` and the same, or a tip, below.
+    """Return the prism of an outline (n, 2) from `low` to `high`, or a cone if `tip`.
 
-    An outline of more than four corners is round. `line`: from the middle of the top,
-    and down the side.
+    Parameters
+    ----------
+    outline : ndarray, shape (n, 2)
+        Counterclockwise; with more than four corners it is round.
+    low, high : float
+        Heights of bottom and top.
+    line : bool
+        Whether to add a line from the middle of the top and down the side.
+    tip : bool
+        Whether the bottom is a point.
     """
     n = len(outline)
     parts = [(outline, high), (np.zeros((1, 2)) if tip else outline, low)]
@@ -257,13 +273,16 @@ def _prism(
 
 
 class Seen(NamedTuple):
-    """A body as it is seen: corners (n, 2) each.
+    """Projection of a body: corners (n, 2) each.
 
     Attributes
     ----------
-    faces : those in front, each with how much it is turned to who sees it, 0 to 1.
-    lines, hidden : edges in front, and behind, as one path each, with gaps of nan.
-    depth : how near its middle is.
+    faces : list of (ndarray, float)
+        The faces in front, each with the cosine of its normal to the line of sight.
+    lines, hidden : ndarray, shape (n, 2)
+        Edges in front, and behind, as one path each, with gaps of nan.
+    depth : float
+        Coordinate of the body's middle towards the observer.
     """
 
     faces: list[tuple[Floats, float]]
@@ -273,9 +292,14 @@ class Seen(NamedTuple):
 
 
 def seen(body: Body, row: int, view: Floats) -> Seen | None:
-    """Return a body in a row, seen with the rows of `view` (2, d) right and up.
+    """Return the projection of a body in one row; None if its place is not finite.
 
-    None where it is nowhere.
+    Parameters
+    ----------
+    body : Body
+    row : int
+    view : ndarray, shape (2, d)
+        Directions to the right and up.
     """
     row = min(row, len(body.at) - 1)
     [corners] = body.placed([row])
@@ -309,7 +333,7 @@ def seen(body: Body, row: int, view: Floats) -> Seen | None:
 
 
 def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
-    """Return edges as one path (n, 2), with gaps between those that do not meet."""
+    """Return edges as one path (n, 2), with gaps between edges that do not meet."""
     gap, found, last = np.full(2, np.nan), [], -1
     for i, j in edges:
         found += [flat[j]] if i == last else [gap, flat[i], flat[j]]
@@ -318,7 +342,7 @@ def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
 
 
 def _area(corners: Floats) -> Floats:
-    """Return the vector of the area of a polygon (n, d), of a plane its one part."""
+    """Return the area vector of a polygon (n, d); in the plane its one component."""
     beside = np.roll(corners, -1, axis=0)
     if corners.shape[1] == 2:
         (x, y), (u, v) = corners.T, beside.T
@@ -328,7 +352,15 @@ def _area(corners: Floats) -> Floats:
 
 
 def reached(places: Sequence[Floats], bodies: Sequence[Body]) -> Floats:
-    """Return finite places (n, d) of points and of bodies, in rows enough for these."""
+    """Return finite places (n, d) of points and bodies, which determine the extent.
+
+    Parameters
+    ----------
+    places : sequence of ndarray, shape (rows, d)
+        Of points.
+    bodies : sequence of Body
+        Evaluated in at most `ROWS` rows.
+    """
     found, heights = list(places), []
     for body in bodies:
         rows = np.unique(np.linspace(0, len(body.at) - 1, ROWS).astype(int))

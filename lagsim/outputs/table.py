@@ -1,11 +1,11 @@
-"""The table of a run: as CSV, or packed in the format of NumPy or Parquet.
+"""The table of a run, as CSV or packed in the format of NumPy or Parquet.
 
 trajectory.csv: RFC 4180, a header, then one row per output time. Floats are the
-shortest text that reads back to the same bits. On request a line of units follows the
+shortest text that reads back to the same bits. Optionally a line of units follows the
 header.
 
-Packed formats keep columns one after the other, so the rows go to a file of their own
-first, in the folder of the results; nothing but blocks of them is ever in memory.
+Packed formats store one column after the other, so rows are first written to a
+temporary file in the folder of the results; only blocks of rows are ever in memory.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ if TYPE_CHECKING:
     Pack = Callable[[Path, Mapping[str, str], int, Blocks], None]
 
 _LINE = b"\r\n"
-# Numbers that are packed at once.
+# Numbers in a block of rows that are packed.
 BLOCK = 1 << 20
-# The oldest date that a zip file knows: bytes do not tell when they were written.
+# The earliest date of a zip entry: bytes do not depend on the time of writing.
 NO_DATE = (1980, 1, 1, 0, 0, 0)
-# What begins a formula in a spreadsheet; the second four are of full width.
+# First letters of a formula in a spreadsheet; the last four are full-width forms.
 _COMPUTED = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 
 class Writer:
-    """Writes rows as they come into a file; memory does not grow with their number.
+    """Writer of rows to a file, block by block; memory does not grow with their number.
 
     Attributes
     ----------
     rows : int
-        Rows written.
+        Number of rows written.
     last : float or None
-        The first column of the last of them.
+        First column of the last row.
     """
 
     def __init__(self, file: IO[bytes], width: int, head: bytes = b"") -> None:
@@ -60,12 +60,17 @@ class Writer:
         self._head = self._file.tell()
 
     def add(self, rows: Floats) -> None:
-        """Write rows (k, at least the columns).
+        """Write rows.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (k, m)
+            With at least the columns of the table, to which they are cut.
 
         Raises
         ------
         OSError
-            If there is no room for them; then the file ends with the last whole row.
+            If the disk is full; then the file ends with the last whole row.
         """
         block = np.ascontiguousarray(rows[:, : self._width])
         text, begun = self._text(block), self._file.tell()
@@ -84,18 +89,18 @@ class Writer:
             left = left[self._file.write(left) :]
 
     def begin_anew(self) -> None:
-        """Take all rows back."""
+        """Remove all rows."""
         self._file.seek(self._head)
         self._file.truncate()
         self.rows, self.last = 0, None
 
     def finish(self) -> None:
-        """Make the table whole.
+        """Complete the table.
 
         Raises
         ------
         OSError
-            If there is no room for it.
+            If the disk is full.
         """
 
     def close(self) -> None:
@@ -108,17 +113,20 @@ class Writer:
             self.last = float(written[-1, 0])
 
     def _text(self, block: Floats) -> bytes:
-        """Return rows as they are written."""
+        """Return the bytes of rows."""
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:
-        """Return how many whole rows, and how many bytes of them, a text has."""
+        """Return the number of whole rows in `text`, and the number of their bytes."""
         rows = len(text) // (8 * self._width)
         return rows, 8 * self._width * rows
 
 
 def numberless(unit: str) -> str:
-    """Return a unit for the line of units, where a number would make a row of it."""
+    """Return a unit for the line of units; "" if it reads as a number.
+
+    A number would turn the line of units into a row.
+    """
     try:
         float(unit)
     except ValueError:
@@ -127,9 +135,13 @@ def numberless(unit: str) -> str:
 
 
 def events_table(events: Iterable[Event], *, named: bool) -> bytes:
-    """Return events.csv; what does not go with a kind of event is empty.
+    """Return the bytes of events.csv; fields that a kind of event lacks are empty.
 
-    `named` : the file has events.
+    Parameters
+    ----------
+    events : iterable of Event
+    named : bool
+        Whether there is a column of names, for a file with `events`.
     """
     columns = (
         "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
@@ -139,7 +151,13 @@ def events_table(events: Iterable[Event], *, named: bool) -> bytes:
 
 
 def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
-    """Return a small table of any values at once; what is not known (None) is empty."""
+    r"""Return a small CSV table of any values; None becomes an empty field.
+
+    Examples
+    --------
+    >>> table_of(["t", "closed"], [[0.5, True], [1.0, None]])
+    b't,closed\r\n0.5,true\r\n1.0,\r\n'
+    """
     import csv
     import io
 
@@ -158,30 +176,35 @@ def _cell(x: object) -> object:
 
 
 def guarded(text: str) -> str:
-    """Return a text as a cell has it: with a `'` where a spreadsheet would compute it.
+    """Return a text as a CSV field that a spreadsheet does not compute.
 
-    That is what begins with one of = + - @ and is no number; `unguarded` gives it back.
+    A text that begins with one of = + - @ and is no number gets a `'` in front;
+    `unguarded` removes it.
+
+    Examples
+    --------
+    >>> guarded("=1+1"), guarded("-0.5")
+    ("'=1+1", '-0.5')
     """
     bare = text.lstrip(" \t\r\n'")
     return f"'{text}" if bare.startswith(_COMPUTED) and numberless(text) else text
 
 
 def unguarded(cell: str) -> str:
-    """Return the text of a cell that `guarded` has made."""
+    """Return the text of a field that `guarded` has returned."""
     return cell[1:] if cell.startswith("'") and guarded(cell[1:]) == cell else cell
 
 
 class TableWriter(Writer):
-    """Writes rows as CSV.
+    """Writer of rows as CSV.
 
     Parameters
     ----------
-    path
-        Where to write.
-    columns
-        The header; rows may be wider, and are cut to it.
-    units
-        The second line, if there is to be one.
+    path : Path
+    columns : sequence of str
+        The header; wider rows are cut to it.
+    units : sequence of str, optional
+        The second line.
     """
 
     def __init__(
@@ -191,7 +214,16 @@ class TableWriter(Writer):
         super().__init__(path.open("wb", buffering=0), len(columns), head)
 
     def go_on(self, content: Iterable[bytes], rows: int, last: float | None) -> None:
-        """Begin with rows that were written before, their header with them."""
+        """Replace the content by rows written before, header included.
+
+        Parameters
+        ----------
+        content : iterable of bytes
+        rows : int
+            Number of rows in it.
+        last : float or None
+            First column of the last row.
+        """
         self._file.seek(0)
         self._file.truncate()
         for block in content:
@@ -199,7 +231,7 @@ class TableWriter(Writer):
         self.rows, self.last = rows, last
 
     def synced(self) -> int:
-        """Have the rows on the disk; return the bytes that they take."""
+        """Flush the rows to the disk; return the size of the file in bytes."""
         os.fsync(self._file.fileno())
         return self._file.tell()
 
@@ -217,7 +249,7 @@ class TableWriter(Writer):
 
 
 class PackedWriter(Writer):
-    """Writes rows to a file of its own; `finish` packs them."""
+    """Writer of rows to a temporary file, which `finish` packs."""
 
     def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
         file = tempfile.TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115
@@ -226,17 +258,17 @@ class PackedWriter(Writer):
         self._pack: Pack = _as_parquet if form is Format.PARQUET else _as_npz
 
     def finish(self) -> None:
-        """Make the table of the rows.
+        """Write the packed table.
 
         Raises
         ------
         OSError
-            If there is no room for it.
+            If the disk is full.
         """
         self._pack(self._path, self._units, self.rows, self._blocks)
 
     def _blocks(self) -> Iterator[Floats]:
-        """Return the rows, some at a time."""
+        """Yield the rows in blocks."""
         many = max(1, BLOCK // self._width)
         self._file.seek(0)
         for start in range(0, self.rows, many):
@@ -246,7 +278,7 @@ class PackedWriter(Writer):
 
 
 def check_format(form: Format, *, show_units: bool) -> None:
-    """Refuse what a packed table cannot be.
+    """Refuse options that a packed table does not have, or a missing pyarrow.
 
     Raises
     ------
@@ -261,12 +293,12 @@ def check_format(form: Format, *, show_units: bool) -> None:
 
 
 def arrow() -> Any:
-    """Return pyarrow's module of Parquet.
+    """Return the module pyarrow.parquet.
 
     Raises
     ------
     InputError
-        Where it is not installed.
+        If pyarrow is not installed.
     """
     try:
         import pyarrow.parquet
@@ -292,7 +324,7 @@ def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> 
 def _as_parquet(
     path: Path, units: Mapping[str, str], _rows: int, blocks: Blocks
 ) -> None:
-    """Write a column for each, with its unit where there is one."""
+    """Write each column, with its unit if known."""
     import pyarrow as pa
 
     fields = [
@@ -309,16 +341,21 @@ def _as_parquet(
 def table_writer(
     form: Format, path: Path, units: Mapping[str, str], *, show_units: bool
 ) -> Writer:
-    """Open a table for the columns that `units` names.
+    """Return the writer of a table with the columns of `units`.
 
     Parameters
     ----------
-    show_units
-        CSV gets a line of them.
+    form : Format
+    path : Path
+    units : mapping of str to str
+        Units of the columns.
+    show_units : bool
+        Whether CSV has a line of units.
 
     Raises
     ------
     OSError
+        If the file cannot be opened.
     """
     if form is Format.CSV:
         line = [numberless(unit) for unit in units.values()] if show_units else None

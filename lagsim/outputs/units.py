@@ -1,9 +1,9 @@
-"""Units: of all columns of a table, of what pictures show, of forces and energies.
+"""Units of table columns, of quantities in pictures, of forces and energies.
 
-A file gives units to coordinates, parameters and definitions. What follows from these
-by sums, products and powers has a unit, too. A parameter without a unit is a number
-where all energies and forces agree with that. Where a factor may stand for a quantity,
-or two terms differ, there is no unit. All who show units ask here.
+A file states units of coordinates, parameters and definitions. Sums, products and
+powers of quantities with units have units, too. A parameter without a unit is a pure
+number if all energies and forces are consistent with that. If a factor may represent a
+quantity, or two terms differ, the unit is unknown. All other modules get units here.
 """
 
 from __future__ import annotations
@@ -34,25 +34,27 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
-# What forces come as, beside the newton.
+# Names of units of generalized forces, impulses, stiffness and power.
 _FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
 
-# What motion alone is measured in.
+# Units of kinematic quantities.
 MOTION = {"m", "mm", "cm", "km", "s", "ms", "min", "h", "deg"}
 
-# Expressions with more nodes than this cost more to look through than to draw.
+# Largest number of nodes of an expression whose unit is derived: with more, the
+# derivation takes longer than the drawing.
 MOST_NODES = 4000
 
 
 class Dimensions:
-    """The units of the nodes of a graph, as far as they follow from some.
+    """The units of the nodes of a graph, as far as they follow from known units.
 
     Parameters
     ----------
-    given : dict of int to str
-        Units of nodes, as the file has them.
-    numbers
-        Nodes that have none.
+    graph : Graph
+    given : mapping of int to str
+        Units of nodes, as in the file.
+    numbers : iterable of int
+        Nodes that are pure numbers.
     """
 
     def __init__(
@@ -77,12 +79,12 @@ class Dimensions:
         return self.known[node]
 
     def unit(self, node: int) -> Unit | None:
-        """Return the unit of a node, None where none follows."""
+        """Return the unit of a node; None if it is unknown."""
         found = self.of(node)
         return None if found.free else found.unit
 
     def text(self, node: int) -> str:
-        """Return the unit of a node as it is written; "" where none follows."""
+        """Return the unit of a node as text; "" if it is unknown."""
         found = self.of(node)
         return "" if found.free else found.text or written(found.unit)
 
@@ -101,7 +103,7 @@ class Dimensions:
 
 
 def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
-    """Return the unit of each column as the file has it; "" where it has none."""
+    """Return the unit of each column as the file states it; "" without one."""
     model = equations.model
     found = {"t": "s"}
     for c in model.coordinates:
@@ -118,15 +120,15 @@ def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]
 
 
 def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
-    """Return the unit of each column of the table, "" where none follows."""
+    """Return the unit of each column of the table; "" if it is unknown."""
     found = units(equations, columns)
     return {name: found.get(name, "") for name in columns}
 
 
 def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
-    """Return the unit of each of these columns, and of what pictures show besides.
+    """Return the known units of given columns and of other quantities in pictures.
 
-    Those that have none are left out.
+    Columns without a known unit are omitted.
     """
     key = ("units", equations.model.sha256, tuple(equations.q), tuple(columns))
     return memoize(equations.graph, key, lambda: _units(equations, columns))
@@ -170,9 +172,9 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 def _consistent(
     equations: Equations, given: Mapping[int, str]
 ) -> tuple[Dimensions, Unit]:
-    """Return the units of nodes, and that of all energies; none where these disagree.
+    """Return the units of nodes, and the unit of all energies; PURE if they disagree.
 
-    Parameters without units are numbers, unless an energy or a force speaks against it.
+    Parameters without units are pure numbers, unless an energy or a force contradicts.
     """
     model, graph = equations.model, equations.graph
     bare = [
@@ -200,7 +202,7 @@ def _consistent(
 
 
 def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Return the terms of a sum that have another unit than the one wanted."""
+    """Return the terms of a sum whose unit differs from `wanted`."""
     graph, below, terms = dimensions.graph, [node], list[int]()
     while below:
         k = below.pop()
@@ -212,7 +214,7 @@ def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
 
 
 def _per(energy: Unit, along: Unit, level: Level) -> Unit:
-    """Return the unit of a force on a coordinate, or, by its power, on a rate."""
+    """Return the unit of a generalized force: energy or, for a rate, power / along."""
     force = times(energy, along, -1.0)
     return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)
 
@@ -224,16 +226,16 @@ def _energies(equations: Equations) -> list[int]:
 
 
 def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
-    """Return the one unit of all energies that have one."""
+    """Return the common unit of all energies with a known unit; PURE without one."""
     known = [u for node in _energies(equations) if (u := dimensions.unit(node))]
-    # Without a mass, what is called an energy is that of one that has no unit.
+    # A unit without a mass: the mass is 1 and has no unit, and energies have none.
     if not known or any(set(unit) <= MOTION for unit in known):
         return PURE
     return known[0] if all(unit == known[0] for unit in known) else PURE
 
 
 def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
-    """Return name and node of columns that no rule names, and of what is drawn."""
+    """Yield name and node of columns whose unit follows from the node alone."""
     for d in equations.model.definitions:
         yield d.name, d.node
     rows = equations.every_row
@@ -250,7 +252,10 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
 def _forces(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit]]:
-    """Return units of constraint forces, multipliers and reactions, by their work."""
+    """Yield names and units of constraint forces, multipliers and reactions.
+
+    They follow from the work.
+    """
     work = {f"Qc_{q}": equations.graph.variable(q) for q in equations.q}
     defined = {d.name: d.node for d in equations.model.definitions}
     reactions = equations.model.output.reactions

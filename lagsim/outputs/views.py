@@ -1,4 +1,4 @@
-"""The paths of the points of a scene, from each side, with its links and shapes."""
+"""Views of a scene along each axis: paths of its points, links and shapes."""
 
 from __future__ import annotations
 
@@ -46,46 +46,47 @@ if TYPE_CHECKING:
     from lagsim.outputs.shapes import Body
     from lagsim.run.observers.thinning import Array
 
-    # The directions that run across and up; none are those of the view from aside.
+    # The axes to the right and up; () is the oblique view.
     View: TypeAlias = tuple[int, ...]
 
 
 # --- Views
 
-# Inches, about: what numbers and names take between two views, and the widths of one
-# view, and of one of two; the least height of one, and the greatest of one in the
-# plane. In space none is higher than it is wide.
+# Inches, about: room for numbers and names between two views, the width of a single
+# view, and of one of two; the least height of a view, and the greatest in the plane. In
+# space no view is higher than wide.
 BETWEEN, WHOLE, HALF, LOWEST, HIGHEST = 0.52, 6.2, 2.8, 1.0, 3.8
-# How much longer than the paths an axis is.
+# Ratio of the length of an axis to that of the paths.
 FREE = 1.12
 # More names than this cannot be distinguished.
 MOST_NAMES = 14
 
-# Points of a string that sags; of its length, a slack that is not seen; the sag over
-# the slack, by the length of a flat parabola.
+# Points of a sagging string; the largest invisible slack relative to its length; the
+# ratio of sag to slack, from the length of a flat parabola.
 STRING, TAUT, SAG = 25, 1e-3, 3.0**0.5 / 4.0
 
 START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
 END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
 FIXED_MARK = mark("s", 3.4)
 
-# From light to dark along a chain with more points than there are pens.
+# First and last colour of a chain with more points than pens.
 LIGHT, DARK = np.array((0.55, 0.76, 0.93)), np.array((0.0, 0.13, 0.35))
 
-# The directions that run across and up in the views of a plane, and of a space.
+# The axes to the right and up in the views of a plane, and of a space.
 PLANE, IN_SPACE = ((0, 1),), ((0, 2), (1, 2), (0, 1))
-# The view from aside, along which no direction lies: what runs right and up in it, seen
-# from 30 degrees to the right of ahead and 30 degrees above.
+# The oblique view, and its directions to the right and up: seen from 30 degrees to the
+# right of the front and 30 degrees above.
 ASIDE: View = ()
 OBLIQUE = np.array(((0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)))
 
 
 class Views:
-    """The views of a scene with the names of what is in it.
+    """The views of a scene with a legend of its points, shapes and links.
 
     Attributes
     ----------
-    height : how much of a picture they take; 0 without points or rows.
+    height : float
+        Of all views, in inches; 0 without points or rows.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class Views:
         self.height = LINE * lines + sum(self._heights) + gaps + BELOW_PANELS
 
     def _take(self, scene: Scene) -> None:
-        """Take the positions (directions, rows) of all points."""
+        """Store positions (directions, rows) of all points, their extent and unit."""
         record = self._record
         dimension = scene.dimension
         self._positions: dict[str, Array] = {}
@@ -141,12 +142,12 @@ class Views:
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:
-        """Return how much an inch is, also where all points rest in one place."""
+        """Return the length per inch with free room; positive for a scene at rest."""
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
 
     def _pens_of_moving(self) -> dict[str, Pen]:
-        """Return a pen for each point that moves, in their order."""
+        """Return a pen for each point that moves, in the order of the points."""
         paths = {}
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
@@ -191,11 +192,11 @@ class Views:
             yield f"one of {stride} rows", {}
 
     def _written(self, name: str) -> str:
-        """Return the name of a point or a shape; of a member with its subscripts."""
+        """Return the name of a point or shape; of a family member with subscripts."""
         return self._record.letters.name(name) if "." in name else name
 
     def draw(self, part: SubFigure, picture: Picture) -> None:
-        """Draw them in a part of a picture, when the places of panels are known."""
+        """Add panels and legend to a part of a picture; draw curves after the layout."""
         header(part, self._entries, WIDTH)
         rows, columns = len(self._heights), len(self._widths)
         found = part.subplots(
@@ -213,7 +214,7 @@ class Views:
         picture.when_placed(self._fill, panels)
 
     def _put(self, panels: Sequence[tuple[Axes, View]]) -> None:
-        """Give all views along axes one scale, and the one from aside its own."""
+        """Set one scale for all views along axes, and another for the oblique view."""
         ends = [self._ends(view) for _, view in panels]
         scales = [
             per_inch(axes, own) for (axes, _), own in zip(panels, ends, strict=True)
@@ -223,7 +224,7 @@ class Views:
             put_around(axes, own, self._usable(largest if view else scale))
 
     def _ends(self, view: View) -> list[tuple[float, float]]:
-        """Return the ends of what a view shows, across and up."""
+        """Return the least and greatest abscissa and ordinate of a view."""
         if view:
             return [self._extents[k] for k in view]
         shown = [OBLIQUE @ p for p in self._positions.values()]
@@ -234,7 +235,7 @@ class Views:
         return [extent(*c) for c in zip(*shown, strict=True)]
 
     def _fill(self, panels: Sequence[tuple[Axes, View]]) -> None:
-        """Draw shapes, paths and links; of the view from aside also its directions."""
+        """Draw shapes, paths and links; in the oblique view also the axes."""
         for axes, view in panels:
             along = list(view)
             turned = np.eye(len(self._extents))[along] if view else OBLIQUE
@@ -252,9 +253,15 @@ class Views:
                 )  # fmt: skip
 
     def _draw(self, axes: Axes, shown: Mapping[str, Array], down: Array) -> None:
-        """Draw points, given as what runs across and up of their paths (2, rows).
+        """Draw paths and links.
 
-        Strings sag along `down` : (2,).
+        Parameters
+        ----------
+        axes : Axes
+        shown : mapping of str to ndarray, shape (2, rows)
+            Projected position of each point.
+        down : ndarray, shape (2,)
+            Direction in which strings sag.
         """
         for name, pen in self._pens.items():
             x, y = shown[name]
@@ -285,7 +292,7 @@ class Views:
             point(axes, x, y, FIXED_MARK)
 
     def _bottoms(self) -> Array:
-        """Return where the strings that are drawn hang lowest (directions, k)."""
+        """Return the lowest places of the strings that are drawn (directions, k)."""
         found, places = [], next(iter(self._positions.values()), ())
         for (a, b), kind, length in zip(
             self._links, self._looks, self._strings, strict=True
@@ -297,9 +304,9 @@ class Views:
         return np.array(found).reshape(len(found), len(places)).T
 
     def _slack(self, a: str, b: str, row: int, length: float | None) -> float:
-        """Return the root of length^2 - distance^2 of a string, 0 where it is taut.
+        """Return sqrt(length^2 - distance^2) of a string in one row, 0 if it is taut.
 
-        Without a length of its own it is as long as its ends are ever apart.
+        A string without a stated length is as long as the largest distance of its ends.
         """
         apart = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
         longest = float(np.nanmax(apart)) if length is None else length
@@ -317,7 +324,7 @@ class Views:
         return found
 
     def _draw_bodies(self, axes: Axes, view: Array) -> None:
-        """Draw the shapes, seen with the rows of `view` (2, d) right and up."""
+        """Draw the shapes; the rows of `view` (2, d) point right and up."""
         drawn = list(zip(self._bodies, self._colours(), strict=True))
         last = max((len(b.at) for b in self._bodies), default=1) - 1
         between = [last * k // (BETWEEN_TIMES + 1) for k in range(1, BETWEEN_TIMES + 1)]
@@ -347,20 +354,22 @@ class Views:
 
 # --- Shapes and links, in inches on paper
 
-# Of a shape: at the start, at so many times after it, and at the end.
+# Edges of a shape: number of times between start and end; pens at the start, between,
+# and at the end.
 BETWEEN_TIMES = 4
 START_EDGE: Pen = {"linewidth": 0.6}
 THIN_EDGE: Pen = {"linewidth": 0.35, "alpha": 0.6}
 END_EDGE: Pen = {"linewidth": 0.9}
 HIDDEN_EDGE: Pen = {"linewidth": 0.35, "dashes": (2.0, 2.0)}
-# Hatches of a ground, the head of an arrow, a coil, and a damper's cylinder.
+# Sizes in inches: hatches of a ground and their distance, the head of an arrow, a coil
+# or a damper's cylinder; number of turns of a spring.
 HATCH, APART, HEAD, COIL, TURNS = 0.07, 0.08, 0.08, 0.045, 8
-# Hatches more than this would be a band.
+# Largest number of hatches of an edge.
 MOST_HATCHES = 400
 
 
 def _bodies(record: Record, model: Model) -> list[Body]:
-    """Return the shapes in a few hundred rows, the first and the last among them."""
+    """Return the shapes in at most 500 rows, the first and the last included."""
     count = len(record.rows.sampled("t"))
     rows = np.unique(np.linspace(0, count - 1, 500).astype(int))
     known = [name for name in needed(model) if name in record.rows]
@@ -369,7 +378,7 @@ def _bodies(record: Record, model: Model) -> list[Body]:
 
 
 def _inch(axes: Axes) -> float:
-    """Return how much of its scale an inch of a panel is."""
+    """Return the length per inch of a panel's abscissa."""
     low, high = axes.get_xlim()
     return (high - low) / size_of(axes)[0]
 
@@ -387,7 +396,7 @@ def _edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> No
 
 
 def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
-    """Return the length from a to b, its direction, and what is at its left."""
+    """Return the length from a to b, the unit vector, and its left normal."""
     length = float(np.hypot(*(b - a)))
     u = (b - a) / length if length else np.array((1.0, 0.0))
     return length, u, np.array((-u[1], u[0]))
@@ -440,19 +449,19 @@ def _damper(a: Array, b: Array, inch: float) -> Array:
 
 
 def _string(a: Array, b: Array, slack: Array) -> Array:
-    """Return a parabola (n, 2) from a to b: a string with some slack, downwards."""
+    """Return a parabola (n, 2) from a to b: a string that sags by its slack (2,)."""
     s = np.linspace(0.0, 1.0, STRING if slack.any() else 2)[:, np.newaxis]
     return np.asarray(a + s * (b - a) + 4.0 * SAG * s * (1.0 - s) * slack)
 
 
-# Links that are drawn as more than a line.
+# Outlines of links that are not straight lines.
 LOOKS = {"spring": _spring, "damper": _damper}
 
 
 def _plane(
     axes: Axes, view: Array, z: float, extents: Sequence[tuple[float, float]]
 ) -> None:
-    """Draw a level ground of space: a line from aside, an area from above."""
+    """Draw a level ground of space: a line in a side view, an area from above."""
     (left, right), (front, back), _ = extents
     look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
     if (not view[0, 2] and not view[:, 1].any()) or not view[:, 0].any():

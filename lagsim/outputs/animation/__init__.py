@@ -1,18 +1,18 @@
-"""The motion of a run on a page that opens by itself, see docs/animation.md.
+"""The animation of a run: an HTML page without external files, see docs/animation.md.
 
-First what moves: points of a scene and the forces on them in every frame, and notes. A
-model without a scene has one point where it has the names x and y (and z).
+First the motion is computed: points of a scene and the forces on them in every frame. A
+model without a scene has one point if it has the names x and y (and z).
 
 A constraint acts on the coordinates by Qc = A^T lambda. A force F on a point r of the
-scene acts on them by J^T F, with J = dr/dq. Where A^T = J^T f for one f and no other,
-F = lambda f is the one force on that point that does the same work in every virtual
-displacement, and is drawn; a component of r that never varies has none. One point is
-tried first, then two that a link joins, then any two.
+scene acts on them by J^T F, with J = dr/dq. If A^T = J^T f for a unique f, then F =
+lambda f is the one force on that point that does the same work in every virtual
+displacement, and is drawn; a constant component of r has no force. One point is tried
+first, then two that a link joins, then any two.
 
-Where f is not unique (the bob of a pendulum in its angle moves along a circle: a stop
-of the angle is a torque), no force is drawn, but the point is known to be struck.
+If f is not unique (the bob of a pendulum in its angle moves along a circle: a stop of
+the angle is a torque), no force is drawn, but impacts are shown at the point.
 
-Then the page: one file with its data, its style and its script, and no network.
+Then the page is written: one file with its data, style and script.
 """
 
 from __future__ import annotations
@@ -86,26 +86,29 @@ class Film(NamedTuple):
 
     Attributes
     ----------
+    name, description : str
+        Of the model.
     t : ndarray, shape (frames,)
     broken : ndarray of bool, shape (frames,)
-        Up to the next frame positions go straight.
+        Whether positions are interpolated linearly up to the next frame.
     tracks : dict of str to Track
     links : sequence of pairs of names
     looks : sequence of str
-        Of each link, as `Scene` has them; none: all as their lengths say.
+        Kind of each link, as in `Scene`, "" where its length determines the kind; ()
+        means all "".
     lengths : sequence of float or None
-        Of each link, those of strings that the file gives; none: none.
+        Stated length of each link that is a string; () means no stated lengths.
     shapes : sequence of Body
     pushes : sequence of Push
         The forces of constraints.
     energies : dict of str to ndarray, shape (frames,)
     events : sequence of Event
     struck : dict of str to names
-        The points at which each constraint acts, where there are any.
+        The points at which each constraint acts, if known.
     horizon : float
-        No forecast beyond this time.
+        Time past which the motion is no forecast.
     units : dict of str to str
-        Of `length`, `energy` and `force`, where they are known.
+        Of `length`, `energy` and `force`, if known.
     notes : sequence of str
     """
 
@@ -128,13 +131,16 @@ class Film(NamedTuple):
 
     @property
     def dimension(self) -> int:
-        """How many components places have."""
+        """Number of components of a place."""
         places = [track.place for track in self.tracks.values()]
         return int([*places, *(body.at for body in self.shapes)][0].shape[1])
 
 
 def stage(model: Model) -> Scene:
-    """Return the scene of a model; where the file has none, one point or nothing."""
+    """Return the scene of a model; without one, the point (x, y) or (x, y, z).
+
+    Its dimension is 0 if the model has no such variables either.
+    """
     if model.scene.points or model.scene.shapes:
         return model.scene
     nodes = {c.name: model.graph.variable(c.name) for c in model.coordinates}
@@ -145,7 +151,7 @@ def stage(model: Model) -> Scene:
 
 
 def nothing_to_draw(model: Model) -> list[Caution]:
-    """Return the warning that a model gives no page, if so."""
+    """Return the warning, in a list, that a model has no animation; else []."""
     if stage(model).dimension:
         return []
     text = (
@@ -156,7 +162,14 @@ def nothing_to_draw(model: Model) -> list[Caution]:
 
 
 def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
-    """Return what keeps of rows with `columns` what a film of the model needs."""
+    """Return the observer that stores the frames needed for `film`.
+
+    Parameters
+    ----------
+    equations : Equations
+    columns : sequence of str
+        Columns of the rows that it will receive.
+    """
     scene = stage(equations.model)
     names = ["t", *equations.state, *equations.accelerations]
     names += [*equations.multipliers, *sorted(equations.model.modes)]
@@ -182,14 +195,19 @@ def film(
     units: Mapping[str, str] | None = None,
     notes: Sequence[str] = (),
 ) -> Film | None:
-    """Return the motion of a model's scene; None where there is nothing to draw.
+    """Return the motion of a model's scene; None if there is nothing to draw.
 
     Parameters
     ----------
+    equations : Equations
     frames : Frames
-        Those of `frames_of`, after the run.
+        The result of `frames_of`, after the run.
+    events : sequence of Event
+    horizon : float
+        Time past which the motion is no forecast.
     units : dict of str to str
         Of columns.
+    notes : sequence of str
     """
     model, scene = equations.model, stage(equations.model)
     table = frames.table
@@ -216,7 +234,7 @@ def film(
 
 
 def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
-    """Return the units of what a page shows, from those of columns."""
+    """Return the units on a page, from the units of columns."""
     columns = [
         f"point.{name}.{k + 1}"
         for name, x in scene.points.items()
@@ -228,7 +246,13 @@ def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
 
 
 def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
-    """Return the units of a page; that of a force follows."""
+    """Return the units on a page: length, energy, force; "" if unknown.
+
+    Examples
+    --------
+    >>> page_units({"m", ""}, "J")
+    {'length': 'm', 'energy': 'J', 'force': 'N'}
+    """
     [length, *others] = sorted(set(lengths) - {""}) or [""]
     length = "" if others else length
     force = "N" if (energy, length) == ("J", "m") else ""
@@ -238,7 +262,7 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
 def _tracks(
     e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
 ) -> dict[str, Track]:
-    """Evaluate the points and their rates; a plane lies at z = 0 of a space."""
+    """Evaluate the points and their rates; components that a point lacks are 0."""
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
     accelerations = map(g.variable, e.accelerations)
@@ -258,7 +282,7 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Return the frames whose rates say nothing up to the next one (frames,)."""
+    """Mark frames in which rates are too large for interpolation (frames,)."""
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = extent(tracks)
     found = np.zeros(len(t), dtype=bool)
@@ -269,7 +293,7 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
 
 def extent(tracks: Mapping[str, Track]) -> float:
-    """Return the longest side of what the points pass through."""
+    """Return the longest side of the bounding box of all points."""
     if not tracks:
         return 0.0
     every = reached([track.place for track in tracks.values()], [])
@@ -284,15 +308,19 @@ class Carriers:
 
     Parameters
     ----------
-    values
-        Parameters and columns (count,) by name.
+    equations : Equations
+    scene : Scene
+    values : mapping of str to float or ndarray, shape (count,)
+        Parameters and columns.
+    count : int
+        Number of frames.
 
     Attributes
     ----------
     struck : dict of str to names
-        The points at which each constraint acts, where there are any.
+        The points at which each constraint acts, if known.
     pushes : list of Push
-        The forces that are ever other than 0, those of friction in them.
+        The forces that are not always 0, friction included.
     """
 
     def __init__(
@@ -321,7 +349,7 @@ class Carriers:
         self.pushes = [Push(*key, force) for key, force in found.items()]
 
     def _moving(self) -> dict[str, list[dict[int, int]]]:
-        """Return dr/dq, a mapping a component, of the points that depend on q."""
+        """Return dr/dq of the points that depend on q, a mapping for each component."""
         e, g = self._e, self._e.graph
         index = {g.variable(name): j for j, name in enumerate(e.q)}
         rates = frozenset(e.velocities)
@@ -338,7 +366,7 @@ class Carriers:
         return found
 
     def _carrier(self, A: Mapping[int, int]) -> tuple[tuple[str, ...], bool]:
-        """Return the fewest points that carry a row, and whether by one force alone."""
+        """Return the fewest points that carry a row, and whether forces are unique."""
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
         several: tuple[str, ...] = ()
@@ -365,9 +393,14 @@ class Carriers:
     def _forces(
         self, row: Mapping[int, int], points: Sequence[str], frames: slice
     ) -> tuple[Floats, Flags, Flags]:
-        """Return f (k, components) in some frames, where A^T = J^T f, where unique.
+        """Solve A^T = J^T f for the forces of a row on points, in some frames.
 
-        Components that never vary have no part in it.
+        Returns
+        -------
+        f : ndarray, shape (k, components)
+            Without components that never vary.
+        holds, unique : ndarray of bool, shape (k,)
+            Whether f solves the equation, and whether it is unique.
         """
         parts = [part for p in points for part in self._jacobians[p] if part]
         columns = sorted({j for part in parts for j in part})
@@ -396,7 +429,7 @@ class Carriers:
     def _shares(
         self, A: Mapping[int, int], name: str, points: Sequence[str]
     ) -> Iterator[tuple[str, Floats]]:
-        """Return the force (count, components) on each point that carries a row."""
+        """Yield each point that carries a row, and its force (count, components)."""
         multiplier = self._values.get(name)
         if not isinstance(multiplier, np.ndarray) or not multiplier.any():
             return
@@ -416,7 +449,7 @@ class Carriers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Return the reactions that the model asks for, on points that are made of them."""
+    """Yield the output reactions, on points whose components they act on."""
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
@@ -440,12 +473,15 @@ def film_of_columns(
 ) -> Film | None:
     """Return the motion of the point (x, y) or (x, y, z); None without these columns.
 
-    Its rate is that of the columns x_dot, y_dot, ... where there are all of them; else
-    it follows from the rows, on each side of an impact by itself.
+    The rate is that of the columns x_dot, y_dot, ... if all exist; else it is a finite
+    difference of rows, separately on each side of an impact.
 
     Parameters
     ----------
-    more
+    name : str
+    columns : mapping of str to ndarray, shape (rows,)
+    events : sequence of Event
+    **more
         Further attributes of the film.
     """
     if not {"t", "x", "y"} <= columns.keys():
@@ -471,7 +507,7 @@ def film_of_columns(
 
 
 def _slopes(t: Floats, place: Floats) -> Floats:
-    """Return the rates of rows, by parabolas; nan where a row stands alone."""
+    """Return the rates of rows, by parabolas; nan if a row is isolated."""
     rate = np.full_like(place, np.nan)
     ends = [*(np.flatnonzero(np.diff(t) == 0.0) + 1), len(t)]
     first = 0
@@ -486,26 +522,27 @@ def _slopes(t: Floats, place: Floats) -> Floats:
 
 # --- The page
 
-# In this order: each uses what stands before.
+# In this order: each script uses the ones before it.
 SCRIPTS = ("motion.js", "view.js", "draw.js", "panel.js", "page.js")
-# The data of a page, as `recorded` finds them.
+# The data of a page, for `recorded`.
 _DATA = re.compile(
     r'<script type="application/json" id="runs">(.*?)</script>', re.DOTALL
 )
-# Of the length of a link: within this it does not change; of the frames: so many with
-# a contact's link at its longest make it a string.
+# Largest relative change of length of a rigid link; least part of the frames in which a
+# link with a contact has its full length if it is a string.
 RIGID, TAUT = 1e-3, 0.02
-# A view shows all of the motion, unless some hundredths of it go so many times as far.
+# A view shows the whole motion, unless its extent exceeds that between the percentiles
+# 100 - MOST and MOST by the factor OUTLYING.
 MOST, OUTLYING = 98.0, 20.0
-# Of the size of a view: so far below it a floor is still in sight.
+# Largest distance of a visible floor below a view, relative to the size of the view.
 NEAR = 0.1
-# More events than these cannot be distinguished on a time line.
+# Largest number of events that can be distinguished on a time line.
 MOST_EVENTS = 4000
 
 
 @np.errstate(all="ignore")  # a motion that diverges passes every number
 def record(film: Film) -> dict[str, Any]:
-    """Return a film as the page reads it, in what JSON holds."""
+    """Return a film as JSON data for the script of the page."""
     size = extent(film.tracks)
     names = list(film.tracks)
     places = [track.place for track in film.tracks.values()]
@@ -560,21 +597,21 @@ def record(film: Film) -> dict[str, Any]:
 
 
 def _packed(values: Floats, kind: str = "<f4") -> str:
-    """Return numbers as text, row by row."""
+    """Return numbers as base64 text, row by row."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def _usual(force: Floats) -> float:
-    """Return the size of a force that few frames exceed: a spike rules no scale."""
+    """Return the size of a force that few frames exceed, to ignore spikes."""
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
 
 
 def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float | None:
-    """Return the height of a floor that is below all; None where it is out of sight.
+    """Return the height of a floor below all points; None if it is out of sight.
 
-    In space, that of the first ground that the scene has.
+    In space, it is the height of the first ground of the scene, if there is one.
     """
     if levels := [b.height for b in film.shapes if b.height is not None]:
         return levels[0]
@@ -586,7 +623,7 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 
 
 def _box(every: Floats) -> list[list[float]]:
-    """Return the least and greatest of each component that a view is to show."""
+    """Return the least and greatest value of each component for the view."""
     if not len(every):
         return [[0.0, 0.0] for _ in range(every.shape[1])]
     low, high = every.min(axis=0), every.max(axis=0)
@@ -597,7 +634,7 @@ def _box(every: Floats) -> list[list[float]]:
 
 
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
-    """Return a shape; of its axes the last follows from the others."""
+    """Return a shape as JSON data; its last axis follows from the others."""
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
     parts = {"at": body.at, "axes": axes, "corners": body.corners}
@@ -611,7 +648,7 @@ def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _coded(place: Floats) -> dict[str, str]:
-    """Return what moves, or what is the same in all frames."""
+    """Return an array under `place`, or its constant value under `fixed`."""
     same = np.array_equal(place, np.broadcast_to(place[:1], place.shape))
     return {"fixed" if same else "place": _packed(place[0] if same else place)}
 
@@ -623,7 +660,7 @@ def _link(
     look: str,
     length: float | None,
 ) -> dict[str, Any]:
-    """Return a link and its look: by default as its length says."""
+    """Return a link as JSON data; by default its lengths determine its kind."""
     a, b = link
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)
@@ -643,7 +680,7 @@ def _link(
 
 
 def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
-    """Return a page on which runs play side by side, on one clock."""
+    """Return the HTML page on which runs play side by side, on one clock."""
     here = Path(__file__).parent
     text = (here / "page.html").read_text("utf-8")
     data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -660,7 +697,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
 
 
 def recorded(content: str) -> list[dict[str, Any]] | None:
-    """Return the runs of a page; None where it holds none."""
+    """Return the runs of a page; None if it contains no runs."""
     found = _DATA.search(content)
     if not found:
         return None
