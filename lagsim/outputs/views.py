@@ -196,7 +196,7 @@ class Views:
         return self._record.letters.name(name) if "." in name else name
 
     def draw(self, part: SubFigure, picture: Picture) -> None:
-        """Add panels and legend to a part of a picture; draw curves after the layout."""
+        """Add panels and legend to a part of a picture; curves follow the layout."""
         header(part, self._entries, WIDTH)
         rows, columns = len(self._heights), len(self._widths)
         found = part.subplots(
