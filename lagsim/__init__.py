@@ -1,8 +1,25 @@
 """From energies to motion: a simulator for systems written down as T and V.
 
-`load` reads a model, `check` tells whether its start is admissible, `simulate` gives
-its motion as arrays, `sweep` what comes of many values, and `derive` its equations: see
-docs/python.md. Nothing is printed, and nothing written unless a result is asked to.
+`load` reads a model, `check` examines its start, `simulate` returns its motion as
+arrays, `sweep` a table of runs at many values, and `derive` its equations: see
+docs/python.md. No function prints, and only the `write` methods of results write files.
+
+Examples
+--------
+A mass that falls for half a second:
+
+>>> import lagsim
+>>> model = lagsim.load('''
+... name: drop
+... parameters: {m: 2, g: 9.81}
+... coordinates: {y: {}}
+... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+... initial: {y: 1, y_dot: 0}
+... simulation: {duration: 0.5}
+... ''')
+>>> motion = lagsim.simulate(model)
+>>> round(float(motion["y"][-1]), 9)
+-0.22625
 """
 
 from __future__ import annotations
@@ -10,8 +27,8 @@ from __future__ import annotations
 import signal
 import sys
 
-# The command that is interrupted while it begins ends without a word, from here on;
-# whoever imports this is left alone.
+# A command that is interrupted while it loads ends without a message from here on. A
+# program that imports lagsim keeps its own handler of SIGINT.
 if (
     sys.orig_argv[1:3] == ["-m", "lagsim"]
     or "".join(sys.argv[:1]).endswith(("/lagsim", "\\lagsim.exe"))
@@ -52,7 +69,8 @@ __all__ = [
     "sweep",
 ]
 
-# What is loaded when it is asked for: commands begin with this file, too.
+# The modules of `lagsim.api` that define the public names. They are imported at the
+# first access of a name, since every command imports this file, too.
 _PLACES = {
     "Derivation": "models",
     "Examination": "simulating",

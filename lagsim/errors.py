@@ -182,14 +182,43 @@ def pointed(place: Place, window: int = WINDOW) -> list[str]:
 
 
 class LagsimError(Exception):
-    """A failure that the user can mend; `exit_code` is the command's, `code` stable."""
+    """Base class of the errors that a user can correct.
+
+    Attributes
+    ----------
+    exit_code : int
+        The exit code of the command.
+    code : str
+        The stable code of the error.
+    """
 
     exit_code = 2
     code = "failed"
 
 
 class InputError(LagsimError):
-    """Unusable input (exit 2): all faults found, in the order of the file."""
+    """The input cannot be used (exit code 2).
+
+    Attributes
+    ----------
+    problems : tuple of Problem
+        All faults, in the order of the file.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> text = '''coordinates: {x: {}}
+    ... initial: {x: 0}
+    ... '''
+    >>> try:
+    ...     lagsim.load(text)
+    ... except lagsim.InputError as error:
+    ...     print(error)
+    <model>:1:1: the file has no `energy` [E119]
+      coordinates: {x: {}}
+      ^^^^^^^^^^^^^^^^^^^^
+      hint: give `kinetic` and `potential`, or `lagrangian`
+    """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problem.whole for problem in problems)

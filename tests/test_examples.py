@@ -1,4 +1,4 @@
-"""Every example of README.md and docs/ is run, and prints what the page shows.
+"""Examples of README.md, docs/ and docstrings are run, and print what is shown.
 
 A page is read from top to bottom, in one folder: its models are written there, its
 commands called, one after the other. What a fence says decides: `yaml` with
@@ -8,6 +8,7 @@ Numbers are masked by their shape: digits change with processors, words do not.
 """
 
 import doctest
+import importlib
 import json
 import re
 import shutil
@@ -171,6 +172,31 @@ def test_a_page_does_what_it_shows(page, lagsim, folder, monkeypatch):  # noqa: 
     for block in blocks(page):
         reader.read(block)
     sys.modules.pop("equations", None)
+
+
+# Modules whose docstrings have examples: `lagsim.api` for `lagsim/api/__init__.py`.
+DOCTESTS = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for path in sorted((ROOT / "lagsim").rglob("*.py"))
+    if ">>> " in path.read_text(encoding="utf-8")
+]
+
+
+# One test: of a parametrised one the quick suite runs only the first case.
+def test_the_examples_of_docstrings_return_the_values_shown():
+    finder, runner, told = doctest.DocTestFinder(), doctest.DocTestRunner(), []
+    for name in DOCTESTS:
+        tests = finder.find(importlib.import_module(name))
+        assert any(test.examples for test in tests), f"{name}: no docstring has these"
+        for test in tests:
+            runner.run(test, out=told.append)
+    assert runner.failures == 0, "".join(told)
+
+
+def test_every_public_function_has_an_example():
+    shown = [x for name in house.__all__ if callable(x := getattr(house, name))]
+    without = [x.__name__ for x in shown if ">>> " not in (x.__doc__ or "")]
+    assert without == ["LagsimError"]
 
 
 def test_no_block_is_forgotten():

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Settings(TypedDict, total=False):
-    """The keys of `simulation` that `simulate` and `sweep` take."""
+    """Keys of `simulation` that are options of `simulate` and `sweep`."""
 
     duration: float | str | None
     output_step: float | str | None
@@ -50,7 +50,10 @@ _OPTION = re.compile(r"--([a-z-]+) ")
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Look for no garbage: a graph is many objects and none, see `cli.entry`."""
+    """Context manager: switch the cyclic garbage collector off, see `cli.entry`.
+
+    A graph consists of many objects, of which none is garbage.
+    """
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -62,7 +65,10 @@ def uncollected() -> Iterator[None]:
 
 @contextmanager
 def in_python() -> Iterator[None]:
-    """Let faults name the arguments that they are in as Python does."""
+    """Context manager: name arguments in an InputError as in Python (`step=0`).
+
+    Messages of the command line name the option, `--step 0`.
+    """
     try:
         with uncollected():
             yield
@@ -84,9 +90,10 @@ def _renamed(problem: Problem) -> Problem:
 
 
 def with_settings(function: F) -> F:
-    """Show the settings that `options` stands for, in signature and docstring.
+    """Decorate a function with the settings that its `**options` accepts.
 
-    Those of methods come from their tables.
+    The signature and the docstring then list them. The options of methods come from
+    the tables in `lagsim/methods`.
     """
     own = inspect.signature(function)
     more = [
@@ -107,7 +114,13 @@ def with_settings(function: F) -> F:
 
 
 def settings() -> list[str]:
-    """Return the keys of `simulation` that functions take."""
+    """Return the names of the options of `simulate`: settings, then options of methods.
+
+    Examples
+    --------
+    >>> settings()[:4]
+    ['duration', 'output_step', 'method', 'rtol']
+    """
     return [*Settings.__annotations__, *options()]
 
 
@@ -117,7 +130,13 @@ def given(options: Mapping[str, Any]) -> dict[str, float | str]:
     Raises
     ------
     TypeError
-        Where one is not known, or neither a number nor a text.
+        If the name of an option is unknown, or its value is neither a number nor a
+        string.
+
+    Examples
+    --------
+    >>> given({"rtol": 1e-9, "step": None, "duration": "2*pi"})
+    {'rtol': 1e-09, 'duration': '2*pi'}
     """
     found = {name: x for name, x in options.items() if x is not None}
     known = settings()
@@ -131,13 +150,14 @@ def given(options: Mapping[str, Any]) -> dict[str, float | str]:
 
 
 def number_or_text(name: str, value: object) -> None:
-    """See that a value is a number, or an expression.
+    """Check that a value is a number or a string (an expression).
 
     Raises
     ------
     TypeError
+        If the value is neither; the message begins with `name`.
     ValueError
-        If it is an integer too large for a double.
+        If the value is an integer too large for a double.
     """
     given = None if isinstance(value, (bool, np.bool_)) else value
     try:
@@ -150,11 +170,18 @@ def number_or_text(name: str, value: object) -> None:
 
 
 def numbers(name: str, value: object) -> Floats:
-    """Return a number, or numbers in lists or arrays, as an array.
+    """Return a number, nested lists of numbers or an array as an array of floats.
 
     Raises
     ------
     TypeError
+        If an entry is not a number; the message begins with `name`.
+
+    Examples
+    --------
+    >>> numbers("q", [[1, 2], [3, 4]])
+    array([[1., 2.],
+           [3., 4.]])
     """
     try:
         found = np.asarray(value)
@@ -166,11 +193,12 @@ def numbers(name: str, value: object) -> Floats:
 
 
 def one_of(name: str, value: str, known: type[E]) -> E:
-    """Return the member that a word denotes.
+    """Return the member of the enumeration `known` whose value is `value`.
 
     Raises
     ------
     ValueError
+        If there is no such member; the message begins with `name` and lists all values.
     """
     words = [member.value for member in known]
     if value not in words:
@@ -180,11 +208,14 @@ def one_of(name: str, value: str, known: type[E]) -> E:
 
 
 def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
-    """Return the values to sweep, each a list of numbers and texts.
+    """Return the values to sweep: by name, a list of numbers and strings.
 
     Raises
     ------
-    TypeError, InputError
+    TypeError
+        If `values` is no mapping of names to iterables of numbers and strings.
+    InputError
+        If the list of a name is empty.
     """
     found: dict[str, list[float | str]] = {}
     if not isinstance(values, Mapping):

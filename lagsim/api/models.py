@@ -1,4 +1,4 @@
-"""A model as `load` gives it: its texts, its accelerations, its equations."""
+"""Model of the Python interface, with its accelerations and derived equations."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
 
 
 class Motion(NamedTuple):
-    """Accelerations, multipliers and rates of the first-order states at a state.
+    """Accelerations, multipliers and rates of first-order states at one or k states.
 
     Attributes
     ----------
     accelerations : ndarray, shape (n,) or (k, n)
     multipliers : ndarray, shape (m,) or (k, m)
-        Of the constraints, in their order.
+        One for each constraint row, in the order of the file.
     rates : ndarray, shape (l,) or (k, l)
-        Of the first-order states, in their order.
+        Of the first-order states, in the order of `model.states`.
     """
 
     accelerations: Floats
@@ -50,19 +50,20 @@ class Motion(NamedTuple):
 
 
 class Accelerations:
-    """The accelerations as a function of time, coordinates and velocities.
+    """The accelerations q'' as a function of time, coordinates and velocities.
 
-    `rhs(t, q, q_dot)` gives q'' (n,), in the order of `model.coordinates`. With several
-    states, q and q_dot of shape (k, n) and t a number or (k,), it gives (k, n). A model
-    with first-order states takes their values, too: `rhs(t, q, q_dot, s)`, s (l,) or
-    (k, l) in the order of `model.states`. Constraints act by their multipliers; nothing
-    pulls a state back that does not meet them. Forces are evaluated as they are
-    written: `sign(0)` is 0.
+    `rhs(t, q, q_dot)` returns q'' of shape (n,) for q and q_dot of shape (n,), in the
+    order of `model.coordinates`. For k states, q and q_dot have shape (k, n), t is a
+    number or has shape (k,), and q'' has shape (k, n). The values of first-order
+    states are a fourth argument, `rhs(t, q, q_dot, s)`, with s of shape (l,) or (k, l)
+    in the order of `model.states`. Constraints act by their multipliers; a state that
+    violates a constraint is not corrected. Forces are evaluated as they are written:
+    `sign(0)` is 0.
 
     Raises
     ------
     ValueError
-        Where a shape does not fit.
+        If the shape of an argument does not fit.
     """
 
     def __init__(self, model: Read) -> None:
@@ -87,7 +88,7 @@ class Accelerations:
     def __call__(
         self, t: float | Floats, q: Numbers, q_dot: Numbers, s: Numbers = ()
     ) -> Floats:
-        """Return q'' (n,) or (k, n)."""
+        """Return q'', shape (n,) or (k, n)."""
         return self.motion(t, q, q_dot, s).accelerations
 
     def motion(
@@ -120,9 +121,19 @@ class Accelerations:
         return x
 
     def _solved(self, t: Floats, state: Floats) -> Floats:
-        """Solve M q'' - A^T lambda = f, A q'' = b: q'', lambda, s' (k, n + m + l).
+        """Solve M q'' - A^T lambda = f, A q'' = b at k states.
 
-        nan where q'' does not follow from them, as without inertia.
+        Parameters
+        ----------
+        t : ndarray, shape (k,)
+        state : ndarray, shape (k, 2 n + l)
+            Coordinates, velocities and first-order states.
+
+        Returns
+        -------
+        ndarray, shape (k, n + m + l)
+            q'', lambda and s'; q'' and lambda are nan where the two equations do not
+            determine q'', as without inertia.
         """
         e, k, (i, j) = self._equations, len(t), self._places
         n, size = len(e.q), len(e.q) + len(e.rows)
@@ -147,10 +158,10 @@ class Accelerations:
 
 
 class Model(Read):
-    """A model, as `load` reads it.
+    """Model of a mechanical system, read by `load`.
 
-    `bind` gives it with other values; `simulate`, `check`, `derive` and `sweep` take
-    it, and so does every one of them a path or a text instead.
+    A model is an argument of `simulate`, `check`, `derive` and `sweep`, and `bind`
+    returns it with other values of its parameters and start values.
 
     Attributes
     ----------
@@ -164,6 +175,22 @@ class Model(Read):
     definitions, constraints, forces : tuple
     initial : tuple of InitialValue
         Each has name and value, among others.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> model.name, [(p.name, p.value) for p in model.parameters]
+    ('drop', [('m', 2.0), ('g', 9.81)])
+    >>> model.rhs(0.0, [1.0], [0.0])
+    array([-9.81])
     """
 
     def bind(
@@ -173,21 +200,36 @@ class Model(Read):
         /,
         **values: float | str,
     ) -> Model:
-        """Return the model with other values of parameters, or start values.
+        """Return the model with other values of parameters or start values.
 
-        Parameters and start values that are expressions of others follow them.
+        Parameters and start values that are expressions of a replaced name are
+        evaluated with its new value.
 
         Parameters
         ----------
-        parameters, initial
-            Numbers, or expressions, that replace those of the file, by their names.
-        **values
-            The same, of whichever has the name: `model.bind(m=2, theta=0.1)`.
+        parameters, initial : mapping, optional
+            Numbers or expressions by the name of a parameter or of an entry of
+            `initial`. They replace the values of the file.
+        **values : float or str
+            Numbers or expressions by the name of either kind:
+            `model.bind(m=2, theta=0.1)`.
 
         Raises
         ------
         InputError
-            Where there is no such name, or its value cannot be used.
+            If there is no such name, or its value cannot be used.
+
+        Examples
+        --------
+        >>> import lagsim
+        >>> model = lagsim.load('''
+        ... parameters: {k: 4}
+        ... coordinates: {x: {}}
+        ... energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+        ... initial: {x: 1/k}
+        ... ''')
+        >>> [start.value for start in model.bind(k=2).initial]
+        [0.5, 0.0]
         """
         given = {**(parameters or {}), **(initial or {}), **values}
         for name, value in given.items():
@@ -202,12 +244,12 @@ class Model(Read):
 
     @cached_property
     def rhs(self) -> Accelerations:
-        """The accelerations as a function: `model.rhs(t, q, q_dot)` gives q''.
+        """The accelerations as a function: `model.rhs(t, q, q_dot)` returns q''.
 
         Raises
         ------
         LagsimError
-            Where the accelerations depend on what happened before: with contacts, say.
+            If the accelerations depend on the motion before, as with contacts.
         """
         return Accelerations(self)
 
@@ -244,14 +286,14 @@ class Model(Read):
 
 
 def model_of(source: Read | str | Path) -> Model:
-    """Return a model from what may denote one: itself, a path or a text.
+    """Return a model from a model, the path of a model file, or the text of one.
 
     Raises
     ------
     InputError
-        With every fault of the file.
+        If the file has faults; the error lists all of them.
     TypeError
-        Where it is none of these.
+        If `source` is neither a model nor a path or string.
     """
     from pathlib import Path
 
@@ -271,20 +313,44 @@ def _unit(text: str, unit: str, form: str = "{}") -> str:
 
 
 def load(source: str | Path, **values: float | str) -> Model:
-    """Read a model.
+    """Read a model from a file or from text.
 
     Parameters
     ----------
-    source
-        A path, or the text of a model file: a string with a line break in it.
-    **values
-        Numbers, or expressions, instead of those of parameters or of start values, see
-        `Model.bind`.
+    source : str or Path
+        The path of a model file, or the text of one: a string with a line break.
+    **values : float or str
+        Numbers or expressions that replace the values of parameters or of entries of
+        `initial`, see `Model.bind`.
+
+    Returns
+    -------
+    Model
 
     Raises
     ------
     InputError
-        With every fault, each with file, line, column, code, text and hint.
+        If the file has faults. `problems` lists all of them, each with file, line,
+        column, code, text and hint.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> text = '''
+    ... name: pendulum
+    ... parameters: {l: 0.5, g: 9.81}
+    ... coordinates: {theta: {}}
+    ... energy: {kinetic: l^2*theta_dot^2/2, potential: -g*l*cos(theta)}
+    ... initial: {theta: 0.1}
+    ... '''
+    >>> pendulum = lagsim.load(text, l=2)
+    >>> [(p.name, p.value) for p in pendulum.parameters]
+    [('l', 2.0), ('g', 9.81)]
+    >>> try:
+    ...     lagsim.load(text.replace("cos(theta)", "cos(thta)"))
+    ... except lagsim.InputError as error:
+    ...     [(fault.line, fault.column, fault.code) for fault in error.problems]
+    [(5, 58, 'unknown-name')]
     """
     with uncollected():
         model = model_of(source)
@@ -295,10 +361,28 @@ def load(source: str | Path, **values: float | str) -> Model:
 
 
 class Derivation:
-    """The equations of a model, in each format of `lagsim derive`.
+    """The equations of motion of a model, in each format of `lagsim derive`.
 
-    Made when they are asked for, or refused by an InputError where they are too long. A
-    notebook shows them typeset.
+    Each format is derived at the first access of its attribute. An InputError is
+    raised if the equations are too long for the format. A notebook shows the
+    equations typeset.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> equations = lagsim.derive(model)
+    >>> equations
+    <Derivation of drop>
+    >>> equations.as_text(ascii_only=True).splitlines()[-8:-5]
+    ['Accelerations', '-------------', '  y_ddot = -g']
     """
 
     def __init__(self, model: Read, options: dict[str, bool]) -> None:
@@ -306,12 +390,15 @@ class Derivation:
 
     @cached_property
     def _equations(self) -> Equations:
-        """Those of matrices that are written out."""
+        """The equations, with each matrix entry as one expression."""
         return _derived(self._model, chained=False)
 
     @cached_property
     def _content(self) -> Content:
-        """What people read: of large models no matrices, unless they are needed."""
+        """The sections of the text.
+
+        The matrices of large models are left out unless an option needs them.
+        """
         from lagsim.show import has_many_rows
         from lagsim.show.lagrange import content
 
@@ -322,32 +409,38 @@ class Derivation:
 
     @cached_property
     def text(self) -> str:
-        """Text for a terminal."""
+        """The equations as text for a terminal."""
         return self.as_text()
 
     def as_text(self, *, ascii_only: bool = False) -> str:
-        """Return text for a terminal; in ASCII, as in model files, if so asked."""
+        """Return the equations as text for a terminal.
+
+        Parameters
+        ----------
+        ascii_only : bool
+            Write names and operators as in model files, without Greek letters.
+        """
         from lagsim.show.text import as_text
 
         return as_text(self._content, ascii_only=ascii_only)
 
     @cached_property
     def latex(self) -> str:
-        """A document that LaTeX compiles."""
+        """The equations as a LaTeX document."""
         from lagsim.show.latex import as_latex
 
         return as_latex(self._content)
 
     @cached_property
     def markdown(self) -> str:
-        """Text with formulas, as notebooks typeset them."""
+        """The equations as Markdown with formulas, as notebooks typeset them."""
         from lagsim.show.latex import as_markdown
 
         return as_markdown(self._content)
 
     @cached_property
     def json(self) -> dict[str, Any]:
-        """The expressions, by name."""
+        """The expressions by name, as in `lagsim derive --format json`."""
         from lagsim.show.lagrange import content
         from lagsim.show.printers import as_json
 
@@ -355,7 +448,10 @@ class Derivation:
 
     @cached_property
     def python(self) -> str:
-        """A module with mass matrix, forces and constraints, without lagsim."""
+        """Text of a Python module with mass matrix, forces and constraints.
+
+        The module does not import lagsim.
+        """
         from lagsim.show.as_python import as_python
 
         return as_python(self._equations, __version__)
@@ -382,21 +478,39 @@ def derive(
 
     Parameters
     ----------
-    model
-        What `load` gives, a path, or the text of a model file.
-    substitute
-        Put the numbers of the parameters in.
-    solve
-        Give the accelerations in closed form, however long.
-    gauss
-        Give Gauss's principle, too.
-    expand
-        Write the definitions of the file out, however long the equations are.
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
+    substitute : bool
+        Replace parameters by their numbers.
+    solve : bool
+        Include the accelerations in closed form, however long.
+    gauss : bool
+        Include the function that Gauss's principle of least constraint minimises.
+    expand : bool
+        Replace the definitions of the file by their expressions, however long.
+
+    Returns
+    -------
+    Derivation
 
     Raises
     ------
     InputError
-        Where the model has faults.
+        If the model has faults.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> equations = lagsim.derive('''
+    ... name: pendulum
+    ... parameters: {l: 0.5, g: 9.81}
+    ... coordinates: {theta: {}}
+    ... energy: {kinetic: l^2*theta_dot^2/2, potential: -g*l*cos(theta)}
+    ... initial: {theta: 0.1}
+    ... ''')
+    >>> equations.json["accelerations"]["q_ddot"]
+    ['-g*sin(theta)/l']
     """
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
     options["expand"] = expand

@@ -1,4 +1,4 @@
-"""Examining a start, integrating a model, and what comes of it: a motion as arrays."""
+"""Examination of a start, and simulation of a model: a motion as arrays."""
 
 from __future__ import annotations
 
@@ -50,12 +50,32 @@ if TYPE_CHECKING:
 
 
 class Examination:
-    """The examination of a start: the keys of `check --json` are attributes.
+    """Examination of a start. The keys of `lagsim check --json` are attributes.
 
     Attributes
     ----------
+    admissible : bool
+        Whether a run can begin at the start.
+    degrees_of_freedom : int
+        The number of coordinates less the rank of the constraint Jacobian.
+    repair : dict or None
+        The nearest admissible start: by name, values of entries of `initial`.
     record : dict
-        All of them.
+        The document of `lagsim check --json`.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> found = lagsim.check('''
+    ... coordinates: {x: {}, y: {}}
+    ... energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+    ... constraints: {line: x = y}
+    ... initial: {x: 1, y: 1}
+    ... ''')
+    >>> found.admissible, found.degrees_of_freedom
+    (True, 1)
+    >>> [constraint["name"] for constraint in found.constraints]
+    ['line']
     """
 
     admissible: bool
@@ -99,7 +119,31 @@ class Examination:
 
 
 class InadmissibleError(LagsimError):
-    """No run begins at this start; `examination` says why, and what would do."""
+    """The start of a model is not admissible.
+
+    Attributes
+    ----------
+    examination : Examination
+        The reason, and the nearest admissible start if one was found.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> rod = '''
+    ... name: rod
+    ... parameters: {l: 1, g: 9.81}
+    ... coordinates: {x: {}, y: {}}
+    ... energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
+    ... constraints: {length: sqrt(x^2 + y^2) = l}
+    ... initial: {x: 0.6, y: -0.6}
+    ... simulation: {duration: 0.5}
+    ... '''
+    >>> try:
+    ...     lagsim.simulate(rod)
+    ... except lagsim.InadmissibleError as error:
+    ...     print({k: round(x, 6) for k, x in error.examination.repair.items()})
+    {'x': 0.707107, 'y': -0.707107}
+    """
 
     exit_code = 1
     code = "inadmissible"
@@ -110,21 +154,22 @@ class InadmissibleError(LagsimError):
 
 
 class Error(ErrorBar):
-    """The estimated error of a run, from its difference to a repeat.
+    """Estimated error of a run: its difference to a repeat with a smaller tolerance.
 
     Attributes
     ----------
     relative : float
-        The largest error, as a part of the coordinate's range.
+        The largest error relative to the range of its coordinate.
     horizon : float or None
-        From this time on the error is too large for a forecast.
+        The time from which on the error is too large for a forecast; None where that
+        time lies past the end.
     coordinates : dict
-        Of each coordinate its largest error, `largest` in its unit and `relative`, and
-        when.
+        For each coordinate its largest error, `largest` in its unit and `relative` to
+        its range, and the `time` of that error.
     method, rtol
-        Of the repeat.
+        The method of the repeat and its tolerance.
     times, errors : ndarray, shapes (k,) and (k, n)
-        The errors of all coordinates, in their units, at the times compared.
+        The times compared, and the errors of all coordinates there, in their units.
     """
 
     units: Mapping[str, str]
@@ -132,7 +177,7 @@ class Error(ErrorBar):
 
     @classmethod
     def of(cls, bar: ErrorBar, model: str, units: Mapping[str, str]) -> Error:
-        """Return an estimate with the names and units of its model."""
+        """Return an estimate with the name and the units of its model."""
         new = cls(*bar)
         new.model, new.units = model, units
         return new
@@ -167,7 +212,7 @@ class Error(ErrorBar):
         return page(heading(title), table(self._summary()), drawn)
 
     def plot(self) -> Figure:
-        """Draw the error of each coordinate against time; nothing is shown."""
+        """Return a matplotlib figure of the error of each coordinate against time."""
         from lagsim.outputs.figure import Column, figure
 
         letters = Letters(self.names)
@@ -180,12 +225,12 @@ class Error(ErrorBar):
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:
-    """Return columns, by their names, as a pandas DataFrame.
+    """Return columns, given by name, as a pandas DataFrame.
 
     Raises
     ------
     ImportError
-        Where pandas is not installed.
+        If pandas is not installed.
     """
     try:
         import pandas as pd
@@ -195,27 +240,27 @@ def data_frame(columns: Mapping[str, Any]) -> Any:
     return pd.DataFrame(columns)
 
 
-# Points of a curve of one column against another, at least; for which a run of so many
-# steps or fewer is repeated.
+# The least number of points of a curve of one column against another, and the largest
+# number of steps of a run that is repeated to compute them.
 SMOOTH, MOST_REPEATED = 2000, 200_000
 # Pixels of an animation: tall enough for a scene, its panel and the controls.
 HEIGHT = 640
 
 
 class Animation:
-    """A page that plays a motion; a notebook shows it at the end of a cell.
+    """HTML page that plays a motion; a notebook shows the page at the end of a cell.
 
     Attributes
     ----------
     html : str
-        The page: one file that needs nothing else.
+        The text of the page, which loads no other file.
     """
 
     def __init__(self, html: str, name: str, height: int = HEIGHT) -> None:
         self.html, self._name, self._height = html, name, height
 
     def write(self, path: str | Path) -> None:
-        """Write the page to a file, to open it in a browser."""
+        """Write the page to a file, for a browser."""
         Path(path).write_text(self.html, encoding="utf-8")
 
     def __repr__(self) -> str:
@@ -231,23 +276,46 @@ class Animation:
 
 
 class Result:
-    """A motion: `result["theta"]` is a column, an array (rows,).
+    """Motion of a model: `result["theta"]` is a column, an array of shape (rows,).
 
     Attributes
     ----------
     columns : tuple of str
-        Those of trajectory.csv.
+        Names of the columns, as in trajectory.csv.
     table : ndarray, shape (rows, columns)
+        All columns.
     events : sequence of Event
+        Impacts, switches and other events, in the order of time.
     error : Error or None
-        The estimated error, from a repeat of the run; None where there is no estimate.
+        The estimated error, from a repeat of the run; None if there is no estimate.
     warnings : sequence of Caution
     outcome, reason : str
-        How the run ended, and where it did not come to its end, why.
+        How the run ended, and the reason if it ended early.
     complete : bool
-        Whether all that was asked for has been computed.
+        Whether the run computed the whole motion.
     record : dict
-        What run.json holds.
+        The content of run.json.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> result = lagsim.simulate(model, output_step=0.1)
+    >>> result
+    <Result of drop: done, t = 0 to 0.5, 6 rows>
+    >>> result.t
+    array([0. , 0.1, 0.2, 0.3, 0.4, 0.5])
+    >>> result.columns
+    ('t', 'y', 'y_dot', 'y_ddot', 'kinetic', 'potential', 'energy')
+    >>> result["y"].round(6)
+    array([ 1.     ,  0.95095,  0.8038 ,  0.55855,  0.2152 , -0.22625])
     """
 
     def __init__(
@@ -266,24 +334,24 @@ class Result:
 
     @property
     def t(self) -> Floats:
-        """The times of the rows (rows,)."""
+        """The times of the rows, shape (rows,)."""
         return self["t"]
 
     @cached_property
     def error(self) -> Error | None:
-        """The estimated error; None where there is no estimate."""
+        """The estimated error; None if there is no estimate."""
         bar = self._made.bar
         return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
 
     @cached_property
     def sections(self) -> dict[str, dict[str, Floats]]:
-        """Of each section its columns (crossings,), by name."""
+        """For each section, by name, its columns by name, shape (crossings,)."""
         found = self._made.sections
         return {k: dict(zip(self.columns, x.T, strict=True)) for k, x in found.items()}
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """The unit of each column, where it is known or follows."""
+        """The unit of each column; the empty string for an unknown unit."""
         units: dict[str, str] = self.record["columns"]
         return units
 
@@ -308,28 +376,40 @@ class Result:
     def at(
         self, t: float | Sequence[float] | Floats
     ) -> dict[str, float] | dict[str, Floats]:
-        """Return all columns at any time of the run, as exactly as in its rows.
+        """Return all columns at given times of the run, with the accuracy of its rows.
 
-        The run is repeated with the same steps, up to the last time that is asked for,
-        and the method interpolates within its own steps as it does for rows. One call
+        The run is repeated with its own steps up to the last of the times, and the
+        dense output of the method is evaluated within the steps, as for rows. One call
         with all times is therefore faster than many calls.
 
         Parameters
         ----------
-        t
+        t : float or ndarray
             One time, or an array of times in any order. At the time of an event the
-            state is the one after it; a time within 4 units in the last place of that
-            of an event is that time.
+            state is that after the event; a time within 4 units in the last place of
+            the time of an event counts as that time.
 
         Returns
         -------
         dict
-            Of each column a number, or an array of the shape of `t`.
+            By column, a number or an array of the shape of `t`.
 
         Raises
         ------
         ValueError
-            Where a time lies outside the run.
+            If a time lies outside the run.
+
+        Examples
+        --------
+        >>> import lagsim
+        >>> result = lagsim.simulate('''
+        ... coordinates: {y: {}}
+        ... energy: {kinetic: y_dot^2/2, potential: 10*y}
+        ... initial: {y: 1}
+        ... simulation: {duration: 0.4}
+        ... ''')
+        >>> round(result.at(0.3)["y"], 9)
+        0.55
         """
         times = numbers("t", t)
         first, last = self._made.trajectory.start, self._made.trajectory.end
@@ -344,7 +424,7 @@ class Result:
         return {name: values.reshape(times.shape) for name, values in columns}
 
     def _instants(self, times: Floats) -> Floats:
-        """Return times (k,), those close to an event as the time of that event."""
+        """Replace times (k,) that are close to an event by the time of that event."""
         known = np.unique([event.time for event in self.events])
         if not len(known):
             return times
@@ -356,32 +436,33 @@ class Result:
         return np.where(same, near, times)
 
     def to_dataframe(self) -> Any:
-        """Return the table as a pandas DataFrame; units are in its `attrs`.
+        """Return the table as a pandas DataFrame, with the units in its `attrs`.
 
         Raises
         ------
         ImportError
-            Where pandas is not installed, which is no part of lagsim.
+            If pandas is not installed (lagsim does not depend on pandas).
         """
         frame = data_frame({name: self[name] for name in self.columns})
         frame.attrs["units"] = self.units
         return frame
 
     def plot(self, *columns: str, against: str = "t") -> Figure:
-        """Draw columns against time, or against another; nothing is shown.
+        """Return a matplotlib figure of columns against time or another column.
 
         Parameters
         ----------
-        columns
-            Those of one unit share a panel. By default all coordinates.
-        against
-            What runs to the right; at equal scales where the units are the same. Where
-            the rows are few the curve between them is that of `at`.
+        *columns : str
+            Names of columns, by default all coordinates. Columns of one unit share a
+            panel.
+        against : str
+            The column of the horizontal axis. Both axes have one scale if the units
+            agree. Where the rows are few, points from `at` are added between them.
 
         Raises
         ------
         KeyError
-            Where there is no such column.
+            If there is no such column.
         """
         from lagsim.outputs.figure import Column, figure
 
@@ -399,14 +480,14 @@ class Result:
         return figure(model.name, drawn[against], others)
 
     def _closer(self, columns: dict[str, Floats]) -> dict[str, Floats]:
-        """Return columns with some values between the rows, where rows are few."""
+        """Return columns with values from `at` between the rows, where rows are few."""
         t = self.t
         more = -(-SMOOTH // max(len(t), 1))
         if more < 2 or len(t) < 2 or self.record["steps"] > MOST_REPEATED:
             return columns
         parts = np.arange(1, more)[:, np.newaxis] / more
         between = t[:-1] + parts * np.diff(t)
-        # Nothing lies between the two rows of an impact.
+        # There is no time between the two rows of an impact.
         apart = np.flatnonzero(np.diff(t) > 0.0)
         found = self.at(between[:, apart].T.ravel())
         places = np.repeat(apart + 1, more - 1)
@@ -415,17 +496,17 @@ class Result:
     def animate(self, *, height: int = 640) -> Animation:
         """Return the page that plays the motion, as `lagsim run --animate` writes it.
 
-        A notebook shows it at the end of a cell.
+        A notebook shows the page at the end of a cell.
 
         Parameters
         ----------
-        height
-            Of the page in a notebook, in pixels.
+        height : int
+            The height of the page in a notebook, in pixels.
 
         Raises
         ------
         ValueError
-            Where the model has nothing to draw.
+            If the model has neither a scene nor coordinates that can be drawn.
         """
         for caution in nothing_to_draw(self._made.session.case.model):
             raise ValueError(caution.text)
@@ -435,14 +516,14 @@ class Result:
         return Animation(shown.decode(), self._name, height)
 
     def spectrum(self, column: str) -> Spectrum:
-        """Return how large a sine of each frequency is in a column.
+        """Return the amplitude spectrum of a column.
 
         Raises
         ------
         KeyError
-            Where there is no such column.
+            If there is no such column.
         InputError
-            Where the rows are too few, or not equally spaced.
+            If the rows are too few, or not equally spaced.
         """
         found = spectrum(self.t, self[column], column, self.units[column])
         return found._replace(model=self._name)
@@ -457,7 +538,7 @@ class Result:
         return name
 
     def _summary(self) -> list[tuple[str, str]]:
-        """Return the outcome in a few lines."""
+        """Return the lines of the summary as (label, text)."""
         record, bar, unit = self.record, self.error, self.units["energy"]
         span = f"t = {record['start']:g} to {record['end']:.9g}"
         kept = "energy - work" if "work" in self.columns else "energy"
@@ -487,7 +568,7 @@ class Result:
         return page(heading(self._name), table(self._summary()), shown)
 
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
-        """Return name and content of the files beside the table."""
+        """Return name and content of each file of a result other than the table."""
         made, session = self._made, self._made.session
         equations, columns = session.equations, session.columns.names
         made.thin = picture_thinning(equations.model, columns) if plots else None
@@ -506,25 +587,28 @@ class Result:
         units: bool = False,
         animate: bool = False,
     ) -> None:
-        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
+        """Write the files of `lagsim run` to a folder.
+
+        The files are the table, events, pictures, the page and run.json.
 
         Parameters
         ----------
-        plots
-            The pictures, too.
-        table
-            How the table is kept.
-        units
-            A line of units below the header of CSV.
-        animate
-            The page that shows the motion.
+        folder : str or Path
+        plots : bool
+            Write pictures.
+        table : {"csv", "npz", "parquet"}
+            The format of the table.
+        units : bool
+            Write a line of units below the header of the CSV table.
+        animate : bool
+            Write the page that plays the motion.
 
         Raises
         ------
         InputError
-            Where the folder cannot be used.
+            If the folder cannot be used.
         OSError
-            Where there is no room; then the folder is as it was.
+            If the disk is full; the folder is then left unchanged.
         """
         form = one_of("table", table, Format)
         if form is not Format.CSV:
@@ -546,18 +630,41 @@ class Result:
 
 
 def check(model: Model | str | Path) -> Examination:
-    """Return whether the start of a model is admissible, and what its constraints are.
+    """Examine the start of a model: its constraints, their rank, its admissibility.
 
     Parameters
     ----------
-    model
-        What `load` gives, a path, or the text of a model file.
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
+
+    Returns
+    -------
+    Examination
 
     Raises
     ------
     InputError
-        Where the model has faults, or asks for a method or a formulation that cannot be
-        had.
+        If the model has faults, or names a method or a formulation that cannot handle
+        the model.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> rod = '''
+    ... name: rod
+    ... parameters: {l: 1, g: 9.81}
+    ... coordinates: {x: {}, y: {}}
+    ... energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
+    ... constraints: {length: sqrt(x^2 + y^2) = l}
+    ... initial: {x: 0.6, y: -0.8}
+    ... simulation: {duration: 0.5}
+    ... '''
+    >>> found = lagsim.check(rod)
+    >>> found
+    <Examination of rod: admissible, 1 degree of freedom>
+    >>> found.admissible, found.rank
+    (True, 1)
     """
     case, choices = session.check(model_of(model))
     return Examination(examination(case.equations, case.examined, choices))
@@ -572,41 +679,66 @@ def simulate(
 ) -> Result:
     """Integrate a model. Options replace the keys of the model's `simulation`.
 
-    Numbers may be expressions of the model's parameters: `duration="2*pi/w"`.
+    Options that are numbers can also be expressions of the model's parameters:
+    `duration="2*pi/w"`.
 
     Parameters
     ----------
-    model
-        What `load` gives, a path, or the text of a model file.
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
     duration
-        How long the run lasts, in the model's unit of time.
+        The duration of the run, in the model's unit of time.
     output_step
-        The time between two rows; a thousandth of the duration where nobody says so.
-        Steps do not depend on it where the method chooses them.
+        The time between two rows, by default a thousandth of the duration. The steps of
+        methods with step control do not depend on it.
     method
         The integrator: `"auto"`, or one of `lagsim methods`.
     rtol
-        The relative tolerance of a step, for methods that choose their steps.
+        The relative tolerance of a step, for methods with step control.
     atol
-        The absolute tolerance, in the unit of each coordinate; by default each has its
-        own, `rtol` times the size of its motion.
+        The absolute tolerance, in the unit of each coordinate; by default `rtol` times
+        the size of the motion of each coordinate.
     step
         The step of methods with a fixed step; `output_step` by default.
     formulation
-        How constraints are met: `"auto"`, or a name in docs/model-file.md.
+        How constraints are enforced: `"auto"`, or a name in docs/model-file.md.
     gain
-        Of the formulation `"baumgarte"`: the rate, per unit of time, at which what is
-        off the constraints decays.
+        The rate, per unit of time, at which constraint violations decay in the
+        formulation `"baumgarte"`.
     error_bar
         When the run is repeated with a smaller tolerance to estimate its error:
-        `"auto"`, where that takes no more than about 2 s.
+        `"always"`, `"never"`, or `"auto"`: if the repeat takes no more than about 2 s.
+
+    Returns
+    -------
+    Result
 
     Raises
     ------
     InputError
-        Where the model has faults, or something asked for cannot be had.
+        If the model has faults, or an option does not fit the model.
     InadmissibleError
-        Where the start is not admissible.
+        If the start is not admissible.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> result = lagsim.simulate(model, duration=0.25, method="dop853")
+    >>> result
+    <Result of drop: done, t = 0 to 0.25, 1001 rows>
+    >>> round(float(result["y"][-1]), 9)
+    0.6934375
+    >>> result.error.relative < 1e-9
+    True
     """
     asked = given(options)
     bars = one_of("error_bar", error_bar, ErrorBars)

@@ -1,4 +1,4 @@
-"""Running a model at many values: a row for each run, as arrays."""
+"""Sweeps: runs of a model at many values, as a table with a row for each run."""
 
 from __future__ import annotations
 
@@ -38,14 +38,31 @@ if TYPE_CHECKING:
 
 
 class Sweep:
-    """A table with a row for each run: `sweep["theta.end"]` is a column.
+    """Table with a row for each run: `sweep["theta.end"]` is a column.
 
     Attributes
     ----------
     columns : tuple of str
-        Those of sweep.csv.
+        Names of the columns, as in sweep.csv.
     record : dict
-        What sweep.json holds.
+        The content of sweep.json.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> swept = lagsim.sweep(model, {"g": [1.62, 9.81]})
+    >>> len(swept), swept.columns[:6]
+    (2, ('g', 'outcome', 'complete', 'error', 't.end', 'y.end'))
+    >>> swept["y_dot.end"].round(9)
+    array([-0.81 , -4.905])
     """
 
     def __init__(self, found: Found) -> None:
@@ -59,7 +76,7 @@ class Sweep:
         return len(self._found.rows)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column (runs,): numbers, nan where unknown; words; or truths."""
+        """Return a column (runs,) of floats (nan if unknown), strings or booleans."""
         if name not in self._cells:
             raise KeyError(f"there is no column `{name}`: {', '.join(self.columns)}")
         cells = self._cells[name]
@@ -76,19 +93,19 @@ class Sweep:
         Raises
         ------
         ImportError
-            Where pandas is not installed, which is no part of lagsim.
+            If pandas is not installed (lagsim does not depend on pandas).
         """
         return data_frame({name: self[name] for name in self.columns})
 
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
-        """Write what `lagsim sweep` writes: sweep.csv, sweep.png, sweep.json.
+        """Write the files of `lagsim sweep`: sweep.csv, sweep.png, sweep.json.
 
         Raises
         ------
         InputError
-            Where the folder cannot be used.
+            If the folder cannot be used.
         OSError
-            Where there is no room; then the folder is as it was.
+            If the disk is full; the folder is then left unchanged.
         """
         with open_results(Path(folder), MANIFEST) as results:
             made = made_of(self._found, plots=plots)
@@ -98,20 +115,20 @@ class Sweep:
             results.commit(encode(document(self._found) | more))
 
     def plot(self, *columns: str) -> Figure:
-        """Draw columns against what is swept first; nothing is shown.
+        """Return a matplotlib figure of columns against the swept values.
 
-        One name gives curves. With more, each column is a map over the first two, and
-        the others have the value in the middle of their lists.
+        With one swept name each column is a curve. With more, each column is a map over
+        the first two names, with the others at the middle of their lists.
 
         Parameters
         ----------
-        columns
+        *columns : str
             Such as `theta.end` or `theta.max`; by default all coordinates at the end.
 
         Raises
         ------
         KeyError
-            Where there is no such column.
+            If there is no such column.
         """
         from lagsim.studies.sweep.chart import sweep_figure
 
@@ -124,7 +141,10 @@ class Sweep:
         return block(head, self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
-        """Return the swept values, and the runs without a result."""
+        """Return the lines of the summary as (label, text).
+
+        The lines list the swept values, the runs without a result, and the columns.
+        """
         lines = []
         for axis in self._found.grid.axes:
             unit = f" {axis.unit}" if axis.unit else ""
@@ -165,34 +185,61 @@ def sweep(
 ) -> Sweep:
     """Run a model at all combinations of values, at points, or at a random sample.
 
+    A run that cannot begin or finish is a row with its outcome and its reason.
+
     Parameters
     ----------
-    model
-        What `load` gives, a path, or the text of a model file.
-    values
-        A list of numbers, or expressions, for each name: of a parameter, or of an entry
-        of `initial`. `{"k": [1, 4], "x": [0.1, 0.2]}` makes four runs, the first name
-        the slowest.
-    points
-        Instead: the path of a CSV file with a column for each name, or lists of as many
-        values. `{"k": [1, 4], "x": [0.1, 0.2]}` makes two runs.
-    sample, N, seed
-        Instead: a distribution for each name, `{"k": "normal(4, 0.1)", "x": "uniform(0,
-        1)"}`, and how many runs are drawn; the same ones on every machine.
-    ends
-        Only what each column ends with is asked for: no rows are kept, runs without
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
+    values : mapping, optional
+        A list of numbers or expressions for each name of a parameter or of an entry of
+        `initial`. `{"k": [1, 4], "x": [0.1, 0.2]}` makes four runs; the last name
+        varies fastest.
+    points : str, Path or mapping, optional
+        In place of `values`: the path of a CSV file with a column for each name, or a
+        list for each name, all of one length. `{"k": [1, 4], "x": [0.1, 0.2]}` makes
+        two runs.
+    sample : mapping, optional
+        In place of `values`: a distribution for each name, such as
+        `{"k": "normal(4, 0.1)", "x": "uniform(0, 1)"}`.
+    N : int, optional
+        The number of runs drawn from `sample`.
+    seed : int
+        The seed of the sample; a seed determines the sample on every machine.
+    ends : bool
+        Compute only the last value of each column: no rows are stored, runs without
         constraints and events take a sixth of the time, and there is no error bar.
-    jobs
-        So many runs at a time, in processes of their own; by default one for each core,
-        where that is worth it.
+    jobs : int, optional
+        The number of processes; by default one for each core, where that saves time.
     error_bar, duration, ...
-        As for `simulate`, the same for all runs.
+        As for `simulate`; they apply to all runs.
+
+    Returns
+    -------
+    Sweep
 
     Raises
     ------
     InputError
-        Where the model has faults, or a name, a value or an option cannot be had. A run
-        that cannot begin or finish is a row with its outcome and its reason.
+        If the model has faults, or a name, a value or an option cannot be used.
+    TypeError, ValueError
+        If an argument has the wrong type, or `jobs` or `seed` is out of range.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> model = lagsim.load('''
+    ... name: drop
+    ... parameters: {m: 2, g: 9.81}
+    ... coordinates: {y: {}}
+    ... energy: {kinetic: m*y_dot^2/2, potential: m*g*y}
+    ... initial: {y: 1, y_dot: 0}
+    ... simulation: {duration: 0.5}
+    ... ''')
+    >>> swept = lagsim.sweep(model, {"g": [1.62, 9.81], "y": [1, 2]}, jobs=1)
+    >>> swept["y.end"].round(9)
+    array([ 0.7975 ,  1.7975 , -0.22625,  0.77375])
     """
     if jobs is not None and not (type(jobs) is int and jobs > 0):
         raise ValueError(f"jobs={jobs!r:.60}: 1 or more is expected")
