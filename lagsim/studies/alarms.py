@@ -1,19 +1,18 @@
-"""Warnings on a run: inputs, steps, energy, constraints, error; whether it is valid.
+"""Warnings on a run (inputs, steps, energy, constraints, error), and its audit.
 
-An alarm is a `Caution`: a stable code, and a text that names the part of the model and
-what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
-`unresolved-switch`, `coordinate-singularity`, and `step-at-stability-bound` of methods
-that choose their steps); the others are raised here, from what the rows have shown:
-inputs that have no effect, constraints that are not satisfied, energy that nothing
-explains, the horizon of a forecast, and steps (`step_bounds`). docs/failing.md says of
-each code what it means.
+A warning is a `Caution`: a stable code, and a text that names a part of the model and a
+remedy. The loop over arcs raises the warnings `rank`, `unresolved-switch`,
+`coordinate-singularity`, and `step-at-stability-bound` of methods with step control.
+This module raises the other ones, from the rows of the run: on inputs without effect,
+violated constraints, energy that no force explains, the horizon of a forecast, and
+steps (`step_bounds`). docs/failing.md explains each code.
 
-What energy - work and the constraints are off by is an error that the run itself shows.
-An adaptive method is to be off by no more than its error estimate explains. Where it is
-by far, or where a repeat by other means comes to another motion, the run is in doubt:
-it is repeated by other means, and where these fail, too, the rows are no answer.
-(Chaotic motions part from any repeat and keep their energy: the horizon is reported,
-and that is all.)
+The drift of energy - work and the constraint residuals are errors that the rows of a
+run show without a reference. For an adaptive method both must stay within the bound
+that its error estimate implies. If either exceeds this bound by far, or if a repeat by
+another method follows another motion, the audit has a finding: the run is repeated by
+other means, and if these fail as well, its rows are not valid. (Chaotic motions depart
+from any repeat and conserve their energy: for these only the horizon is reported.)
 """
 
 from __future__ import annotations
@@ -70,14 +69,21 @@ if TYPE_CHECKING:
 class Evidence:
     """Evidence for the warnings of a run: monitors of its rows, its end, its error bar.
 
-    A repeat has it as well: rows that are not valid themselves accuse no run.
+    A repeat is audited too, since a repeat that is not valid is no reason to reject the
+    run.
 
     Attributes
     ----------
-    gaps, residuals, monitor
-        Values that are not finite, residuals with their scales, energy and states.
-    trajectory, bar
-        Known at the end; of the error bar, or the reason why there is none.
+    gaps : Gaps
+        Values that are not finite.
+    residuals : ResidualMonitor
+        Constraint residuals with their scales, and the drift of energy - work.
+    monitor : EnergyMonitor
+        Energies and states of the rows.
+    trajectory : Trajectory
+        Set by `end`.
+    bar : ErrorBar or str
+        The error bar, or the reason why there is none; set by `end`.
     """
 
     trajectory: Trajectory
@@ -92,13 +98,17 @@ class Evidence:
         self.monitor = EnergyMonitor(columns.names, self.equations)
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Pass rows (k, columns) to the monitors."""
         self.gaps.add(rows)
         self.residuals.add(rows)
         self.monitor.add(rows)
 
     def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
-        """Take the end of the run, and what steps have shown between rows."""
+        """Store the end of the run and its error bar; return this object.
+
+        The extremes of the state and the energy between rows, which the steps recorded,
+        are passed to the monitor.
+        """
         self.monitor.between_rows = trajectory.largest_energy
         self.monitor.extents = trajectory.extents
         self.trajectory, self.bar = trajectory, bar
@@ -106,9 +116,11 @@ class Evidence:
 
     @cached_property
     def balances(self) -> Sequence[Balance]:
-        """Of each group of coordinates and of the whole, when all rows are there.
+        """The energy balances of all decoupled groups, then of the whole system.
 
-        An absolute tolerance that a person gave is no measure of small groups.
+        They are computed after the last row. With an absolute tolerance in the model or
+        the options the groups are left out: such a tolerance says nothing about the
+        accuracy of a group with a small motion.
         """
         e, monitor, residuals = self.equations, self.monitor, self.residuals
         worst = residuals.drift.row
@@ -122,41 +134,45 @@ class Evidence:
 
 
 # Energy balances: where the energy is a sum over decoupled groups of coordinates, each
-# has one, and none hides another's: its energy less the work that is done on it, see
-# `mechanics.equations`. Values come from the rows that the monitor has kept.
+# group has a balance of its own, the energy of the group less the work done on it (see
+# `mechanics.equations`), so that a large group does not hide the drift of a small one.
+# Values come from the rows that the monitor has stored.
 
-# Rows that are looked at, and operations for them, at most.
+# The largest number of rows that are evaluated, and of operations for all rows.
 MOST_ROWS = 512
 MOST_OPERATIONS = 2e5
-# Rows that show a speed to this part of it show the motion.
+# The rows represent a velocity if they contain this part of its largest value.
 SHOWN = 0.5
 
 
 class Balance(NamedTuple):
-    """The energy balance, energy - work, of all coordinates, or of a decoupled group.
+    """Energy balance, energy - work, of all coordinates or of a decoupled group.
 
     Attributes
     ----------
     coordinates : sequence of int
+        Indices of the coordinates of the group.
     names : tuple of str
-        Of the coordinates of a group; none of the whole.
+        Names of the coordinates of a group; empty for the whole system.
     energy : int
-        The node of its energy.
+        The node of the energy.
     in_play : float
-        Its largest kinetic energy, between rows too, or range of what else it has, or
-        of the work.
+        The energy in play: the largest of the kinetic energy (rows and steps), of the
+        range of the remaining energy, and of `work_range`.
     work_range : float
-        Of the work that is done on it.
+        The range of the work done on the group.
     drift : float
-        The largest size of energy - work less its first value.
+        The largest absolute deviation of energy - work from its first value.
     farthest : float
-        The same with its sign.
+        The deviation of size `drift`, with its sign.
     worst_row : ndarray or None
-        The row of that: time, coordinates and velocities first.
-    kept, rows : ndarray, shapes (k,) and (k, 1 + 2 n)
-        Energy - work in some rows, and their time, coordinates and velocities.
+        The row with the largest deviation: time, coordinates, velocities and more.
+    kept : ndarray, shape (k,)
+        Energy - work at `rows`.
+    rows : ndarray, shape (k, 1 + 2 n)
+        Times, coordinates and velocities of some rows.
     since : callable
-        Gives the first time at which the drift is more than a bound, or None.
+        Returns, for a bound, the first time at which the drift exceeds it, or None.
     """
 
     coordinates: Sequence[int]
@@ -173,22 +189,22 @@ class Balance(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Its name in messages."""
+        """Name of the balance in messages."""
         return f"energy - work{self.of}"
 
     @property
     def of(self) -> str:
-        """Whose it is, in messages; "" of the whole."""
+        """The group in messages, as in " of x, y"; "" for the whole system."""
         return f" of {', '.join(self.names)}" if self.names else ""
 
     @property
     def part(self) -> float:
-        """The drift, as a part of the energy in play."""
+        """The drift relative to the energy in play."""
         return self.drift / (self.in_play or 1.0)
 
 
 def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
-    """Return the balance of each group; none where the energy is no sum over some."""
+    """Return the balance of each group; [] if the energy is no sum over groups."""
     e, g = equations, equations.graph
     found = groups(e) if len(e.q) > 1 and len(monitor.passed) > 1 else []
     if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):
@@ -212,7 +228,7 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
         more = evaluate_rows(g, forms, known | speeds, len(rows))
         fastest = np.fmax(fastest, np.max(more, axis=1))
     rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - monitor.balance[::stride]
-    # What stands in no group depends on time alone, and is in `work` as it is.
+    # Terms without a coordinate depend on time alone; `work` contains them unchanged.
     timed = [k for k, work in enumerate(e.works) if not work.coordinates]
     rest += np.sum(worked[:, timed], axis=1)
     if not np.ptp(rest) <= SAME_ENERGY * np.max(np.abs(each)):
@@ -239,7 +255,7 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
 
 
 def _since(times: Floats, sizes: Floats, bound: float) -> float | None:
-    """Return the first of the times at which a size exceeds a bound."""
+    """Return the first of `times` (k,) where `sizes` (k,) exceed a bound, or None."""
     off = np.flatnonzero(sizes > bound)
     return float(times[off[0]]) if len(off) else None
 
@@ -249,7 +265,10 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Return velocities between rows: all least ones, and all greatest ones."""
+    """Return the extremes between rows of the velocities that rows do not represent.
+
+    The list has two entries, the least and the greatest values by name, or none.
+    """
     missed = {
         v: extents[v]
         for v in velocities
@@ -260,7 +279,7 @@ def _between(
 
 
 def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
-    """Return the error of an energy by errors (2 n,) of the state at a row."""
+    """Return the error of an energy for given errors (2 n,) of the state at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
     names, off = ("t", *equations.state), [0.0, *errors.tolist()]
     state = zip_longest(row[: len(names)].tolist(), off, fillvalue=0.0)
@@ -269,26 +288,26 @@ def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -
     return float(error)
 
 
-# A jump of a potential makes no impulse: that the energy is then another is no error.
-# But most energies that are written with a switch are continuous there (a spring that
-# acts on one side), and what these lose is lost. So both sides of each switch that the
-# rows pass are looked at, down to neighbouring doubles. What is left of energy - work
-# without the jumps is held against the same bounds as ever.
+# A jump of a potential exerts no impulse in the model, so a jump of the energy there is
+# no error. Most energies with a switch are continuous at the switch, however (a spring
+# that acts on one side), and a loss of energy there is an error. Therefore the energy
+# is evaluated on both sides of each switch that the rows pass, at neighbouring doubles,
+# its jumps are subtracted, and the remaining drift is compared with the usual bounds.
 
-# Functions that step where an argument changes its sign: an angle at its cut, quotients
-# and powers at a pole.
+# Functions that jump where an argument changes its sign: an angle at its cut, quotients
+# and powers at a pole. The value is the index of that argument.
 CUT = {"atan2": 0, "div": 1, "pow": 0}
-# And those that take one value or another, and nothing in between.
+# All functions that jump: step functions, choices, and functions with a cut.
 SWITCHES = STEPS | {"if", *CUT}
-# Switches that are looked at on the way from one row to the next.
+# The largest number of switches located between one row and the next.
 MOST_ON_A_WAY = 8
 
 
 def jumps(equations: Equations, balance: Balance) -> Floats:
-    """Return by how much the energy jumps between rows (k,).
+    """Return the jumps of the energy between rows, shape (k,).
 
-    From the worst row to the first, then from row to row: a jump that is still there at
-    the worst row lies on any way to it.
+    The first entry is the jump between the worst row and the first row, and each other
+    entry that between two consecutive rows.
     """
     energy, rows = Energy(equations, balance.energy), balance.rows
     if not energy.switches:
@@ -300,9 +319,9 @@ def jumps(equations: Equations, balance: Balance) -> Floats:
 
 
 def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
-    """Return energy - work (k,) of the rows, without the jumps of its expression.
+    """Return energy - work of the rows without the jumps of the energy, shape (k,).
 
-    None where there are none.
+    None if the energy does not jump.
     """
     jumped, kept = jumps(equations, balance)[1:], balance.kept
     sizes = np.abs(jumped[jumped != 0.0])
@@ -315,7 +334,7 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
 
 
 class Energy:
-    """An energy as a function of the state, and the switches in it."""
+    """An energy as a function of the state, with its switches."""
 
     def __init__(self, equations: Equations, energy: int) -> None:
         g = equations.graph
@@ -325,8 +344,8 @@ class Energy:
         found = sorted(
             n for n in g.dependent([energy], self.names) if g.ops[n] in SWITCHES
         )
-        # Of a choice the condition, of an angle or a quotient what changes its sign, of
-        # the others the value.
+        # The node whose value tells the side: the condition of a choice, the argument
+        # that changes its sign of an angle or a quotient, else the value of the switch.
         inner = {**CUT, "if": 0}
         ops = [g.ops[n] for n in found]
         pairs = [*zip(found, ops, strict=True)]
@@ -334,14 +353,19 @@ class Energy:
         self.cut = [op in CUT for op in ops]
 
     def sides(self, state: Floats) -> list[float]:
-        """Tell on which side of each switch a state is."""
+        """Return a number for each switch that identifies the side of a state."""
         values = zip(self._values(self.switches, state), self.cut, strict=True)
         return [math.copysign(1.0, x) if cut else float(x) for x, cut in values]
 
     def jump(self, a: Floats, b: Floats, least: float) -> float:
-        """Give by how much the energy jumps between two states, on the straight way.
+        """Return the sum of the jumps of the energy on the straight line from a to b.
 
-        What is no more than `least`, or rounding, does not count.
+        Jumps of at most `least`, or of the size of rounding, are left out.
+
+        Parameters
+        ----------
+        a, b : ndarray, shape (1 + 2 n,)
+            Time, coordinates and velocities.
         """
         x = found = 0.0
         at_b = self.sides(b)
@@ -391,12 +415,12 @@ def about_inputs(run: Evidence) -> list[Caution]:
     return [Caution(code, text) for applies, code, text in found if applies]
 
 
-# So many columns are named one by one; the others are counted.
+# The largest number of columns that a message names; further columns are counted.
 MOST = 12
 
 
 def about_gaps(found: Mapping[str, Gap]) -> Caution:
-    """Return the warning on columns that are not finite, with the first values."""
+    """Return the warning on columns with values that are not finite."""
     told = [
         f"`{name}` is {gap.value} at t = {gap.time:.9g}"
         + (f", the first of {gap.rows} rows" if gap.rows > 1 else "")
@@ -410,29 +434,30 @@ def about_gaps(found: Mapping[str, Gap]) -> Caution:
     return Caution("column-not-finite", text)
 
 
-# An unexplained change of the energy counts from this part of the energy in play on: an
-# amplitude off by half of it is about the width of a line in a picture, and what the
-# default tolerance leaves is a million times less.
+# The least unexplained change of the energy that raises a warning, relative to the
+# energy in play: half of it, as an error of an amplitude, is about the width of a line
+# in a picture, and the drift at the default tolerance is a million times smaller.
 UNEXPLAINED = 1e-3
-# By far: so many times what the errors of the state explain, to first order and with
-# all of them in the worst direction.
+# Safety factor of the energy error that the errors of the state explain, to first order
+# and with all errors in the worst direction.
 FAR = 100.0
-# A contact is seen up to one step late, and stopped within the next; what a step leaves
-# of other constraints is taken back in the next.
+# Steps until a method without location of events corrects a residual: it detects a
+# contact up to one step late, and stops the penetration within the next step.
 LATE = 2.0
-# And so many tolerances: steps leave 20 in the shipped models.
+# Energy drift that counts, in relative tolerances (the shipped models reach 20).
 MANY = 1e3
-# Of what is rounded in the energy of a row, in two rows.
+# Factor of the rounding error of an energy difference between two rows.
 BOTH = 4.0
-# What moves this many times farther than the rounding of forces takes it moves.
+# A coordinate is at rest if it moves less than this many times as far as the rounding
+# of the forces on it would move it.
 HIGHER = 16.0
 
 
 def _drift(run: Evidence) -> str:
     """Return the text on an energy drift beyond the tolerance, or "".
 
-    By a method that chooses its steps, or makes no error of its own. What is more than
-    `UNEXPLAINED` has a warning of its own.
+    Only methods with step control, and exact methods, are considered. A drift of more
+    than `UNEXPLAINED` is left to `about_energy`.
     """
     equations, plan = run.equations, run.plan
     if plan.rtol is None and math.isfinite(method(plan.method).ORDER):
@@ -452,10 +477,9 @@ def _drift(run: Evidence) -> str:
 
 
 def about_error(run: Evidence) -> list[Caution]:
-    """Return warnings on an unknown error, the horizon, an uncertain end, and drift.
+    """Return warnings on an unknown error, an uncertain end, the horizon, and drift.
 
-    On energy that is off by more than the tolerance leaves, whatever the estimated
-    error says of it.
+    The drift of the energy is compared with the tolerance, whatever the error bar is.
     """
     bar, plan, drift = run.bar, run.plan, _drift(run)
     if isinstance(bar, str):
@@ -486,10 +510,10 @@ def about_error(run: Evidence) -> list[Caution]:
 
 
 def about_constraints(run: Evidence) -> list[Caution]:
-    """Return the warning on a constraint that rows do not satisfy.
+    """Return the warning on a constraint that rows do not satisfy; [] if all do.
 
-    A method that locates no impact leaves a contact as deep as the motion goes in its
-    steps, and other constraints off by what they change in these: it promises no more.
+    For a method that does not locate impacts, the bound of a residual is the change of
+    the constraint in `LATE` steps: such a method is no more accurate.
     """
     plan, trajectory = run.plan, run.trajectory
     coarse = None
@@ -524,9 +548,15 @@ def about_constraints(run: Evidence) -> list[Caution]:
 def worst_residual(
     run: Evidence, coarse: tuple[float, Floats] | None = None
 ) -> tuple[str, float] | None:
-    """Return the constraint with the largest residual, as a part of its scale; or None.
+    """Return the first violated constraint and its residual relative to its scale.
 
-    coarse : the time for which a row may be as it was, and the largest speeds (n,).
+    None if all constraints are satisfied.
+
+    Parameters
+    ----------
+    coarse : tuple of float and ndarray, optional
+        For a method that does not locate events: the time until it corrects a residual,
+        and the largest speeds (n,).
     """
     for name, part, moved in _residuals_off(run, coarse):
         if not moved <= SATISFIED:
@@ -535,9 +565,11 @@ def worst_residual(
 
 
 def constraint_residual(run: Evidence) -> float:
-    """Return the largest residual as a part of its scale, or of the motion beside it.
+    """Return the largest relative residual of all constraints.
 
-    Infinite or nan where one is not finite.
+    A residual is relative to the scale of its constraint or to the motion of the
+    coordinates in the constraint, whichever is larger. The value is inf or nan if a
+    residual is not finite.
     """
     parts = run.residuals.constraint_parts
     off = {name: min(part, moved) for name, part, moved in _residuals_off(run, None)}
@@ -547,12 +579,13 @@ def constraint_residual(run: Evidence) -> float:
 def _residuals_off(
     run: Evidence, coarse: tuple[float, Floats] | None
 ) -> Iterator[tuple[str, float, float]]:
-    """Yield constraints that are off by more than a part of their scales.
+    """Yield constraints whose residual exceeds the part SATISFIED of their scale.
 
-    Of each the name, that part, and the residual as a part of the motion beside it:
-    where all of its terms all but vanish they are no scale, and what counts is by how
-    much of their motion the coordinates would have to move to meet it. coarse : as of
-    `worst_residual`; what a step explains is left out.
+    Each item has the name, the residual relative to the scale, and the residual
+    relative to the motion: the size of the motion of the coordinates, multiplied by the
+    slopes of the constraint. The latter decides where all terms of a constraint are
+    close to zero, so that their sizes are no scale. Residuals that one step explains
+    are left out; `coarse` is that of `worst_residual`.
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
@@ -575,9 +608,10 @@ def _residuals_off(
                 left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
             if residual <= left:
                 continue
-        # As far as what moves most may move each by its inertia: a heavier body no
-        # more than that body's own range, so that what is light does not hide behind
-        # it; a lighter one less, as the roots of the masses.
+        # The motion of each coordinate that the largest motion can cause by inertia:
+        # for a heavier body at most its own range, so that the motion of a light body
+        # does not hide its residual; for a lighter one less, as the roots of the
+        # masses.
         seed = largest_beside(inertia_roots(equations, start), moved)
         seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
         motion = float(slopes @ moved) + float(slopes @ seed) / SATISFIED
@@ -585,7 +619,7 @@ def _residuals_off(
 
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:
-    """Return the roots of the diagonal of M at the start (n,)."""
+    """Return the square roots of the diagonal of M at the start, shape (n,)."""
     diagonal = Point(equations, start).array(equations.inertias)
     return np.sqrt(np.fmax(diagonal, 0.0))
 
@@ -593,9 +627,19 @@ def inertia_roots(equations: Equations, start: Instant) -> Floats:
 def _changed(
     equations: Equations, row: Row, state: Mapping[str, float], values: Floats, h: float
 ) -> float:
-    """Return the residual that a step of size h may leave of a constraint at a row.
+    """Return a bound of the residual of a constraint after a step of size h.
 
-    Its rate is satisfied with positions and time of half a step before, and linearised.
+    The step satisfies the linearised rate of the constraint with positions and time of
+    half a step before.
+
+    Parameters
+    ----------
+    row : Row
+        The constraint.
+    state : mapping
+        Values of parameters and columns by name.
+    values : ndarray
+        The row of the table: time, coordinates, velocities, accelerations and more.
     """
     g, n = equations.graph, len(equations.q)
     q, v, a = values[1 : 1 + 3 * n].reshape(3, n)
@@ -613,11 +657,22 @@ def _changed(
 
 
 def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
-    """Return the motion (n,) that rounding makes of what is at rest, and its energy.
+    """Return the motion that rounding causes in coordinates at rest, and its energy.
 
-    Of the coordinates of these numbers. What forces leave of it, where they
-    balance, makes a motion of its own, with nothing beside it to compare it with where
-    all else rests. What moves farther has no part in it.
+    Where forces balance, the rounding error of their sum moves a coordinate, and in a
+    system at rest there is no larger motion to compare that motion with. Coordinates
+    that move farther have the value 0.
+
+    Parameters
+    ----------
+    which : sequence of int
+        Indices of the coordinates considered.
+
+    Returns
+    -------
+    moved : ndarray, shape (n,)
+        In the units of the coordinates.
+    energy : float
     """
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])
@@ -628,10 +683,10 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 
 
 def _rounded(run: Evidence, balance: Balance, times: float = FAR) -> float:
-    """Return the error of an energy that rounding makes at the worst row.
+    """Return the rounding error of an energy at the worst row of a balance.
 
-    So many `times` that of the state and of the work of constraint forces, or that of
-    what is at rest.
+    The larger of two values: `times` the rounding error by the state and by the work of
+    constraint forces, and the energy of the motion that rounding causes at rest.
     """
     row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
     if row is None:
@@ -645,9 +700,9 @@ def _rounded(run: Evidence, balance: Balance, times: float = FAR) -> float:
 def about_energy(run: Evidence) -> list[Caution]:
     """Return warnings on energy that is gained or lost without a force.
 
-    Of each group of bodies that touches no other, or of the whole. The energy of a
-    symplectic method swings to and fro, and goes nowhere: of a fixed step, what is
-    gained on the whole counts, else the largest deviation.
+    There is a warning for each decoupled group, or one for the whole system. With step
+    control the largest deviation of energy - work counts. With a fixed step its trend
+    counts, since the energy of a symplectic method oscillates without a trend.
     """
     found: list[Caution] = []
     for balance in run.balances:
@@ -689,30 +744,36 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
         whose = plan.method
         if plan.formulation == "drift":
             whose += " and of the formulation drift"
-        # Advice that has not been tried yet.
+        # Advise nothing that has been tried.
         how += " keeps" if settings.method == "auto" else ", or `--method auto`, keeps"
         text += f": that is an error of {whose}; {how} it"
     return [Caution(f"energy-{way}", text)]
 
 
-# Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
-# is not that of the motion.
+# Bound of the energy drift, in relative tolerances, for any estimated error: rows with
+# a larger drift, which is also above UNEXPLAINED, are not valid.
 ACCURATE = 1e6
-# What an exact method counts as.
+# The relative tolerance that stands for an exact method.
 EXACT_RTOL = 1e-12
-# A repeat has come to another motion where it is off by that part of a range, and by so
-# many tolerances.
+# A repeat follows another motion if it differs by the part PARTED of a range and by
+# TOLERANCES times the tolerance.
 PARTED = 1e-3
 TOLERANCES = 1e4
-# Formulations that let constraints, and with them the energy, go.
+# Formulations in which constraints, and with them the energy, drift.
 LOOSE = ("baumgarte", "drift")
 
 
 class Finding(NamedTuple):
-    """The reason why rows may not be valid, and from which time on.
+    """Reason why rows are doubtful, and the first time at which they are.
 
-    `refutes` where they cannot be one; else another run has to tell. `parts` where a
-    constraint is not satisfied.
+    Attributes
+    ----------
+    text : str
+    time : float
+    refutes : bool
+        Whether the rows cannot be a motion of the model; else a further run decides.
+    parts : bool
+        Whether a constraint is not satisfied.
     """
 
     text: str
@@ -722,7 +783,7 @@ class Finding(NamedTuple):
 
 
 def up_to(session: Session, time: float) -> Session:
-    """Return a session that ends with the last row before a time."""
+    """Return a session whose end is the last output time before `time`."""
     settings = session.case.settings
     start, step = settings.start, settings.output_step
     last = math.ceil((time - start) / step - SAME_ROW) - 1
@@ -731,7 +792,7 @@ def up_to(session: Session, time: float) -> Session:
 
 
 def audit(run: Evidence) -> Finding | None:
-    """Return the finding against a run that reached its end, if there is one."""
+    """Return the finding against a complete run, or None."""
     plan = run.plan
     judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
     if not judged or not run.trajectory.outcome.complete or plan.formulation in LOOSE:
@@ -743,7 +804,7 @@ def audit(run: Evidence) -> Finding | None:
 
 
 def fault(run: Evidence) -> str:
-    """Return the finding against a run in words; "" where there is none."""
+    """Return the text of the finding against a run; "" if there is none."""
     found = audit(run)
     return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"
 
@@ -761,7 +822,7 @@ def _unsatisfied(run: Evidence) -> Finding | None:
 def _off(run: Evidence, balance: Balance) -> Finding | None:
     """Compare an energy drift with the energy error that errors of the state explain.
 
-    Of the whole, or of a group that touches no other.
+    Return the finding if the drift is larger, else None.
     """
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
     if not ENERGY_DRIFT * in_play < drift < math.inf or row is None:
@@ -780,11 +841,11 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
 
 
 def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
-    """Return the error of energy - work by the errors of a row; inf where not known."""
+    """Return the error of energy - work by the errors of a row; inf if unknown."""
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
         return math.inf
-    # Up to the row that was compared next.
+    # Errors up to the first compared row after the time of `row`.
     until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
     q, s = np.split(bar.errors[:until], [bar.rates.shape[1]], axis=1)
     errors = np.max(np.hstack([q, bar.rates[:until], s]), axis=0)
@@ -795,7 +856,7 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
 
 
 def _another_motion(run: Evidence) -> Finding | None:
-    """Return the finding where a repeat gives another motion, with its time."""
+    """Return the finding if a repeat follows another motion, else None."""
     bar = run.bar
     if isinstance(bar, str):
         return None
@@ -808,10 +869,10 @@ def _another_motion(run: Evidence) -> Finding | None:
     return Finding(text, float(bar.times[np.argmax(lost > most)]), refutes=False)
 
 
-# Methods with nothing to look for: they notice on the way, or are exact.
+# Methods whose steps need no check: they detect missed features, or are exact.
 SEE_FOR_THEMSELVES = ("dop853", "exponential")
-# Steps that follow the motion are not shorter than this, in parts of 1/rate of the
-# fastest that is to be seen (a series takes 0.5 to 1.5).
+# Least mean step of a run whose steps resolve the motion, times the fastest rate of the
+# rows (a series has 0.5 to 1.5). Shorter steps are limited by stability.
 FOLLOWS = 0.05
 
 

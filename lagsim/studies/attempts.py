@@ -1,28 +1,27 @@
-"""The rows of a run: made, with an error bar, judged, and regenerated where they fail.
+"""Runs with an error bar and an audit, and second attempts where the audit fails.
 
-One attempt goes the whole way: rows to their observers, the repeat that estimates their
-error, the audit of both. Where that has a finding, a second attempt by other means
-takes the place of the first; where it fails as well, the run has no answer from the
-time on that the verdict names, and says so.
+An attempt consists of the run, whose rows go to observers, of the repeat that estimates
+its error, and of the audit of both. If the audit has a finding, the run is attempted
+again by other means. If that attempt fails as well, the outcome of the run is
+`no answer` from the time of the finding on.
 
-A local error says little of the motion: the estimate is the difference of two whole
-runs, so that it knows how errors grow on the way. The error of a coordinate is measured
-by its range; where it rests but for rounding, by its value, by the motion of what
-constraints link with it, or by how far the forces on it would take it.
+Local errors do not bound the error of the motion. The error bar is therefore the
+difference of two complete runs, which includes the growth of errors. The scale of an
+error is the range of the coordinate. For a coordinate at rest to rounding the scale is
+its value, the motion of coordinates linked with it by constraints, or the distance that
+the forces on it would move it.
 
-A repeat with the same steps would have the same blind spots: what one step passes over,
-and what a step at the bound of stability is off by, is then no difference. So it is
-made at a hundredth of the tolerance, and in steps that are forced to be others: none is
-longer than a part of the output step, nor, where the method is the same, than a part of
-the run's own; and by another method where something might hide from this one's steps.
-Where the tolerance is as tight as any, the repeat's is looser. The counts of both runs
-are compared: a repeat that has made the run's own steps is no estimate, and another is
-made.
+A repeat with the steps of the run would pass over the features that the run passed
+over, and would share the error of steps at the bound of stability. The repeat is
+therefore made at a hundredth of the tolerance and with other steps: none is longer than
+a part of the output step or, for the method of the run, than a part of the steps of the
+run. Another method is used where the steps of the run could hide a feature. If
+the tolerance is the tightest, that of the repeat is looser. If a repeat has the counts
+of steps of the run, it is discarded, and another repeat is made.
 
-The repeat costs a few times the run. Costs are counted in operations, never in seconds,
-so that a rerun gives the same result: every repeat may cost some times the run; and all
-of them together, with what is repeated besides, no more than an allowance that the run
-itself sets.
+A repeat costs a few times the run. Costs are counted in operations, not in seconds, so
+that a rerun makes the same decisions. Each repeat has a limit relative to the run, and
+all repeats and second attempts together have an allowance that depends on the run.
 """
 
 from __future__ import annotations
@@ -83,25 +82,31 @@ if TYPE_CHECKING:
     from lagsim.program.system import System
     from lagsim.run.session import Case, Clock, Session
 
-    # Takes a run, and by their names its `relay` and `session`.
+    # Called with a run, and with its `relay` and `session` as keywords.
     Joined: TypeAlias = Callable[..., None]
     Advance: TypeAlias = Callable[[float], None] | None
     Progress: TypeAlias = Callable[[str], contextlib.AbstractContextManager[Advance]]
 
-# What moves by a million times its error does not rest.
+# A coordinate with an error of less than this part of its scale is not at rest.
 RESOLVED_BY = 1e-6
 
 
 def _scales(
     found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the scales of errors (n,), and the ranges below which there is no horizon.
+    """Return the scales of errors, and the ranges below which there is no horizon.
 
     Parameters
     ----------
-    found, moving, linked, largest, held
-        Of each coordinate the range, the motion beside it, that of what it is linked
-        with, the largest value, and how far it would move if nothing held it.
+    found, moving, linked, largest, held : ndarray, shape (n,)
+        For each coordinate its range, the motion of the other coordinates scaled by
+        inertia, the range of coordinates linked with it by constraints, its largest
+        absolute value, and the distance that the forces on it would move it without
+        constraints.
+
+    Returns
+    -------
+    scales, still : ndarray, shape (n,)
     """
     scales = np.fmax(found, COMPUTED_ZERO * moving)
     for size in (largest, linked):
@@ -118,14 +123,18 @@ def compared(
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
-    """Return the error bar of a run by a repeat: rows of the same numbers, and ends.
+    """Return the error bar of a run: the differences of its checkpoints to a repeat's.
+
+    Rows with equal numbers are compared, and the last rows if both runs end alike.
 
     Parameters
     ----------
-    runs, checkpoints, again
-        The run and its repeat, and the rows of each.
-    plan
-        Of the repeat.
+    runs : tuple of Trajectory
+        The run and its repeat.
+    plan : Plan
+        The plan of the repeat.
+    checkpoints, again : Checkpoints
+        Rows of the run and of the repeat.
     """
     equations, start, n = case.equations, case.start, len(case.equations.q)
     run, repeated = runs
@@ -140,20 +149,21 @@ def compared(
     mine, theirs = np.array(pairs).swapaxes(0, 1)
     every = np.abs(theirs - mine)
     every = np.fmax(every, UNIT_ROUNDOFF * _largest(mine))
-    # Times are rounded, too, also those at which forces step.
+    # Times are rounded, too, including times at which forces jump.
     late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n : 1 + 2 * n])
     every[:, 1 : 1 + n] = np.fmax(every[:, 1 : 1 + n], late)
     errors = checkpoints.valued(every)
     own, worst = checkpoints.high - checkpoints.low, np.max(errors, axis=0)
     names = *equations.q, *(x.name for x in equations.states)
-    # Of rows and of steps: rows may be few, or show oscillations in the same phase.
+    # Ranges of rows and of steps: rows may be few, or all at one phase of an
+    # oscillation.
     nothing = np.nan, np.nan
     steps = np.array([repeated.extents.get(name, nothing) for name in names]).T
     low = np.fmin.reduce([checkpoints.low, again.low, steps[0]])
     high = np.fmax.reduce([checkpoints.high, again.high, steps[1]])
     sizes = np.asarray(high - low)
-    # Where the two are apart, the repeat's motion is another one; it counts only where
-    # the run has hardly moved.
+    # Where the error is large, the repeat follows another motion. Its range counts only
+    # where the run itself has hardly moved.
     sizes = np.where((worst > LOST * sizes) & (own > LOST * sizes), own, sizes)
     roots = inertia_roots(equations, start)
     labels = joined(n, [row.A.entries for row in equations.rows])
@@ -161,10 +171,10 @@ def compared(
     moving[:n] = largest_beside(roots, sizes[:n])
     linked[:n] = in_groups(labels, roots, sizes[:n])
     largest = np.max(np.abs(checkpoints.valued(mine)), axis=0)
-    # What constraints link shares the rounding of its positions.
+    # Coordinates linked by constraints share the rounding of their positions.
     largest[:n] = np.fmax(largest[:n], in_groups(labels, roots, largest[:n]))
     scales, still = _scales(sizes, moving, linked, largest, held)
-    # All else moves by far more than its error, or than a part of what moves beside it.
+    # The other coordinates move by far more than their errors.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
@@ -195,58 +205,61 @@ def compared(
 
 
 def _largest(values: Floats) -> Floats:
-    """Return the largest sizes up to each row (k, n)."""
+    """Return the running maxima of absolute values over rows, shape (k, n)."""
     return np.asarray(np.maximum.accumulate(np.abs(values), axis=0))
 
 
-# How much tighter the repeat's tolerance is, how much where that does not come to its
-# end, and the loosest that a repeat is made at: loose ones may both be far off, and
-# alike.
+# Factor by which the tolerance of a repeat is tighter, the factor if that repeat does
+# not finish, and the loosest tolerance of a repeat: with loose tolerances both runs can
+# have large errors that are nearly equal.
 TIGHTER, LOOSER = 100.0, 3.0
 LOOSEST = 1e-6
-# That of the repeat of a method without error control.
+# Tolerance of the repeat of a method without error control.
 FREE_RTOL = 1e-13
-# Its error may be so large a part of a range: 1e5 of its tolerances.
+# Largest difference to that repeat, relative to a range, at which both agree: 1e5 of
+# its tolerances.
 AGREED = 1e-8
-# The difference to steps shortened by GOLDEN is 0.38 of the error, at order 1, to all
-# of it: where it is less than this part of another estimate, that is off by more.
+# The difference to a run with steps shortened by GOLDEN is between 0.38 of the error
+# (at order 1) and the whole error. If it is less than this part of another estimate,
+# that estimate is too large.
 LESS = 0.3
 # A method whose steps are exact, whatever their length.
 EXACT = "exponential"
-# The longest step of a repeat, as a part of the output step (not a ratio of small whole
-# numbers: looks fall elsewhere in each row), and of the steps of the same method.
+# The longest step of a repeat relative to the output step (no ratio of small whole
+# numbers, so that steps end elsewhere in each row), and to the steps of the run.
 WITHIN = 0.75**0.5
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Operations that a repeat may always take to keep its steps short.
 SHORT = 2e7
-# Evaluations in a step with rows in it, of what repeats most runs.
+# Evaluations in a step with rows in it, for the method of most repeats.
 PER_STEP = 15.0
-# Of a series: it is evaluated once, and once more where rounding is carried.
+# Evaluations in a step of a series: one, and one more for compensated rounding.
 SERIES_STEP = 2.0
 
-# Operations that a repeat may take without being asked for: about 2 s.
+# Operations of a repeat with `--error-bar auto`, at most: about 2 s.
 BUDGET = 2e9
-# No repeat takes more than so many times the run, or so many operations: one that does
-# has encountered something that the run has not.
+# Limit of a repeat relative to the cost of the run, and limit in operations; the larger
+# one holds. A repeat beyond it has met a feature that the run has not.
 MOST_TIMES = 20.0
 ALWAYS = 2e8
-# All that judges a run takes no more than so many times the run, and so many operations
-# besides: about 2 s, where constraints are solved by loops 10 s.
+# The allowance of all repeats and second attempts: a multiple of the cost of the run,
+# plus operations for about 2 s (10 s where constraints are solved by loops).
 WHOLE_TIMES = 10.0
 WHOLE = 1e9
-# Evaluations and columns of a row cost about this much besides their operations.
+# Cost of an evaluation, in operations, in addition to the operations of its nodes.
 OVERHEAD = 20
-# A series takes about so many times the operations of the rates that it is made of.
+# Operations of a series relative to the operations of the rates.
 SERIES_LENGTH = 50
-# What an arc costs besides its steps, as it is begun in Python: a millisecond. It
-# counts for less, since a repeat may have to go through switches that the run missed:
-# through 2000 of them, at least; and through so many times those of the run.
+# Cost of the start of an arc, in operations. The true cost, a millisecond in Python, is
+# higher, but a repeat must be able to pass switches that the run missed: at least 2000,
+# and MOST_ARCS times as many arcs as the run.
 ARC = 1e5
 MOST_ARCS = 3.0
 
-# Rows of the repeat, at least: ranges are taken from them, too.
+# Least number of rows of a repeat, which ranges are computed from.
 LEAST_ROWS = 64
-# Two repeats agree by far where they are apart by this part of what the run is off.
+# Two repeats confirm each other if their difference is below this part of their
+# difference to the run.
 ALIKE = 1e-4
 
 
@@ -280,36 +293,36 @@ class Repeat(NamedTuple):
         return self.per_step * self.evaluation
 
     def limited(self, most: int) -> Session:
-        """Return the session with a limit on steps; an arc counts as some of them."""
+        """Return the session with a limit on steps; an arc counts as several steps."""
         arc = ARC / self.step if most < MOST_STEPS else 0.0
         return self.session._replace(most_steps=most, arc_steps=arc)
 
 
 class Allowance:
-    """The budget of operations left for the verification of a run."""
+    """Remaining budget of operations for the verification of a run."""
 
     def __init__(self, system: System, trajectory: Trajectory) -> None:
         arcs = ARC * trajectory.statistics.arcs
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
     def steps(self, other: Repeat, operations: float = math.inf) -> int:
-        """Return the number of steps that so many operations allow, or what is left."""
+        """Return the number of steps within `operations` and within the allowance."""
         return int(min(operations, self.left) / other.step)
 
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
-        """Charge the cost of a run by such means."""
+        """Subtract the cost of a run by the means `other`."""
         made = trajectory.statistics
         price = made.evaluations * other.evaluation + ARC * made.arcs
         self.left = max(0.0, self.left - price)
 
 
 def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
-    """Return other means of integration, the best first."""
+    """Yield other means of integration than those of a run, the best first."""
     plan, system, settings = session.plan, session.system, session.case.settings
     span = trajectory.end - trajectory.start
 
     def way(plan: Plan, longest: float, session: Session = session) -> Session:
-        """Return a session with steps as long as they must be to be affordable."""
+        """Return a session whose longest step keeps the cost within the budget."""
         own = own_cost(session.system, trajectory)
         most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
         price = PER_STEP * cost(session.system, plan.method)
@@ -335,12 +348,12 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
         return
     same = GOLDEN * min(mean, settings.output_step)
     per_step = SERIES_STEP if plan.method == SERIES else PER_STEP
-    # A series that misses no feature of the model, whatever its steps, has other means
-    # enough in other steps.
+    # If no feature of the model can be missed, a series with other steps is independent
+    # enough of the run.
     sees_all = not system.indicators
     for tighter in (tightened(plan, TIGHTER), tightened(plan, LOOSER)):
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
-        # The tolerance may leave another method no room to be better.
+        # At the tightest tolerance another method cannot be more accurate.
         room = not plan.rtol or ((tighter.rtol or 0.0) > TIGHTEST_RTOL and is_tighter)
         alike = plan.method == SERIES and (sees_all or not room)
         if plan.method != ANY and not alike:
@@ -351,14 +364,18 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
                 longest = min(found.longest_step, GOLDEN * mean)
                 found = found._replace(longest_step=longest)
             yield Repeat(found, per_step)
-    # Shorter than half of the run's steps cannot be the same.
+    # Steps of less than half the steps of the run differ from these in any case.
     shortest = tightened(plan, TIGHTER)
     found = session._replace(plan=shortest, longest_step=GOLDEN * GOLDEN * mean)
     yield Repeat(found, per_step)
 
 
 def tightened(plan: Plan, times: float) -> Plan:
-    """Return the plan of a repeat: its tolerance is never nearly that of the run."""
+    """Return the plan with a tolerance that is tighter by the factor `times`.
+
+    The tolerance stays between the tightest and the loosest of repeats, and differs
+    from that of the run by the factor LOOSER or more.
+    """
     rtol = plan.rtol or 0.0
     if rtol:
         rtol = min(max(rtol / times, TIGHTEST_RTOL), LOOSEST)
@@ -371,16 +388,19 @@ def tightened(plan: Plan, times: float) -> Plan:
 
 
 def _steps(trajectory: Trajectory) -> tuple[float | None, ...]:
-    """Return counts, and the shortest step to the last bit, that tell all steps."""
+    """Return the counts of steps and the shortest step, which identify the steps.
+
+    Runs with equal values are taken to have equal steps.
+    """
     made = trajectory.statistics
     return made.steps, made.rejections, made.smallest_step
 
 
-# The steps of a second attempt are shorter than those of the repeat that failed to
-# confirm the first: by this part, which no small whole numbers give.
+# Longest step of a second attempt relative to that of the repeat that contradicted the
+# first attempt; no ratio of small whole numbers.
 SHORTER = 0.3819660112501051
-# A second attempt may make so many times the steps that the evaluations of the first
-# are worth, and so many times those that it must make; or so many, whatever it was.
+# Limit of the steps of a second attempt: MORE times the evaluations of the first, at
+# PER_ATTEMPT in a step, plus AT_LEAST times its least number of steps; or ENOUGH.
 MORE = 10
 PER_ATTEMPT = 12
 AT_LEAST = 3
@@ -396,21 +416,21 @@ class ErrorBars(Enum):
 
 
 class Attempt(Evidence):
-    """The rows of a run: what judges them, and what is kept of them besides.
+    """Run of a session: evidence for its audit, and rows for files beside the table.
 
     Attributes
     ----------
-    checkpoints
-        Those that a repeat is compared with.
+    checkpoints : Checkpoints
+        Rows that are compared with a repeat.
     thin, corners, frames
-        Those for pictures, those at events, and those of a page; None where they are
-        not wanted.
+        Rows for pictures, rows at events, and rows of the page that plays the motion;
+        None if not requested.
     found : Sections or None
-        Its sections; None where there are none.
+        The sections; None if the model has no section.
     extremes : Extremes or None
-        The ranges of columns, for pictures of these.
+        The ranges of columns, for pictures of sections.
     fault : OSError or None
-        Why not all of them could be stored.
+        The error that kept rows from being stored.
     """
 
     fault: OSError | None = None
@@ -435,13 +455,13 @@ class Attempt(Evidence):
 
     @property
     def sections(self) -> dict[str, Floats]:
-        """Rows (k, columns) of the sections that are asked for."""
+        """Rows (k, columns) of each section of the model, by name."""
         if self.found is None:
             return {}
         return self.found.tables([x.name for x in self.equations.model.output.sections])
 
     def cautions(self) -> list[Caution]:
-        """Return all warnings on it."""
+        """Return all warnings on the run."""
         found = alarms(self)
         if self.frames is not None:
             from lagsim.outputs.animation import nothing_to_draw
@@ -464,33 +484,34 @@ class Attempt(Evidence):
 
 
 def _means(plan: Plan) -> str:
-    """Return a method with its tolerance, or its step."""
+    """Return the text of a method with its tolerance or its step."""
     own = f"step {plan.step:.3g}" if plan.rtol is None else f"rtol {plan.rtol:.2g}"
     return f"{plan.method} at {own}"
 
 
 @dataclass
 class Attempts:
-    """Makes the rows of a run.
+    """Attempts at a run, until one passes the audit.
 
     Attributes
     ----------
-    store
-        Gets the rows.
-    thinned, animated
-        They are kept for pictures, and for a page, too.
-    cornered
-        Those at events are kept, for pictures that are made of other rows.
-    progress
-        Gives, for what is done, what is to be called with the fraction done.
-    joined
-        Gets the run of the first attempt before it begins.
-    followers
-        Get the rows of the attempt that is given, as far as the store could take them.
-    allowance
-        What all that judges the first attempt may still cost.
-    tried
-        The methods, and their tolerances or steps, by which rows have been made.
+    store : Store
+        Receives the rows.
+    thinned, animated : bool
+        Whether rows are kept for pictures, and for the page that plays the motion.
+    cornered : bool
+        Whether rows at events are kept, for pictures of other rows.
+    progress : callable
+        Returns, for a label, a context manager with a function of the fraction done, or
+        with None.
+    joined : callable or None
+        Called with the run of the first attempt before the run begins.
+    followers : sequence of Store
+        Receive the rows that the store has received.
+    allowance : Allowance or None
+        The remaining budget of repeats and second attempts.
+    tried : list of str
+        The methods of all attempts, with their tolerances or steps.
     """
 
     store: Store
@@ -508,7 +529,7 @@ class Attempts:
     tried: list[str] = field(default_factory=list, init=False)
 
     def best(self, session: Session) -> Attempt:
-        """Make the rows; regenerate them where the audit has a finding."""
+        """Return the attempt that passes the audit, or one with the failed outcome."""
         first = self._made(session)
         finding = None if self.interrupt.asked else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
@@ -524,9 +545,10 @@ class Attempts:
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
-        """Return an attempt after a verdict that nothing can change.
+        """Return an attempt with the outcome that follows from the final finding.
 
-        Rows end where constraints part.
+        If a constraint is violated, the run is repeated up to the last row before the
+        time of the finding.
         """
         if finding is None or not finding.refutes:
             return attempt
@@ -541,14 +563,17 @@ class Attempts:
         trajectory = attempt.trajectory._replace(
             outcome=outcome, reason=f"{reason}: {outcome.advice}"
         )
-        # What a repeat says of a motion that is no answer is no error.
+        # A difference to a repeat is no error estimate of rows that are not valid.
         attempt.end(trajectory, "the rows are not valid")
         return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
-        """Make one attempt; the store and all that rows go to begin again.
+        """Run a session as an attempt, after emptying the store and its followers.
 
-        `bar` is what a repeat says of it, where one has been made before.
+        Parameters
+        ----------
+        bar : ErrorBar or str, optional
+            The error bar from an earlier repeat; None to make a repeat.
         """
         made = Attempt(session, self)
         self.tried.append(_means(session.plan))
@@ -578,7 +603,7 @@ class Attempts:
         made.fault = relay.fault
         made.end(trajectory, "not asked for" if bar is None else bar)
         if bar is None:
-            # The first attempt sets the allowance, and what others cost is taken of it.
+            # The first attempt sets the allowance; later attempts are charged to it.
             if self.allowance is None:
                 self.allowance = Allowance(session.system, trajectory)
             else:
@@ -587,7 +612,7 @@ class Attempts:
         return made
 
     def _error_bar(self, made: Attempt) -> ErrorBar | str:
-        """Estimate the error of the run, or say why not."""
+        """Return the error bar of the run, or the reason why there is none."""
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not asked for"
@@ -601,7 +626,7 @@ class Attempts:
         return bar
 
     def repeated(self, run: Attempt, progress: Advance = None) -> ErrorBar | str:
-        """Return the error bar of a run, or why there is none.
+        """Return the error bar of a run, or the reason why there is none.
 
         Parameters
         ----------
@@ -643,11 +668,11 @@ class Attempts:
         return found
 
     def _by_own_steps(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
-        """Return the error bar of fixed steps by shorter ones, where that is far less.
+        """Return the error bar of fixed steps from shorter steps, if far smaller.
 
-        A repeat with error control may be the less accurate of both. Where they agree
-        as far as its tolerance leads one to expect, nothing has been passed over, and
-        the difference to shorter steps of the same method tells the error.
+        A repeat with error control can be less accurate than the run. If both agree
+        within the tolerance of the repeat, no feature has been passed over, and the
+        difference to shorter steps of the method of the run is the better estimate.
         """
         plan = run.session.plan
         fixed = plan.rtol is None and plan.method not in (EXACT, bar.method)
@@ -667,11 +692,11 @@ class Attempts:
         return other if other.relative < LESS * bar.relative else bar
 
     def _is_outlier(self, run: Attempt) -> bool:
-        """Return whether a run, and not its repeat, is wrong: by a third one.
+        """Return whether a third run, a tighter repeat, confirms the repeat.
 
-        Two that are tighter agree better by far where the run has passed over
-        something; by as much as their tolerances differ where motions part
-        exponentially.
+        If the run has passed over a feature, both repeats agree far better with each
+        other than with the run. If motions diverge exponentially, the differences are
+        in proportion to the tolerances.
         """
         bar, session = run.bar, run.session
         assert not isinstance(bar, str)
@@ -700,7 +725,15 @@ class Attempts:
         *,
         always: bool = False,
     ) -> tuple[Evidence, Checkpoints]:
-        """Run other means, charge their cost; return what judges them, and rows."""
+        """Repeat a run by other means, and charge the cost to the allowance.
+
+        Returns
+        -------
+        evidence : Evidence
+            The evidence of the repeat for its own audit.
+        again : Checkpoints
+            The rows of the repeat.
+        """
         rows, case = run.checkpoints, other.session.case
         finer = -(-LEAST_ROWS // len(rows.rows)) if rows.stride == 1 else 1
         spacing = rows.stride * case.settings.output_step / finer
@@ -723,7 +756,7 @@ class Attempts:
         return evidence.end(found, "a repeat has none"), again
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
-        """Return other means than those of an attempt with a finding."""
+        """Return a session of other means for a second attempt, or None."""
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)
         if other is None:

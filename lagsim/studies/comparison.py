@@ -1,13 +1,13 @@
-"""Two runs of one motion: matched rows, scales of columns, deviations, verdict.
+"""Comparison of two runs: matched rows, scales of columns, deviations, verdict.
 
-Rows belong together that have the same time; at an impact two rows share a time, and go
-together in their order, before and after. Where velocities jump, or forces, two runs
-are apart by the whole jump from the one's time to the other's, however close these are:
-that is no error of what jumps, but of when, and the positions know it.
+Rows with equal times are matched. The two rows of an impact have one time, and are
+matched in their order, before and after. Where velocities or forces jump, the two runs
+differ by the whole jump between the two times of the jump, however close these are.
+This difference is an error of the time of the event, which positions show as well.
 
-The scale of a column is its range, but no less than a nominal size of its kind: what is
-constant, or should be zero, has no range but its rounding errors. The kinds are told by
-the names of the columns.
+The scale of a column is its range, but at least a nominal size of its kind, since the
+range of a column that is constant or should be zero consists of rounding errors. The
+kind of a column follows from its name.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ IMPACT = "impact"
 
 
 def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
-    """Return the times (k, 2) of events that both runs have.
+    """Return the times of events that both runs contain, shape (k, 2).
 
-    The same is of one kind, to one constraint, and nearest either way: what only one
-    run contains has no partner.
+    Two events match if kind, constraint, switch and name are equal and their times are
+    mutually nearest. An event that only one run contains is left out.
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [
@@ -50,7 +50,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Tell which times lie between the two of a pair (k, 2)."""
+    """Mark times (rows,) that lie within one of the intervals `pairs` (k, 2)."""
     found = np.zeros(len(t), bool)
     for pair in pairs:
         found |= (np.min(pair) <= t) & (t <= np.max(pair))
@@ -58,7 +58,10 @@ def within(t: Floats, pairs: Floats) -> Flags:
 
 
 def on_grid(rows: Floats, settings: Settings) -> Floats:
-    """Give the rows at output times, and the last: one each, that after an impact."""
+    """Return one row for each output time, and the last row.
+
+    At the time of an impact the row is the one after the impact.
+    """
     places = numbers(rows[:, 0], settings.start, settings.output_step)
     kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
     kept[-1:] = True
@@ -73,7 +76,7 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
 
 
 def partners(mine: Floats, theirs: Floats) -> Floats:
-    """Return the mutually nearest times (k, 2) of two runs."""
+    """Return the pairs of mutually nearest times of two runs, shape (k, 2)."""
     if not (len(mine) and len(theirs)):
         return np.empty((0, 2))
     there, back = nearest(mine, theirs), nearest(theirs, mine)
@@ -82,18 +85,25 @@ def partners(mine: Floats, theirs: Floats) -> Floats:
 
 
 def nearest(times: Floats, among: Floats) -> Floats:
-    """Return the index of the nearest for each time (k,)."""
+    """Return the index of the nearest time in `among` for each time, shape (k,)."""
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))
 
 
-# A column counts as no narrower than this part of the widest of its kind and unit, so
-# that a coordinate that should stay zero is not measured by its noise.
+# The least scale of a column relative to the widest column of its kind and unit, so
+# that the scale of a coordinate that should stay zero is not its rounding error.
 SHARE = 1e-3
 
 
 def kind(column: str, columns: Collection[str]) -> str:
-    """Return the kind of a column, by its name."""
+    """Return the kind of a column, by its name.
+
+    Examples
+    --------
+    >>> columns = ["t", "x", "x_dot", "x_ddot", "lambda_rod", "energy", "height"]
+    >>> [kind(column, columns) for column in columns[2:]]
+    ['velocity', 'acceleration', 'lambda', 'energy', 'definition']
+    """
     for prefix in ("lambda_", "Qc_", "residual_"):
         if column.startswith(prefix):
             return prefix[:-1]
@@ -110,24 +120,41 @@ def kind(column: str, columns: Collection[str]) -> str:
 def range_or_size(
     ranges: Floats, sizes: Floats | float, least: float = COMPUTED_ZERO
 ) -> Floats:
-    """Return the ranges; the size where a range is less than this part of it."""
+    """Return the ranges, replaced by the sizes where they are below `least` * size.
+
+    Examples
+    --------
+    >>> range_or_size(np.array([0.5, 1e-20]), np.array([2.0, 3.0]))
+    array([0.5, 3. ])
+    """
     return np.where(ranges > least * sizes, ranges, sizes)
 
 
 def scales(
     columns: Sequence[str], data: Floats, units: Mapping[str, str] | None = None
 ) -> Floats:
-    """Give the scale of each column (columns,).
+    """Return the scale of each column, shape (columns,), in the unit of the column.
 
     - positions, velocities, accelerations, definitions, multipliers and constraint
-      forces: the range, or the size where they do not vary; no less than SHARE of the
-      widest of the kind (and unit, where units are known);
-    - energies and work: the range, or that of the kinetic energy;
-    - residuals: the largest coordinate, since they are to be compared with zero.
+      forces: the range, or the largest absolute value of a constant column; at least
+      SHARE times the widest range of the kind (and unit, if units are known);
+    - energies and work: the range, or that of the kinetic energy if larger;
+    - residuals: the range, or the largest absolute value of a coordinate if larger.
 
     Parameters
     ----------
+    columns : sequence of str
+        Names of the columns.
     data : ndarray, shape (columns, rows)
+    units : mapping, optional
+        Unit of each column.
+
+    Examples
+    --------
+    >>> columns = ["t", "x", "x_dot", "x_ddot"]
+    >>> data = np.array([[0, 1, 2], [1, 3, 1], [0, 0, 0], [2, 2, 2]], dtype=float)
+    >>> scales(columns, data)
+    array([2., 2., 0., 2.])
     """
     low, high = _extremes(data)
     size = np.maximum(np.abs(low), np.abs(high))
@@ -157,7 +184,7 @@ def scales(
 
 
 def _extremes(data: Floats) -> tuple[Floats, Floats]:
-    """Give the least and the greatest finite value of each column; 0 without any."""
+    """Return the least and the greatest finite value of each column; 0 if none is."""
     low, high = np.zeros(len(data)), np.zeros(len(data))
     for k, values in enumerate(data):
         finite = values if np.isfinite(values).all() else values[np.isfinite(values)]
@@ -168,18 +195,18 @@ def _extremes(data: Floats) -> tuple[Floats, Floats]:
 
 Ints: TypeAlias = NDArray[np.intp]
 
-# All rows of both, as they are.
+# All rows of both tables.
 ALL = slice(None), slice(None)
 
 
 class Matched(NamedTuple):
-    """Numbers of rows that belong together, and times that have no partner.
+    """Indices of matched rows, and times without a match.
 
     Attributes
     ----------
     golden, new : ndarray of int, shape (k,)
     missing, extra : ndarray
-        Times of one table alone.
+        Times that only the golden table has, and that only the new one has.
     """
 
     golden: Ints
@@ -189,14 +216,21 @@ class Matched(NamedTuple):
 
 
 def match(golden: Floats, new: Floats, tolerance: float = 0.0) -> Matched:
-    """Match rows by their times.
+    """Match rows of two tables by their times.
 
     Parameters
     ----------
-    golden, new : ndarray
-        The times.
-    tolerance
-        Between times that are the same, if more than SAME_ROW of the spacing.
+    golden, new : ndarray, shapes (k,) and (l,)
+        The times of the rows.
+    tolerance : float
+        The largest difference of equal times, if more than SAME_ROW of the spacing; at
+        most a quarter of the spacing is used.
+
+    Examples
+    --------
+    >>> found = match(np.array([0.0, 1.0, 2.0]), np.array([0.0, 2.0, 3.0]))
+    >>> found.golden, found.new, found.missing, found.extra
+    (array([0, 2]), array([0, 1]), array([1.]), array([3.]))
     """
     near = max(SAME_ROW * _spacing(golden), min(tolerance, 0.25 * _spacing(golden)))
     if len(golden) == len(new) and bool(np.all(np.abs(golden - new) <= near)):
@@ -219,7 +253,7 @@ def _spacing(t: Floats) -> float:
 
 
 def _turns(t: Floats, near: float) -> Ints:
-    """Return for each row the number of rows before it at its time."""
+    """Return for each row the number of earlier rows at its time, shape (k,)."""
     turns = np.zeros(len(t), dtype=np.intp)
     for k in np.flatnonzero(np.diff(t) <= near) + 1:  # few: only impacts
         turns[k] = turns[k - 1] + 1
@@ -227,19 +261,24 @@ def _turns(t: Floats, near: float) -> Ints:
 
 
 class Deviation(NamedTuple):
-    """The worst cell of a column.
+    """Largest deviation of a column between two runs.
 
     Attributes
     ----------
+    column : str
+    t : float
+        The time of the cell with the largest ratio.
+    golden, new, difference : float
+        The values of both runs in this cell, and their absolute difference.
     tolerance : float
-        What it may differ by there.
+        The tolerance of this cell.
     ratio : float
-        How bad the cell is: the difference over the tolerance, or over the column's
-        scale where the tolerance is one unit in the last place; inf for nan.
+        The difference relative to the tolerance, or relative to the scale of the column
+        if the tolerance is one unit in the last place; inf if a value is nan.
     first : float or None
         The first time at which the column fails.
     cells : int
-        How many of its cells fail.
+        The number of cells that fail.
     """
 
     column: str
@@ -259,7 +298,7 @@ class Deviation(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """The values of a column in two runs, and what they may differ by: (rows,) each."""
+    """Values of a column in two runs, and the tolerance of each, shape (rows,)."""
 
     t: Floats
     golden: Floats
@@ -269,15 +308,16 @@ class Pair(NamedTuple):
     def deviation(
         self, column: str, size: float | None = None, *, exact: bool = False
     ) -> Deviation:
-        """Give the worst cell.
+        """Return the deviation of the column, at the cell with the largest ratio.
 
         Parameters
         ----------
-        size
-            The worst is the largest difference, against this, and not against the
-            bound.
-        exact
-            Tell 0 from -0.
+        column : str
+            The name of the column.
+        size : float, optional
+            The denominator of the ratio, by default the bound of the cell.
+        exact : bool
+            Whether 0 and -0 differ.
         """
         t, golden, new, bound = self
         if not len(t):
@@ -305,26 +345,26 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Whether a run is the same as a golden one, as far as it has to be.
+    """Result of the comparison of a run with a golden run.
 
     Attributes
     ----------
     worst : tuple of Deviation
-        One for each column of both (and each invariant), the worst first.
+        One for each common column (and each invariant), by falling ratio.
     missing, extra : tuple of str
-        Columns that only the golden has, or only the new run.
+        Columns that only the golden has, and that only the new run has.
     faults : tuple of str
-        What else they differ in.
+        Other differences that make the comparison fail.
     of : callable
-        Gives what was compared of a column.
+        Returns the `Pair` of a column.
     rows : Matched, optional
-        Of two tables: which of their rows belong together.
+        The matched rows of two tables.
     notes : tuple of str
-        What has changed, and is no failure.
+        Changes that are no failure.
     changed : tuple of str
-        Parameters and start values that are no longer those of the golden.
+        Parameters and start values that differ from the golden.
     place : Place, optional
-        The line of the file that made the difference, as far as it is known.
+        The line of the file that caused the difference, if known.
     """
 
     worst: tuple[Deviation, ...]
@@ -339,23 +379,23 @@ class Verdict:
 
     @property
     def failed(self) -> list[Deviation]:
-        """The columns that differ, the worst first."""
+        """The deviations of columns that fail, by falling ratio."""
         return [d for d in self.worst if not d.passed]
 
     @property
     def passed(self) -> bool:
-        """Whether it is the same."""
+        """Whether the run agrees with the golden."""
         return not (self.missing or self.faults or self.failed)
 
     @property
     def first(self) -> Deviation | None:
-        """The column that fails first in time."""
+        """The deviation of the column that fails first in time; None if none fails."""
         failed = [d for d in self.worst if d.first is not None]
         return min(failed, key=lambda d: (d.first, -d.ratio), default=None)
 
 
 def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
-    """Give the worst first, those that pass last."""
+    """Sort deviations: failures first, each part by falling ratio."""
     return tuple(sorted(found, key=lambda d: (d.passed, -d.ratio)))
 
 
@@ -366,11 +406,11 @@ def compare(
 
     Parameters
     ----------
-    rtol
-        None forgives one unit in the last place of either value.
-    atol
-        0 where it is not given. With rtol = atol = 0 values pass that are equal bit by
-        bit.
+    golden, new : Table
+    rtol : float, optional
+        None allows a difference of one unit in the last place of the larger value.
+    atol : float, optional
+        0 by default. With rtol = atol = 0 only bitwise equal values pass.
     """
     known = scales(golden.columns, golden.data, golden.units).tolist()
     sizes = dict(zip(golden.columns, known, strict=True))
