@@ -50,7 +50,7 @@ def instant(settings: Settings, times: Iterable[float]) -> float:
     if not found:
         return math.inf
     first = min(found)
-    one = [time for time in found if is_same(settings, first, time)]
+    one = [x for x in found if x == first or is_same(settings, first, x)]
     for time in one:
         row = row_near(settings, time)
         if is_same(settings, time, row):

@@ -122,8 +122,11 @@ class Truth:
         """
         self.set_by_modes = set_by_modes
         self.arc, self.state, self.found = arc, arc.state, found
-        values, zero = arc.located(arc.t, arc.y), arc.state.zero
-        if found < 0 and (np.abs(values) > FAR * zero).all() and arc.steps:
+        self.is_far = False  # all are so far off 0 that their rates do not count
+        if found < 0 and arc.steps:
+            values, zero = arc.located(arc.t, arc.y), arc.state.zero
+            self.is_far = bool((np.abs(values) > FAR * zero).all())
+        if self.is_far:
             self.now = Look(values, zero.copy(), np.zeros(len(values)))
         else:
             self.now = look(arc, found)
@@ -153,9 +156,10 @@ class Truth:
         """
         state, now = self.state, self.now
         side, leeway = state.orientation, state.leeway
-        misses, comes = now.values * side, now.rates * side < 0.0
+        misses = now.values * side
         met = misses + leeway <= 0.0
-        met |= (misses <= now.zero) & comes
+        if not self.is_far:
+            met |= (misses <= now.zero) & (now.rates * side < 0.0)
         met &= side != 0.0
         if self.found >= 0:
             met[self.found] = True
@@ -204,8 +208,11 @@ class Truth:
         if struck or self.set_by_modes:
             values = self.arc.located(self.arc.t, self.arc.y)
         far = 4.0 * np.maximum(before.zero, np.abs(state.leeway))
-        past = (values < -far) | ((state.equation > 0.0) & (np.abs(values) > far))
-        changes = np.where(side != 0.0, values * side <= far, past).any()
+        may, true = values * side <= far, side == 0.0
+        if true.any():
+            past = (values < -far) | ((state.equation > 0.0) & (np.abs(values) > far))
+            may[true] = past[true]
+        changes = may.any()
         if not changes:
             self.now = before._replace(values=values)
         return bool(changes)
@@ -219,9 +226,10 @@ class Truth:
         true = (misses < -zero) | ((leeway < 0.0) & (misses + leeway <= 0.0))
         true |= (misses <= zero) & (were_clear | rises)
         true &= side != 0.0
-        left = (side == 0.0) & (now.values < -zero)
-        left |= (side == 0.0) & (state.equation > 0.0) & (now.values > zero)
-        side[left], leeway[left] = np.sign(now.values[left]), 0.0
+        left = (side == 0.0) & (np.abs(now.values) > zero)
+        if left.any():
+            left &= (now.values < 0.0) | (state.equation > 0.0)
+            side[left], leeway[left] = np.sign(now.values[left]), 0.0
         return {*np.flatnonzero(true).tolist()}
 
     def _turn(self, now: Look) -> None:
@@ -229,6 +237,8 @@ class Truth:
         state = self.state
         side, leeway, equation = state.orientation, state.leeway, state.equation > 0.0
         at_zero = np.abs(now.values) <= np.maximum(now.zero, leeway)
+        if not at_zero.any():
+            return
         turns = at_zero & np.isfinite(leeway) & np.where(
             equation, now.rates != 0.0, (side == 0.0) & (now.rates < 0.0)
         )  # fmt: skip

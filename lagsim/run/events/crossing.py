@@ -527,12 +527,15 @@ class Crossing:
                 here = Kinematics(arc, y)
                 a, others = here.free[arc.state.driven], here.accelerations[self.laws]
             J, b = rows.J[self.open], rows.b[self.open]
-            # The number of a table's knot has another slope in each cell.
-            size = np.max(np.abs(J), axis=1, initial=0.0)
-            whole = modes.whole[self.open] & (size > 0.0)
-            scale = np.divide(lengths, size, out=np.ones(len(J)), where=whole)
-            return J * scale[:, None], b * scale, a, others
+            if whole.any():
+                # The number of a table's knot has another slope in each cell.
+                size = np.max(np.abs(J), axis=1, initial=0.0)
+                known = whole & (size > 0.0)
+                scale = np.divide(lengths, size, out=np.ones(len(J)), where=known)
+                J, b = J * scale[:, None], b * scale
+            return J, b, a, others
 
+        whole = modes.whole[self.open]
         lengths = np.max(np.abs(modes.rows().J[self.open]), axis=1, initial=0.0)
 
         def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:

@@ -378,6 +378,7 @@ class Modes:
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
         self.whole = np.array([s.whole for s in self.sides])
+        self.has_whole = bool(self.whole.any())
         self.on_rates = on_rates(arc.equations, system.switches)
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
@@ -473,15 +474,14 @@ class Modes:
 
     def write(self) -> None:
         """Store the mode where the compiled functions read it."""
-        p, slides, value, whole = self.p, self.slides, self.value, self.whole
+        p, slides, value, free = self.p, self.slides, self.value, self.bound
         p.sliding = float(np.count_nonzero(slides))
         p.side[:] = value
         p.slides[:] = self.kind
-        p.low[:] = np.where(whole | self.bound, value, -1.0)
-        p.high[:] = np.where(whole, value + 1.0, 1.0)
+        p.low[:] = np.where(self.whole | free, value, -1.0)
+        p.high[:] = np.where(self.whole, value + 1.0, 1.0)
         p.leader[:] = p.ends_above = 0.0
         least, most = self._ends(value)
-        free = self.bound
         for k, carried in self.carried.items():
             p.leader[k] = carried.leader + 1
             p.high[k] = carried.high
@@ -492,18 +492,21 @@ class Modes:
             fixed = [k for k, x in self.carried.items() if not x.ends_above]
             p.least_above[fixed], p.most_above[fixed] = -math.inf, math.inf
         least[free], most[free] = -math.inf, math.inf
-        least[self.watched] = most[self.watched] = self.levels[self.watched]
-        moving = np.array(self.on_rates, dtype=bool)
-        least[slides] = np.where(moving, 0.0, self.levels)[slides]
-        most[slides] = np.where(moving, self.levels, 0.0)[slides]
+        if self.watched:
+            least[self.watched] = most[self.watched] = self.levels[self.watched]
+        if p.sliding:
+            least[slides] = np.where(self.on_rates, 0.0, self.levels)[slides]
+            most[slides] = np.where(self.on_rates, self.levels, 0.0)[slides]
         p.least[:] = least
         p.most[:] = most
 
     def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
         """Values between which expressions keep these sides, least and most (K,)."""
         up, whole = sides > 0.0, self.whole
-        least = np.where(whole, sides, np.where(up, 0.0, -math.inf))
-        most = np.where(whole, sides + 1.0, np.where(up, math.inf, 0.0))
+        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
+        if self.has_whole:
+            least = np.where(whole, sides, least)
+            most = np.where(whole, sides + 1.0, most)
         return least, most
 
     def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:

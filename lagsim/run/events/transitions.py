@@ -60,6 +60,8 @@ class Transitions(Source):
     def __init__(self, arc: Arc) -> None:
         events, settings = arc.equations.model.events, arc.settings
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
+        self.periodic = [k for k, number in enumerate(self.next) if number > 0]
+        self.event_of = [k for k, x in enumerate(events) if x.at is not None]
         self.acted: list[tuple[str, dict[str, float]]] = []
         self.acts = [0] * len(events)  # of each, at the last instant
         self.time = math.nan  # of that
@@ -96,19 +98,16 @@ class Transitions(Source):
 
     def times(self, arc: Arc) -> Iterator[float]:
         """Return the times of the next acts of periodic events."""
-        return (self._time(arc, k) for k in range(len(self.next)))
+        return (self._time(arc, k) for k in self.periodic)
 
     def _time(self, arc: Arc, k: int) -> float:
-        """Time of the next act of an event; inf of one that is not periodic."""
-        if self.next[k] < 0:
-            return math.inf
+        """Time of the next act of a periodic event."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
     def due(self, arc: Arc) -> Due:
         """Return what is due at an instant by the state just before it."""
         soon = arc.t + width(arc.settings, arc.t)
-        times = enumerate(self.times(arc))
-        periodic = frozenset(k for k, time in times if time <= soon)
+        periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
             return Due(periodic)
         found = int(arc.state.event) - 1
@@ -135,7 +134,7 @@ class Transitions(Source):
             self.time, self.acts = arc.t, [0] * len(self.acts)
             self.acted.clear()
         events = arc.equations.model.events
-        event_of = [k for k, x in enumerate(events) if x.at is not None]
+        event_of = self.event_of
         y = arc.y.copy()
         before = arc.energies(y) if self.energetic else None
         found: list[Event] = []
