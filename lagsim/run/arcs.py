@@ -57,6 +57,7 @@ from lagsim.run.trajectory import (
     Decision,
     Ending,
     Outcome,
+    Source,
     Statistics,
     Trajectory,
     Turn,
@@ -76,7 +77,6 @@ if TYPE_CHECKING:
     from lagsim.run.events.transitions import Due
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
-    from lagsim.run.trajectory import Source
 
 
 P = ParamSpec("P")
@@ -217,6 +217,8 @@ class Run:
         self.sources = list(_sources(self.arc))
         found = (x for x in self.sources if isinstance(x, Transitions))
         self.transitions = next(found, None)
+        # Those that know times in advance.
+        self.timed = [x for x in self.sources if type(x).times is not Source.times]
         self.recorder = Recorder(observers)
         # Called between two calls of the kernel.
         self.tick: Callable[[Run], None] | None = None
@@ -347,7 +349,7 @@ class Run:
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant
             return
-        known = [time for source in self.sources for time in source.times(arc)]
+        known = [time for source in self.timed for time in source.times(arc)]
         soon, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
         if soon < ahead <= SAME_STEP * settings.duration:
             soon = max(soon, located_within(arc))
@@ -582,7 +584,7 @@ class Run:
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
         arc = self.arc
-        known = (time for source in self.sources for time in source.times(arc))
+        known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
         self.instant, self.former = arc.t, None
         self.arc = arc.next(end, ahead)

@@ -164,7 +164,7 @@ class Truth:
         if self.found >= 0:
             met[self.found] = True
         self._turn(now)
-        return {*np.flatnonzero(met).tolist()}
+        return {*met.nonzero()[0].tolist()}
 
     def hold(self, conditions: Iterable[int], *, for_ever: Iterable[int] = ()) -> None:
         """Take conditions to be true from now on, some of them for ever."""
@@ -237,9 +237,10 @@ class Truth:
         state = self.state
         side, leeway, equation = state.orientation, state.leeway, state.equation > 0.0
         at_zero = np.abs(now.values) <= np.maximum(now.zero, leeway)
+        at_zero &= np.isfinite(leeway)
         if not at_zero.any():
             return
-        turns = at_zero & np.isfinite(leeway) & np.where(
+        turns = at_zero & np.where(
             equation, now.rates != 0.0, (side == 0.0) & (now.rates < 0.0)
         )  # fmt: skip
         side[turns] = np.sign(now.rates[turns])
