@@ -303,8 +303,14 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 
 
 def shares(p: Parameters, k: int) -> bool:
-    """Whether a law holds or is redundant, and its multiplier bounds no friction."""
-    if not (p.law_mode[k] == HELD or p.law_mode[k] == REDUNDANT):
+    """Whether a law holds or is redundant, and its multiplier bounds no friction.
+
+    The row of a redundant one has to be a combination of rows of other laws: where an
+    equality, or a surface that the motion follows, is needed as well, the multipliers
+    of laws alone do not determine its share.
+    """
+    redundant = p.law_mode[k] == REDUNDANT and p.law_shared[k] > 0.0
+    if not (p.law_mode[k] == HELD or redundant):
         return False
     if p.law_kind[k] == LIMITED:
         return True

@@ -200,6 +200,7 @@ class Laws(Surfaces):
     share_step: Floats = array("laws")
     share_next: Floats = array("laws")
     share_left: Floats = array("laws")
+    law_shared: Floats = array("laws")  # 1: redundant, and held by other laws alone
     law_mode: Floats = array("laws")
     law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 FORCING = (kept.HELD, kept.SLIDING)
 HOLDING = (kept.HELD, kept.REDUNDANT)
+# Kinds of laws that share loads, unless they have friction.
+SHARING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.LIMITED)
 # Where forces change, each moment looked at is so many times as late as the last.
 LATER = 10.0
 # What has bounced so often comes to rest by a series, not by one impact.
@@ -251,7 +253,11 @@ class Contacts(Source):
         redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
         kinds = {self.laws[k].kind for k in redundant}
         shares = any(kind.one_sided for kind in kinds)
-        p.law_shares = float(shares or Kind.LIMITED in kinds)
+        p.law_shared[:] = 0.0
+        rubs = {law.normal for law in self.laws if law.kind is Kind.SLIP}
+        bear = [k for k in held if k not in rubs and self.laws[k].kind in SHARING]
+        p.law_shared[redundant] = here.are_spanned(redundant, bear)
+        p.law_shares = p.law_shared.max()
         if shares or chosen.open:
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)

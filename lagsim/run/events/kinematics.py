@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.algebra import Span, least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
@@ -20,6 +20,8 @@ from lagsim.methods.parts.control import scattered
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
+    DEPENDENT_ROWS,
+    HALF_OF_DIGITS,
     SAME_TIME,
     SOLUTION_ROUNDOFF,
     SUM_ROUNDOFF,
@@ -371,6 +373,18 @@ class Kinematics:
         return bool(
             np.any(np.abs(D[k, some]) > SOLUTION_ROUNDOFF * sizes[k] * sizes[some])
         )
+
+    def are_spanned(self, some: Sequence[int], others: Sequence[int]) -> list[bool]:
+        """Return for each of some laws whether its row is spanned by rows of others."""
+        sizes = self.shape.slopes.max(axis=0)
+        rows = self.rows / np.where(sizes > 0.0, sizes, 1.0)
+        lengths = np.linalg.norm(rows, axis=1)[:, None]
+        rows = rows / np.where(lengths > 0.0, lengths, 1.0)
+        span = Span(rows.shape[1])
+        for k in others:
+            span.extend(rows[k], DEPENDENT_ROWS)
+        outside = (np.linalg.norm(span.outside(rows[k])) for k in some)
+        return [bool(left <= HALF_OF_DIGITS) for left in outside]
 
     def problem(
         self, some: Sequence[int], restitutions: Floats, reply: Delassus

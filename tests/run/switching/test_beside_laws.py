@@ -142,6 +142,23 @@ def test_friction_by_a_switch_beside_a_clutch_to_a_brake(brake, x, a):
     assert not found.trajectory.warnings
 
 
+def test_limits_do_not_share_a_load_that_a_switch_bears_with_them():
+    # The limits hold a by b, which the switch holds: what b bears of the load is not
+    # known by the limits' forces on a alone. Both give way at their sum, 1 + 0.3.
+    text = mechanical(
+        "a b", "(a_dot^2 + b_dot^2)/2", "0",
+        {"joint": {"relation": "b_dot = a_dot", "limit": 0.3},
+         "brake": {"relation": "a_dot = 0", "limit": 1}},
+        {"a": 0, "b": 0}, forces={"a": "t", "b": "0.5*t - 2*sign(b_dot)"}, duration=3,
+        output_step=0.5,
+    )  # fmt: skip
+    found = run(read(text, "joint.yaml"))
+    slips = [e.time for e in found.trajectory.events if e.constraint]
+    assert slips == pytest.approx([1.3, 1.3], abs=1e-12)  # known to rounding
+    assert found["a"][-1] == pytest.approx(1.7**3 / 6.0, abs=1e-12)
+    assert found["b"][-1] == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.parametrize("u", [1.0, 1e-6])
 def test_a_force_that_switches_and_limits_bear_together_in_any_unit(u):
     # Of 5.52 sin 1.49 t on a its brake bears 2, and its friction on b 0.77, which b
