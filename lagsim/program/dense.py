@@ -19,7 +19,7 @@ independent variables, d(q'', lambda)/dy solves the equations of motion with -dr
 f and -ds/dy for b, so that one factorisation serves all columns. dr/dy and ds/dy are
 evaluated from the graph. lambda is then that of the rows chosen by the pivoting.
 
-In the code rows of A are the columns of Y, and Y is stored transposed, row by row.
+The array p.Y (m, n) holds Y^T: its row i is L^-1 A_i, scaled.
 
 Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 5.2,
 5.4 and 5.5.
@@ -519,7 +519,7 @@ def residual_left(
     """Return the largest second-order residual after a Newton step, of rows in force.
 
     Of the residuals (`first` = 0) or of the rates (`first` = m) of the rows, each
-    relative to its scale.
+    relative to its scale: the remainder of Taylor's formula to second order.
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
@@ -532,9 +532,9 @@ def residual_left(
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
-    """Store -M^-1 A^T S^-1 residuals (n,), and the largest |residual| / size.
+    """Store -M^-1 A^T S^-1 residuals (n,), then the largest |residual| / size.
 
-    residuals, sizes : (m,).
+    S = A M^-1 A^T. residuals, sizes : (m,).
     """
     if LAWS:
         hold(p)

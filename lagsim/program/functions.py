@@ -276,8 +276,8 @@ def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
 def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
     """Return the second-order residual of each row after a Newton step, by its scale.
 
-    The step takes the place of the velocities. The residual is expanded to second
-    order; its first-order term cancels the residual itself where the rows are
+    It is Taylor's formula of the residual to second order, with the step in place of
+    the velocities. The first-order term cancels the residual where the rows are
     independent.
     """
     g: Graph = e.graph
