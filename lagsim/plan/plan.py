@@ -634,7 +634,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         text += "and the mass matrix of this model is singular without the constraints"
         raise unusable("singular-mass", text)
     parts = _parts(equations, start, settings)
-    if parts:  # each part chooses its own
+    if parts:  # output rows come from the full equations
         settings = settings._replace(formulation="full")
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start

@@ -194,7 +194,7 @@ def _optional(equations: Equations) -> dict[str, int]:
         free = alone.motion()[0]
         nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
         # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
-        # M (q'' - a) = Qc: without cancellation, and without followed switches.
+        # M (q'' - a) = Qc: no cancellation, and no forces that hold switches.
         held = e.constraint_forces()
         square = g.product_sum(zip(held, alone.response(held), strict=True))
         nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
@@ -499,7 +499,7 @@ def functions(
         found |= loop_functions(equations, columns)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
-    # An impact changes these energies, which differ between works.
+    # Used at impacts where works balance other energies than that of the model.
     laws, works = bool(equations.laws), equations.works
     strikes = laws or any(may_strike(equations, x) for x in equations.rows)
     if strikes and any(x.energy != equations.energy for x in works):

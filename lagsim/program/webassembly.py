@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from lagsim.program.system import Runner
 
 VERSION: Final = 1
-"""Of the description: it grows with what a reader of the former must know."""
+"""Version of the description, increased where readers of the former would fail."""
 
 EXPORTS: Final = ("prepare", "advance", "tabulate")
 CODES: Final = (

@@ -34,7 +34,7 @@ CACHE_VARIABLE = "LAGSIM_CACHE"
 """Environment variable naming the folder to use in place of the platform's."""
 
 LIMIT_BYTES = 256 * 2**20
-"""Size at which the objects that were not used for longest are removed."""
+"""Size of the folder above which the objects unused for longest are removed."""
 
 _FORMAT = "4"  # of files and keys; a change leaves all stored objects unused
 _MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"

@@ -25,8 +25,8 @@ CPU_VARIABLE = "LAGSIM_CPU"
 "x86-64-v3" or any other of LLVM's names, or PORTABLE."""
 
 PORTABLE = "portable"
-"""Any CPU, by code that gives the same bits on all: each operation is rounded as it
-stands, none is contracted, and elementary functions are lagsim's own."""
+"""Any CPU, by code with equal bits on all CPUs: each operation is rounded as written,
+none is contracted, and elementary functions are lagsim's own."""
 
 _LIBRARY = "lagsim"
 
