@@ -1,6 +1,7 @@
-"""Pictures of a verdict: the worst columns of two tables, or of a run and its golden.
+"""Pictures of a verdict: columns with the largest deviations.
 
-At the left both, at the right the size of their difference in the band of its bound.
+The left panel of a column shows both runs, and the right panel the absolute difference
+with its bound.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def summary(verdict: Verdict, letters: Letters) -> list[str]:
 
 
 def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
-    """Return the columns to draw; the time only where there is no other."""
+    """Return the deviations to draw, without the time unless it is the only column."""
     return [d for d in worst if d.column != "t"][:MOST] or worst[:1]
 
 
@@ -71,12 +72,14 @@ def picture(
     units: Mapping[str, str],
     notes: Sequence[str] = (),
 ) -> bytes:
-    """Draw the worst columns below each other; give a PNG.
+    """Return a PNG of the columns with the largest deviations, one below the other.
 
     Parameters
     ----------
-    letters, units
-        How names are written, and the units of columns.
+    letters : Letters
+        The form of names in the picture.
+    units : mapping
+        Units of the columns.
     """
     columns = shown(verdict.worst)
     legend = [

@@ -1,8 +1,9 @@
-"""Files beside the table of a run: events, a page of the motion, pictures.
+"""Files of a run other than its table: events, a page of the motion, pictures.
 
-Pictures may be drawn by a second process, which loads matplotlib while the run is made.
-It is a fork of the first, so it has the model; the rows come pickled, and pictures come
-back one by one. What does not come back is drawn by the first.
+A second process can draw the pictures. It loads matplotlib while the run is under way.
+It is a fork of the first process, so it has the model; rows are sent to it pickled, and
+pictures are returned one by one. The first process draws every picture that the second
+did not return.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def events(made: Attempt) -> Iterator[Made]:
-    """Give name and content of the tables of events and sections, where there are."""
+    """Yield name and content of the tables of events and sections, if there are any."""
     if made.session.lists_events:
         named = bool(made.session.case.model.events)
         yield "events.csv", events_table(made.trajectory.events, named=named)
@@ -45,9 +46,14 @@ def events(made: Attempt) -> Iterator[Made]:
 def drawings(
     made: Attempt, form: str = "png", draw: Draw | None = None
 ) -> Iterator[Made]:
-    """Give name and content of the page and of the pictures that rows are kept for.
+    """Yield name and content of the page and the pictures of a run.
 
-    Pictures have the format `form`. `draw` draws them, by default in this process.
+    Parameters
+    ----------
+    form : str
+        The file format of pictures, as its extension.
+    draw : callable, optional
+        Draws the pictures; by default this process does.
     """
     if made.frames is not None:
         from lagsim.outputs.animation import NAME
@@ -72,13 +78,13 @@ def drawings(
 
 
 def beside(made: Attempt) -> Iterator[Made]:
-    """Return name and content of all files beside the table of a run."""
+    """Yield name and content of all files of a run other than its table."""
     yield from events(made)
     yield from drawings(made)
 
 
 def _record(made: Attempt, rows: Thinning, form: str) -> Record:
-    """Return what the pictures of a run have in common."""
+    """Return the data that all pictures of a run share."""
     from lagsim.outputs.units import units
 
     equations, trajectory = made.session.equations, made.trajectory
@@ -99,7 +105,7 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
 
 
 def _page(made: Attempt, frames: Frames) -> bytes | None:
-    """Give the page that plays the motion, if there is something to play."""
+    """Return the page that plays the motion; None if the model has nothing to draw."""
     from lagsim.outputs.animation import film, page, record
     from lagsim.outputs.units import units
 
@@ -114,13 +120,13 @@ def _page(made: Attempt, frames: Frames) -> bytes | None:
 
 
 def _horizon(made: Attempt) -> float:
-    """Return the horizon, infinite where there is none."""
+    """Return the horizon of the run; inf if there is none."""
     horizon = None if isinstance(made.bar, str) else made.bar.horizon
     return math.inf if horizon is None else horizon
 
 
 def drawn(record: Record, model: Model) -> Iterator[Made]:
-    """Draw in this process: give the file name and the content of each picture."""
+    """Draw in this process, and yield the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
 
     yield from pictures(record, model)
@@ -128,7 +134,11 @@ def drawn(record: Record, model: Model) -> Iterator[Made]:
 
 @contextlib.contextmanager
 def artist(model: Model) -> Iterator[Draw]:
-    """Get ready to draw pictures, in a process that runs nothing but a command."""
+    """Context manager: start a second process for drawing; return a draw function.
+
+    Only for a process whose single task is a command, since the second process is a
+    fork.
+    """
     helper = None
     if ahead.is_possible():
         helper = ahead.Helper(_ready, partial(_contents, model))
@@ -158,7 +168,13 @@ def _ready() -> None:
 
 
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
-    """Give the name and the content of each picture, up to one that is not drawn."""
+    """Yield name and content of each picture, as bytes, in the second process.
+
+    Raises
+    ------
+    RuntimeError
+        If a picture cannot be drawn; the first process then draws it and reports why.
+    """
     gc.freeze()  # what is loaded stays
     record: Record = pickle.loads(content)
     with ahead.helped():

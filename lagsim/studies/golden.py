@@ -1,10 +1,10 @@
-"""The golden of a motion: rows, bounds of their errors, horizon, invariants.
+"""Golden of a motion: reference rows, bounds of their errors, horizon, invariants.
 
-A run elsewhere may differ from the golden one by as much as its variants do, see
-`motions`. Beside a jump, of a velocity at an impact or of a force at a switch, a row
-may lie on either side, and may differ by the jump as well.
+A later run of the model may differ from the golden by as much as the variants of the
+golden run do, see `motions`. Near a jump, of a velocity at an impact or of a force at a
+switch, a row can lie on either side of the jump, and may differ by the jump as well.
 
-`<name>.csv` holds the rows of a golden, and `<name>.json` all else.
+`<name>.csv` holds the rows of a golden, and `<name>.json` everything else.
 """
 
 from __future__ import annotations
@@ -71,11 +71,12 @@ BALANCE = "energy - work"
 
 
 def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
-    """Return the conserved quantities in the rows of a motion (rows,).
+    """Return the conserved quantities of a motion by name, each of shape (rows,).
 
-    That is the energy (less the work), each residual of a constraint that is always in
-    force, and the momentum of each coordinate that is in neither the Lagrangian nor a
-    force nor a constraint. Of what stays >= 0 it is what lies below.
+    These are the energy (less the work), the residual of each constraint that always
+    holds, and the momentum of each coordinate that occurs neither in the Lagrangian nor
+    in a force nor in a constraint. Of a quantity that must be >= 0 only the negative
+    part is returned.
     """
     column = dict(zip(motion.columns, motion.rows.T, strict=True))
     energy, work = column["energy"], column.get("work")
@@ -119,7 +120,7 @@ LEAVE_OUT = (
 
 
 class Invariant(NamedTuple):
-    """A conserved quantity: its value, and the bound of deviations."""
+    """Value of a conserved quantity, and the bound of deviations from the value."""
 
     value: float
     bound: float
@@ -127,22 +128,23 @@ class Invariant(NamedTuple):
 
 @dataclass(frozen=True)
 class Golden:
-    """A motion with bounds of its error, up to its horizon.
+    """Reference motion with bounds of its error, up to its horizon.
 
     Attributes
     ----------
     columns : tuple of str
-        Those that are kept; the first is the time.
+        Names of the stored columns; the first is the time.
     rows : ndarray, shape (k, columns)
     steps : dict of str to list
-        By column (time, bound) pairs: the bound holds from that time on, to the next.
+        For each column a list of (time, bound): each bound holds from its time until
+        the time of the next.
     horizon : float or None
-        Past this time only invariants are compared.
+        The time past which only invariants are compared.
     invariants : dict of str to Invariant
     stride : int
-        Of so many rows of the run one is kept.
+        One of `stride` rows of the run is stored.
     about : mapping
-        What its JSON says of the run it was made from.
+        Data in the JSON file on the run that the golden was made from.
     """
 
     columns: tuple[str, ...]
@@ -154,14 +156,14 @@ class Golden:
     about: Document = field(default_factory=dict)
 
     def bounds(self, column: str) -> Floats:
-        """Return the bound of a column in each row (k,)."""
+        """Return the bounds of a column, shape (k,)."""
         times, bounds = np.array(self.steps[column]).T
         place = np.searchsorted(times, self.rows[:, 0], side="right") - 1
         return np.asarray(bounds[np.maximum(place, 0)])
 
 
 def measure(case: Case) -> tuple[Golden, Motion]:
-    """Return the golden of a case by its variants, and the motion it was made from."""
+    """Return the golden of a case, and the motion that the golden was made from."""
     spacing = case.settings.output_step
     stride = _stride(
         int(case.settings.duration / spacing) + 2, case.ready().system.columns.table
@@ -220,19 +222,22 @@ def _measured(case: Case, base: Motion, stride: int) -> Golden:
 
 
 class _Bounds(NamedTuple):
-    """Bounds (rows, columns) that never fall, and what is added to them in a row."""
+    """Bounds of errors: a part that never decreases, and an addition in single rows.
+
+    Both have the shape (rows, columns).
+    """
 
     steady: Floats
     wide: Floats
 
 
 def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bounds:
-    """Return the bounds of rows at t (k,).
+    """Return the bounds of rows at the times t (k,).
 
     Parameters
     ----------
     floors, largest, wide : ndarray, shape (k, columns)
-        Least bounds, largest differences of the variants, jumps beside the row.
+        Least bounds, largest differences of the variants, and jumps near each row.
     """
     apart = floors + SAFETY * largest
     around = np.maximum(np.roll(apart, 1, axis=0), np.roll(apart, -1, axis=0))
@@ -252,7 +257,11 @@ def _stride(rows: int, columns: int) -> int:
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
-    """Return the columns to store: evenly, and of a long table few derived ones."""
+    """Return the names of the columns to store.
+
+    At most MOST_COLUMNS are selected, evenly spaced; accelerations, constraint forces
+    and residuals are stored only if there is room beside the other columns.
+    """
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or x.startswith(("Qc_", "resid"))]
     first = [x for x in columns if x not in rest]
@@ -264,7 +273,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 
 
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
-    """Return the least bounds (k, columns): the tolerance, and rounding errors."""
+    """Return the least bounds (k, columns): tolerance plus rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations, base.columns[1:])
     alone = scales(base.columns, rows.T, of)
@@ -283,7 +292,7 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
-    """Refuse columns that are not finite, or have no finite bound."""
+    """Raise an InputError for columns with values or bounds that are not finite."""
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
         # Where a row has no value, bounds may have none anywhere.
@@ -313,12 +322,14 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
 
 
 def _steps(t: Floats, steady: Floats, wide: Floats) -> list[tuple[float, float]]:
-    """Return bounds as few steps (time, bound).
+    """Return the bounds of a column as a step function: a short list of (time, bound).
 
     Parameters
     ----------
-    t, steady, wide : ndarray, shape (k,)
-        Times, bounds that never fall, and what is added to them at one time.
+    t : ndarray, shape (k,)
+        Times of the rows.
+    steady, wide : ndarray, shape (k,)
+        Bounds that never decrease, and additions in single rows.
     """
     found: list[tuple[float, float]] = []
     level = -1.0
@@ -333,7 +344,13 @@ def _steps(t: Floats, steady: Floats, wide: Floats) -> list[tuple[float, float]]
 
 
 def rounded_up(x: float) -> float:
-    """Return a number of two digits that is no smaller."""
+    """Return the number rounded up to two significant digits.
+
+    Examples
+    --------
+    >>> rounded_up(0.001234), rounded_up(98.7), rounded_up(0.0)
+    (0.0013, 99.0, 0.0)
+    """
     if not 0.0 < x < np.inf:
         return float(x)
     unit = 10.0 ** (np.floor(np.log10(x)) - 1)
@@ -343,7 +360,7 @@ def rounded_up(x: float) -> float:
 def _bounded(
     case: Case, base: Motion, others: Sequence[Motion]
 ) -> dict[str, Invariant]:
-    """Return the conserved quantities, with bounds by the variants."""
+    """Return the conserved quantities by name, with bounds from the variants."""
     found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
     kept, *_ = apart = [invariants(case.equations, x) for x in (base, *others)]
     momenta = [np.max(np.abs(v)) for n, v in kept.items() if n.startswith(MOMENTUM)]
@@ -366,14 +383,16 @@ CHANGES = "changes"
 
 
 class Summary(NamedTuple):
-    """Names of numbers, by whether their changes are seen.
+    """Numbers of a model, by the effect of their changes on the verdict of a golden.
 
     Attributes
     ----------
     seen : int
-        How many are seen.
-    blind, unresponsive : list of str
-        Those that are not seen, and change the motion; that do not change it.
+        The count of numbers whose change makes the golden fail.
+    blind : list of str
+        Numbers whose change alters the motion, but passes the golden.
+    unresponsive : list of str
+        Numbers whose change does not alter the motion.
     """
 
     seen: int
@@ -382,7 +401,7 @@ class Summary(NamedTuple):
 
 
 def summary(golden: Golden) -> Summary | None:
-    """Return what a golden says of changes; None where it says nothing."""
+    """Return the summary of changes stored in a golden; None if it stores none."""
     found = golden.about.get(CHANGES)
     if not found:
         return None
@@ -415,7 +434,7 @@ MOST_DIGITS = 17
 
 
 def table(golden: Golden) -> bytes:
-    """Return the CSV of the rows, with the digits that are certain."""
+    """Return the rows as CSV, each value with its certain digits."""
     columns = []
     for name, values in zip(golden.columns, golden.rows.T.tolist(), strict=True):
         bounds = golden.bounds(name).tolist()
@@ -426,7 +445,7 @@ def table(golden: Golden) -> bytes:
 
 
 def certain(value: float, bound: float) -> str:
-    """Return the shortest text of a value to a tenth of its bound, or better."""
+    """Return the shortest text that represents a value to a tenth of its bound."""
     if not (bound > 0.0 and math.isfinite(value)):
         return repr(value)
     last = math.floor(math.log10(DIGITS * bound))
@@ -439,7 +458,7 @@ def certain(value: float, bound: float) -> str:
 
 
 def _inputs(model: Model) -> dict[str, Document]:
-    """Return the parameters, start values and expressions that a golden holds."""
+    """Return the parameters, start values and expressions stored in a golden."""
     return {
         "parameters": model.parameter_values,
         "initial": {x.name: x.value for x in model.initial},
@@ -448,7 +467,10 @@ def _inputs(model: Model) -> dict[str, Document]:
 
 
 def _about(case: Case, golden: Golden, base: Motion) -> Document:
-    """Return what the JSON of a golden says of the run; keys are only ever added."""
+    """Return the part of the JSON of a golden that describes the run.
+
+    Later versions of lagsim add keys to it and remove none.
+    """
     model, plan = case.model, base.plan
     return {
         "lagsim": __version__,
@@ -486,10 +508,7 @@ def document(golden: Golden) -> bytes:
 
 
 def _lines(name: str, entries: Document, depth: int) -> bytes:
-    """Return an object of JSON with each of its entries on one line.
-
-    One number to a line is not for people to read.
-    """
+    """Return a JSON object as text with one line for each entry, for short diffs."""
     margin = depth * b"  "
     lines = (
         b"%b  %b: %b" % (margin, orjson.dumps(k), orjson.dumps(x))
@@ -500,14 +519,19 @@ def _lines(name: str, entries: Document, depth: int) -> bytes:
 
 
 def store(name: str, golden: Golden, folder: Path) -> tuple[int, list[Caution]]:
-    """Put the golden of a model in the place of the old one; return bytes, warnings.
+    """Write the golden of a model to its folder, in place of an older one.
+
+    Returns
+    -------
+    tuple
+        The number of bytes written, and warnings.
 
     Raises
     ------
     InputError
-        Where the folder cannot be used.
+        If the folder cannot be used.
     OSError
-        Where there is no room; then the old one stays.
+        If the disk is full; the older golden is then left unchanged.
     """
     rows, about = table(golden), document(golden)
     with open_results(folder, f"{name}.json", patience=PATIENCE_SECONDS) as results:
@@ -517,7 +541,7 @@ def store(name: str, golden: Golden, folder: Path) -> tuple[int, list[Caution]]:
 
 
 def load(folder: Path, model_name: str) -> Golden:
-    """Read a golden.
+    """Read the golden of a model from its folder.
 
     Raises
     ------
@@ -573,8 +597,8 @@ def run(case: Case, golden: Golden, alike: Session | None = None) -> Motion:
 
     Parameters
     ----------
-    alike
-        A session of the same equations, whose functions may do.
+    alike : Session, optional
+        A session of the same equations. Its compiled functions are used if they fit.
     """
     spacing = float(golden.about["output_step"])
     plan = case.plan()
@@ -584,7 +608,7 @@ def run(case: Case, golden: Golden, alike: Session | None = None) -> Motion:
 
 
 def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
-    """Return the verdict on a motion by the golden of its model."""
+    """Compare a motion with the golden of its model, and return the verdict."""
     about, model = golden.about, case.model
     pairs = dict(_pairs(case, motion, golden))
     known = about.get("columns", golden.columns)
@@ -604,9 +628,9 @@ def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
 
 
 def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Place]]:
-    """Return texts on changed inputs, None where not known, and their places.
+    """Return texts on changed inputs (None if unknown), and the places of these inputs.
 
-    Start values that follow a parameter are not named beside it.
+    Start values that follow from a changed parameter are left out.
     """
     found: list[str] | None = None
     places: list[Place] = []
@@ -629,7 +653,7 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
 
 
 def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
-    """Return the places of the inputs that columns which differ are named after."""
+    """Return the places of inputs with the names of the columns that differ."""
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}
     found = []
@@ -644,7 +668,11 @@ def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
 
 
 def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pair]]:
-    """Return each column of both in the golden's rows, each invariant in all rows."""
+    """Return the pairs to compare, by name.
+
+    Columns of both motions are compared in the rows of the golden, and invariants in
+    all rows.
+    """
     t, near = golden.rows[:, 0], SAME_ROW * float(golden.about["output_step"])
     rows = motion.at(t, near, ends=golden.horizon is None)
     new = dict(zip(motion.columns, rows.T, strict=True))
@@ -672,7 +700,7 @@ def _faults(motion: Motion, about: Document) -> Iterator[str]:
 def _notes(
     case: Case, motion: Motion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
-    """Return notes on changes besides those of the motion."""
+    """Return notes on changes other than changes of the motion."""
     if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:
@@ -696,7 +724,7 @@ def _notes(
 
 
 def picture(case: Case, verdict: Verdict) -> bytes:
-    """Draw the worst columns of a verdict on a run; return a PNG."""
+    """Return a PNG of the columns with the largest deviations of a verdict."""
     from lagsim.outputs.letters import letters_of
     from lagsim.studies import comparison_chart
 

@@ -1,4 +1,4 @@
-"""Rows of a run at any times, by repeating it in its own steps."""
+"""Rows of a run at arbitrary times, by repeating the run with its own steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def rows_at(session: Session, times: Floats) -> Floats:
-    """Rows (k, columns) of the run at some times (k,), by repeating it in its steps."""
+    """Return the rows (k, columns) of a run at times (k,), in any order.
+
+    The run is repeated with its own steps, and its dense output is evaluated.
+    """
     interrupt = Interrupt()
     different, places = np.unique(times, return_inverse=True)
     moments = Moments(different, len(session.columns.names), interrupt)

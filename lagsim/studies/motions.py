@@ -1,9 +1,10 @@
-"""Motions of a case: those of a golden run and of its variants, in the same rows.
+"""Motions of a golden run and of its variants, at equal rows.
 
-The variants are all that may make a run differ from the golden one: up to a hundred
-times the tolerance, a tenth of it, start and parameters moved by rounding errors, other
-methods. Their differences are samples of those of a run on another machine. They also
-tell how far events move, and so which rows may lie on either side of one.
+The variants change everything that can make a run differ from the golden run: a
+tolerance up to a hundred times larger, a tenth of it, start and parameters perturbed by
+rounding errors, and other methods. Their differences are samples of the differences of
+a run on another machine. They also show how far the times of events move, and so which
+rows can lie on either side of an event.
 """
 
 from __future__ import annotations
@@ -43,16 +44,16 @@ METHODS = ("dop853", "taylor", "radau")
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Rows of a run, one of each `stride`, with the first and the last.
+    """Rows of a run: one of `stride` rows, the first and the last, and rows of impacts.
 
-    And both rows of each impact, which share their time.
+    Both rows of an impact are stored; they have one time.
 
     Attributes
     ----------
     columns : tuple of str
     rows : ndarray, shape (k, columns)
-    scales : ndarray
-        The largest scale of each residual, by its column; nan for other columns.
+    scales : dict of str to float
+        The largest scale of each residual, by column.
     """
 
     columns: tuple[str, ...]
@@ -62,16 +63,17 @@ class Motion:
     plan: Plan
 
     def at(self, times: Floats, near: float, *, ends: bool) -> Floats:
-        """Return the rows (k, columns) at some times; nan where there is none.
+        """Return the rows (k, columns) at given times; nan where there is no row.
 
         Parameters
         ----------
-        near
-            Between times that are the same; two that an impact has go with the nearest
-            impact's, whose time is a result.
-        ends
-            The last of the times is an end, and goes with the end of this motion: where
-            an event ends a run, its time is a result.
+        times : ndarray, shape (k,)
+        near : float
+            The largest difference of equal times. A pair of equal times is an impact,
+            and matches the nearest impact of this motion, whose time is a result.
+        ends : bool
+            Whether the last of the times is an end, which matches the end of this
+            motion: if an event ends a run, the time of the end is a result.
         """
         found = np.full((len(times), len(self.columns)), np.nan)
         t = self.rows[:, 0]
@@ -89,21 +91,33 @@ class Motion:
 
 
 def before_impacts(t: Floats) -> Flags:
-    """Return which times (k,) equal the next, and no other: rows before an impact."""
+    """Mark rows before an impact: times (k,) that equal the next time and no other.
+
+    Examples
+    --------
+    >>> before_impacts(np.array([0.0, 1.0, 1.0, 2.0]))
+    array([False,  True, False, False])
+    """
     same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
     return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
 
 
 def at_impacts(t: Floats) -> Flags:
-    """Return which times (k,) are those of two rows: before and after an impact."""
+    """Mark both rows of each impact among the times (k,).
+
+    Examples
+    --------
+    >>> at_impacts(np.array([0.0, 1.0, 1.0, 2.0]))
+    array([False,  True,  True, False])
+    """
     first = before_impacts(t)
     return np.asarray(first | np.append([False], first)[: len(t)])
 
 
 def perturbed(case: Case, seed: int) -> Case:
-    """Return the case with start and parameters moved by one unit in the last place.
+    """Return the case with start and parameters changed by a unit in the last place.
 
-    What is zero stays, since its neighbours are no rounding errors.
+    Zeros stay, since the neighbours of 0 are no rounding errors of it.
     """
     random = np.random.default_rng(seed)
 
@@ -122,17 +136,17 @@ def perturbed(case: Case, seed: int) -> Case:
 
 
 def motion_of(case: Case, stride: int, alike: Session | None = None) -> Motion:
-    """Return the motion of a case: one output time of each `stride`, impacts, the end.
+    """Return the motion of a case: one of `stride` output times, impacts and the end.
 
     Parameters
     ----------
-    alike
-        A session of the same equations, whose functions may do.
+    alike : Session, optional
+        A session of the same equations. Its compiled functions are used if they fit.
 
     Raises
     ------
     InputError
-        Where the method cannot handle the case.
+        If the method cannot handle the case.
     """
     bound = (
         alike.bound(case)
@@ -153,7 +167,7 @@ def motion_of(case: Case, stride: int, alike: Session | None = None) -> Motion:
 
 
 def variants(case: Case, base: Motion, stride: int) -> Iterator[Motion]:
-    """Return variants of the golden run, but for those that do not come to its end."""
+    """Return the variants of the golden run that reach its end."""
     for other in _asked(case, base.plan):
         with contextlib.suppress(InputError):
             found = motion_of(other, stride)
@@ -203,15 +217,15 @@ ALONE = 4.0
 
 
 class Near(NamedTuple):
-    """Rows that are kept, and the events beside them.
+    """Stored rows of a motion, and the events near each row.
 
     Attributes
     ----------
     rows : list of int
-        Numbers of the rows of a motion.
+        Indices of rows of the motion.
     events : list of (int, float, float)
-        The place of a row among these, the time of an event beside it, and how far from
-        that time the columns are those before and after the event.
+        The index of an entry of `rows`, the time of an event near that row, and the
+        distance from that time at which columns have their values before and after it.
     """
 
     rows: list[int]
@@ -224,11 +238,11 @@ def kept_rows(
     settings: Settings,
     periodic: Collection[str] = (),
 ) -> Near:
-    """Choose rows of a motion: all at output times, and both rows of some impacts.
+    """Select rows of a motion: all at output times, and both rows of some impacts.
 
-    Impacts have times of their own, which other runs move: those count that all runs
-    have, away from other events. Beside `periodic` events a row is what holds after
-    them, in each run.
+    The time of an impact differs between runs. An impact is selected if all runs
+    contain it and no other event is near. Near events with a name in `periodic` a row
+    holds the values after the event in each run.
     """
     t, spacing = base.rows[:, 0], settings.output_step
     events = [e for e in base.trajectory.events if e.kind != "until"]
@@ -264,10 +278,10 @@ def kept_rows(
 
 
 def jumps(case: Case, base: Motion, near: Near) -> Floats:
-    """Return by how much the columns of each row that is kept jump beside it.
+    """Return the jumps of all columns near each stored row, shape (rows, columns).
 
-    That is the difference across an event, less what the slopes on both sides make of
-    it: a kink is no jump.
+    A jump is the difference across an event, less the change that the slopes on both
+    sides explain, so that a kink is no jump.
     """
     # Only goldens that are stored anew need it.
     from lagsim.studies.moments import rows_at

@@ -1,7 +1,8 @@
-"""Several results beside each other: the same columns on the same axes, one clock.
+"""Several results in one picture with common axes, and on one page with one clock.
 
-What is drawn is what the folders hold: the columns of their tables, and their pages;
-of a run without a page the point (x, y) or (x, y, z), where its table has these.
+The pictures show columns of the tables in the folders, and the page plays the pages in
+the folders. For a run without a page, the point (x, y) or (x, y, z) is played if its
+table has these columns.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ MOST_MODELS = 3
 
 
 class Shown(NamedTuple):
-    """A result: its label, folder, run.json and table."""
+    """Result of a run: its label, folder, run.json and table."""
 
     label: str
     folder: Path
@@ -44,20 +45,20 @@ class Shown(NamedTuple):
 
     @property
     def model(self) -> str:
-        """The name of its model; of a run of others' the folder's name."""
+        """Name of the model; the name of the folder without a run.json."""
         named = self.record.get("model")
         name = named.get("name") if isinstance(named, dict) else None
         return str(name or self.folder.resolve().name)
 
     @property
     def horizon(self) -> float:
-        """Time at which its forecast ends."""
+        """The horizon of the run: the time past which the rows are no forecast."""
         found = (self.record.get("error") or {}).get("horizon")
         return np.inf if found is None else float(found)
 
 
 def read(folders: Sequence[Path]) -> list[Shown]:
-    """Read results, each with a name of its own.
+    """Read results, and label each with a distinct name.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def _record(folder: Path) -> Document:
 
 
 def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
-    """Give each its folder's name, with the parameters that tell it from the others."""
+    """Return a label for each result: the folder, and the parameters that differ."""
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
@@ -116,13 +117,13 @@ def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
 
 
 def _common(runs: Sequence[Shown]) -> list[str]:
-    """Return the columns that all have."""
+    """Return the columns that all results have."""
     others = [set(run.table.columns) for run in runs]
     return [c for c in runs[0].table.columns if all(c in x for x in others)]
 
 
 def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
-    """Give the parameters that all have, with more than one value."""
+    """Return the parameters that all results have and that differ between them."""
     common = set.intersection(*(set(each) for each in every))
     return [
         name
@@ -132,7 +133,7 @@ def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def title(runs: Sequence[Shown]) -> str:
-    """Give the model, or the models, and how many runs there are."""
+    """Return the title: the names of the models, shortened if there are many."""
     models = list(dict.fromkeys(run.model for run in runs))
     named = ", ".join(models[:MOST_MODELS])
     return f"{named} and others" if len(models) > MOST_MODELS else named
@@ -141,8 +142,8 @@ def title(runs: Sequence[Shown]) -> str:
 def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
     """Return the quantity that distinguishes runs, and its values, for colours.
 
-    That is the one parameter that differs, or a start value of what is drawn, or the
-    place in which a run is given.
+    The quantity is the only parameter that differs, or the only start value that
+    differs, or else the index of the run.
     """
     every = [run.record.get("parameters") or {} for run in runs]
     differ = _differing(every)
@@ -163,12 +164,13 @@ def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
 
 
 def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[str]:
-    """Give the columns to show: those named, or the coordinates that all have.
+    """Return the columns to show: named ones, or the coordinates that all runs have.
 
     Raises
     ------
     InputError
-        With a problem for each run that lacks one, or where all have nothing in common.
+        With a problem for each run that lacks a named column, or if the runs have no
+        column in common.
     """
     if names is None:
         found = [c for c in _common(runs) if rate_of(c) in runs[0].table.columns]
@@ -194,7 +196,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
 
 
 def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> bytes:
-    """Draw columns of all runs on the same axes; give a PNG, SVG or PDF."""
+    """Draw columns of all runs on common axes; return a PNG, SVG or PDF."""
     from lagsim.outputs.figure import content
     from lagsim.outputs.plots import overlay
 
@@ -210,7 +212,7 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
-    """Return the records of a page of all runs, and notes on those without one."""
+    """Return the records for a page of all runs, and notes on runs without one."""
     found: list[Document] = []
     told: list[str] = []
     for run in runs:
@@ -228,7 +230,7 @@ def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
 
 
 def _recorded(run: Shown) -> list[Document]:
-    """Give what the run's own page plays; nothing where it has none."""
+    """Return the records that the page of a run plays; [] if the run has no page."""
     if animation.NAME not in run.record.get("files", ()):
         return []
     try:

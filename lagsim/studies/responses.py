@@ -1,9 +1,10 @@
-"""Responses of a motion to small changes of its model, and which of them a golden sees.
+"""Responses of a motion to small changes of its model, and their detection by a golden.
 
-Each parameter, each stated start value, and points of each table are changed a little
-in turn, and the golden judges the run of the changed model. A change that it does not
-see is measured against rounding errors: either the motion does not respond to it, since
-an amplitude cancels, say, or the golden is blind to it.
+Each parameter, each stated start value, and points of each table are changed slightly,
+one at a time, and the run of the changed model is compared with the golden. If the
+comparison passes, the change of the motion is compared with rounding errors: either the
+motion does not respond to the change (an amplitude cancels, for example), or the golden
+is blind to it.
 """
 
 from __future__ import annotations
@@ -46,18 +47,20 @@ LEAST_ROUNDING = 8.0
 
 
 class Response(NamedTuple):
-    """Response of a motion to a change of its model.
+    """Response of a motion to a change of a number of its model.
 
     Attributes
     ----------
     change : float
-        What was added to the number.
+        The amount added to the number.
     ratio : float
-        The largest difference over its bound: inf where the run has another outcome.
+        The largest difference relative to its bound; inf if the run has another
+        outcome.
     refused : str
-        The code of the fault with which the changed model is refused.
+        The code of the error if the changed model is not valid, else "".
     response : float
-        Where the golden does not see it: the largest difference over rounding errors.
+        For a change that passes the golden, the largest difference of the motion
+        relative to rounding errors.
     """
 
     change: float
@@ -67,17 +70,17 @@ class Response(NamedTuple):
 
     @property
     def seen(self) -> bool:
-        """Whether the golden sees the change."""
+        """Whether the changed model fails the comparison with the golden."""
         return bool(self.refused) or self.ratio > 1.0
 
     @property
     def blind(self) -> bool:
-        """Whether the motion responds, and the golden does not see it."""
+        """Whether the motion responds to the change, and the comparison passes."""
         return not self.seen and self.response > SAFETY
 
     @property
     def record(self) -> Document:
-        """Its entry in the JSON of a golden; a ratio that is infinite is null."""
+        """The entry in the JSON of a golden; an infinite ratio is written as null."""
         found: Document = {"change": float(f"{self.change:.3g}")}
         if self.refused:
             return found | {"refused": self.refused}
@@ -88,13 +91,13 @@ class Response(NamedTuple):
 
 
 def responses(case: Case, golden: Golden, base: Motion) -> Document:
-    """Return the response to each change: by `parameters`, `initial`, `tables`.
+    """Return the responses to all changes, under `parameters`, `initial` and `tables`.
 
-    And, where there are too many numbers, how many of each were not `tried`.
+    If there are too many numbers, `untried` has the count of numbers left out for each.
 
     Parameters
     ----------
-    base
+    base : Motion
         The motion that the golden was made from.
     """
     trial = _Trial(case, golden, base)
@@ -118,15 +121,22 @@ def responses(case: Case, golden: Golden, base: Motion) -> Document:
 
 
 def _evenly(count: int, most: int) -> list[int]:
-    """Return at most so many of the numbers below `count`, with the first and last."""
+    """Return at most `most` evenly spaced integers of range(count), with both ends.
+
+    Examples
+    --------
+    >>> _evenly(9, 3)
+    [0, 4, 8]
+    """
     places = np.linspace(0, count - 1, min(count, most))
     return [int(k) for k in np.rint(places)]
 
 
 def _parameters(model: Model) -> Iterator[tuple[str, float]]:
-    """Give name and size of each parameter that is no mode.
+    """Yield name and size of each parameter that is not a mode.
 
-    One that is 0 has the least size of the others of its unit, or 1.
+    The size of a parameter with value 0 is the least size of other parameters of its
+    unit, or 1.
     """
     known = [p for p in model.parameters if not p.mode]
     for p in known:
@@ -135,9 +145,9 @@ def _parameters(model: Model) -> Iterator[tuple[str, float]]:
 
 
 def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
-    """Give name and size of each start value that the file states.
+    """Yield name and size of each start value that the file states.
 
-    One that is 0 has the size of its column, or 1.
+    The size of a start value 0 is the scale of its column, or 1.
     """
     units = stated_units(case.equations, base.columns)
     sizes = dict(zip(base.columns, scales(base.columns, base.rows.T, units)))  # noqa: B905
@@ -147,7 +157,11 @@ def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
 
 
 def _table(trial: _Trial, table: Table) -> Document:
-    """Return what is seen of the points of a table: the least ratio, and where."""
+    """Return the entry of a table in the JSON of a golden.
+
+    It has the number of points, the least ratio of changes that fail the comparison,
+    and the points whose change passes.
+    """
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)
     found = {k: trial.of_point(table.name, k) for k in points}
@@ -168,7 +182,7 @@ def _table(trial: _Trial, table: Table) -> Document:
 
 
 class _Trial:
-    """Runs of changed models, judged by a golden."""
+    """Runs of changed models, each compared with a golden."""
 
     def __init__(self, case: Case, golden: Golden, base: Motion) -> None:
         self.case, self.golden, self.base = case, golden, base
@@ -176,7 +190,7 @@ class _Trial:
         self._exact: tuple[Floats, Floats] | None = None
 
     def of_parameter(self, name: str, size: float) -> Response:
-        """Change a parameter."""
+        """Return the response to a change of a parameter."""
         value = {p.name: p.value for p in self.case.model.parameters}[name]
 
         def changed(by: float) -> Model:
@@ -185,7 +199,7 @@ class _Trial:
         return self._response(changed, OF_PARAMETER * size)
 
     def of_start(self, name: str, size: float) -> Response:
-        """Change a start value."""
+        """Return the response to a change of a start value."""
         value = {x.name: x.value for x in self.case.model.initial}[name]
 
         def changed(by: float) -> Model:
@@ -194,7 +208,7 @@ class _Trial:
         return self._response(changed, OF_START * size)
 
     def of_point(self, table: str, point: int) -> Response:
-        """Change the value of a table at one of its points."""
+        """Return the response to a change of one value of a table."""
         model = self.case.model
 
         def changed(by: float) -> Model:
@@ -203,7 +217,7 @@ class _Trial:
         return self._response(changed, OF_TABLE)
 
     def _response(self, changed: Callable[[float], Model], by: float) -> Response:
-        """Return the response to a change; to the opposite one where it is refused."""
+        """Return the response to a change, or to the opposite of an invalid change."""
         found = self._of(changed, by)
         return self._of(changed, -by) if found.refused else found
 
@@ -229,7 +243,7 @@ class _Trial:
     # Runs with rounding errors alone
 
     def _against_rounding(self, case: Case) -> float:
-        """Return the largest difference of a case from the golden's, over rounding."""
+        """Return the largest change of the motion relative to rounding errors."""
         if self._exact is None:
             self._exact = self._rounding()
         exact, noise = self._exact
@@ -238,7 +252,10 @@ class _Trial:
         return float(np.max(np.nan_to_num(ratios, nan=0.0, posinf=np.inf)))
 
     def _rounding(self) -> tuple[Floats, Floats]:
-        """Return rows (k, columns), and what rounding errors make of them."""
+        """Return accurate rows of the golden case, and their rounding errors.
+
+        Both have the shape (k, columns).
+        """
         exact = self._exact_rows(self.case)
         others = [self._exact_rows(perturbed(self.case, k)) for k in range(SEEDS)]
         apart = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
@@ -249,7 +266,7 @@ class _Trial:
         return exact, np.maximum.accumulate(apart, axis=0) + own
 
     def _exact_rows(self, case: Case) -> Floats:
-        """Return rows of a case, closer than those of the run, at least errors."""
+        """Return rows of a case at the tightest tolerance, at a closer spacing."""
         plan, settings = self.base.plan, case.settings
         if plan.rtol is not None:
             atol = None if plan.atol is None else plan.atol * TIGHTEST_RTOL / plan.rtol
@@ -263,7 +280,7 @@ class _Trial:
 
 
 def _apart(rows: Floats, others: Floats) -> Floats:
-    """Return differences at the same times (k, columns); 0 past the end of one."""
+    """Return absolute differences of rows (k, columns); 0 past the end of `rows`."""
     count = min(len(rows), len(others))
     found = np.zeros_like(others)
     found[:count] = np.abs(rows[:count] - others[:count])

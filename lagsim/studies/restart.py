@@ -1,15 +1,16 @@
-"""A run on its way, kept every few seconds, so that a killed one need not begin again.
+"""Checkpoints of a run under way, so that a killed run can be continued.
 
-Kept is the run as it stands between two calls of its kernels: arcs, sources, what was
-recorded and observed, and the memories of kernels. What follows from the model alone
-(equations, plan, compiled functions) is regenerated, and referred to by name. The rows
-are those at the beginning of the table, known by their sha256. Where a run is in a way
-that is not kept (by another method than its plan's, say), what was kept before stays:
-the same steps are made again, to the same bits.
+A checkpoint is stored every few seconds, between two calls of the kernels. It contains
+the arcs, the sources of events, records and observers, and the memories of kernels.
+Everything that follows from the model (equations, plan, compiled functions) is
+regenerated and referred to by name. The rows are the beginning of the table, identified
+by their sha256. While a run is in a state that cannot be stored (with another method
+than its plan's, for example), the previous checkpoint stays: from there the
+steps are repeated, with identical bits.
 
-The file holds JSON and arrays, nothing that can run. Memories of
-kernels hold indices into themselves, which native code trusts: the file is opened only
-under a seal that a key in this user's cache gives.
+The file contains JSON and arrays, and no code. Memories of kernels contain indices into
+themselves, which native code trusts. A file is therefore read only if its seal was made
+with the key in this user's cache.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ CLASSES = frozenset(
 
 
 class Stand(NamedTuple):
-    """A stored run: rows of a table of so many bytes, and the encoded state."""
+    """Checkpoint of a run: the size and digest of its rows, and the encoded state."""
 
     rows: int
     last: float | None
@@ -97,16 +98,17 @@ class Stand(NamedTuple):
 
 
 class Restart:
-    """Keeps a run, and goes on with one that was kept.
+    """Storage of checkpoints of a run, and continuation from a checkpoint.
 
     Parameters
     ----------
-    folder
-        That of the results.
-    table
-        The name of the table in it, as CSV.
-    identity
-        What was asked for: who goes on must have asked for the same.
+    folder : Path
+        The folder of the results.
+    table : str
+        The name of the CSV table in it.
+    identity : mapping of str to str
+        Properties of the request by name. A run is continued only by a request with
+        equal properties, by the same versions, on the same machine.
     """
 
     def __init__(self, folder: Path, table: str, identity: Mapping[str, str]) -> None:
@@ -120,12 +122,12 @@ class Restart:
     # What was kept
 
     def rescue(self) -> None:
-        """Find what there is to go on with, and put its rows aside.
+        """Load the checkpoint of the folder, if any, and move its rows out of the way.
 
         Raises
         ------
         InputError
-            Where it belongs to another run.
+            If the checkpoint belongs to another request.
         """
         stand = self._read(self.folder / RESTART)
         if stand is None:
@@ -163,7 +165,7 @@ class Restart:
     def join(
         self, run: Run | Apart, session: Session, relay: Relay, writer: TableWriter
     ) -> None:
-        """Go on with what was kept, if anything was; keep this run from now on."""
+        """Restore the checkpoint, if there is one, and store later ones of this run."""
         self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
         self._relay, self._writer = relay, writer
@@ -185,7 +187,7 @@ class Restart:
         self.stand = None
 
     def tick(self, run: Run | Apart) -> None:
-        """Keep the run, where it is time to."""
+        """Store a checkpoint if the interval since the last one has passed."""
         began = time.monotonic()
         if began < self._due or self._key is None or self._relay.fault is not None:
             return
@@ -222,7 +224,7 @@ def _refused(path: Path, why: str) -> InputError:
 
 
 def _machine() -> dict[str, str]:
-    """Give what rows depend on besides what was asked for."""
+    """Return the versions and machine data that rows depend on besides the request."""
     import numpy as np
 
     return {
@@ -234,7 +236,7 @@ def _machine() -> dict[str, str]:
 
 
 def _key() -> bytes | None:
-    """Give this user's key, made the first time; None where there is no cache."""
+    """Return this user's key, created at first use; None if there is no cache."""
     where = cache.folder("keys")
     if where is None:
         return None
@@ -252,7 +254,7 @@ def _key() -> bytes | None:
 
 
 def _own_key(path: Path) -> bytes | None:
-    """Read a key; None where it is not a file that only this user reads and writes."""
+    """Read a key; None if other users can read or write its file."""
     try:
         handle = files.held(path, os.O_RDONLY)
     except OSError:
@@ -281,7 +283,7 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
 
 
 def _prefix(path: Path, size: int) -> Any:
-    """Give the digest of so many bytes of a file; None where it has not as many."""
+    """Return the sha256 object of the first `size` bytes; None if there are fewer."""
     found = hashlib.sha256()
     try:
         with files.opened(path) as file:
@@ -294,7 +296,10 @@ def _prefix(path: Path, size: int) -> Any:
 
 
 def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
-    """Keep rows from being written over; a whole result stays where it is."""
+    """Move or copy the first rows of a table to `aside`, safe from being overwritten.
+
+    The table of a complete result (`whole`) is copied, and any other table is renamed.
+    """
     if path == aside:
         return
     if not whole:
@@ -311,7 +316,7 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
-    """Give the name of what is regenerated; None of what is not."""
+    """Return the name of an object that is regenerated; None for other objects."""
     name = names.get(id(x))
     if name is None and isinstance(x, Runner) and id(x.system) in names:
         return [names[id(x.system)], x.method.__name__.rpartition(".")[-1]]
@@ -319,7 +324,7 @@ def _name(x: Any, names: Mapping[int, str]) -> Any:
 
 
 def _given(name: Any, things: Mapping[str, Any]) -> Any:
-    """Give what is regenerated, by its name."""
+    """Return the regenerated object with a name."""
     if isinstance(name, str):
         return things[name]
     system, method = name
@@ -327,7 +332,7 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
 
 
 def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
-    """Give what has taken rows, and what a run has noted at events and sections."""
+    """Return the observers of rows, and the records of events and sections."""
     noted = getattr(run, "corners", None), getattr(run, "sections", None)
     return [*relay.others, *(x for x in noted if x is not None)]
 
@@ -343,7 +348,7 @@ _OF_APART = ("system", "settings", "runner", "progress")
 
 
 def _regenerated(run: Run | Apart, session: Session, relay: Relay) -> dict[str, Any]:
-    """Return by name what is the same in each run of a session."""
+    """Return by name the objects that are equal in all runs of a session."""
     case = session.case
     found = {"session": session, "relay": relay, **_parts(run, "")}
     found |= {"case": case, "equations": case.equations, "plan": session.plan}
@@ -375,23 +380,23 @@ _CONTAINERS = {"list": list, "tuple": tuple, "set": set, "frozenset": frozenset}
 
 
 class UndeclaredError(TypeError):
-    """An object of a class that is not declared."""
+    """The class of an object is not declared for storage."""
 
 
 def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> bytes:
-    """Give an object as a document.
+    """Encode an object as a document.
 
     Parameters
     ----------
     classes
         The declared classes, each as `module:name`.
-    name
-        Gives the name (of JSON) of an object that the reader has, or None.
+    name : callable
+        Returns the name (of JSON) of an object that the reader has, or None.
 
     Raises
     ------
     UndeclaredError
-        If it holds an object of another class.
+        If the object contains an object of an undeclared class.
     """
     declared, nodes, blocks = frozenset(classes), list[Any](), bytearray()
     # With the objects, lest another gets the address of one that is gone.
@@ -444,19 +449,19 @@ def _node(
 
 
 def decoded(content: bytes, classes: Iterable[str], given: Callable[[Any], Any]) -> Any:
-    """Give the object of a document of `encoded`.
+    """Decode the object of a document of `encoded`.
 
     Parameters
     ----------
-    given
-        Gives an object by its name.
+    given : callable
+        Returns the object with a name.
 
     Raises
     ------
     UndeclaredError
-        If the document names a class that is not declared.
+        If the document names an undeclared class.
     ValueError
-        If it is no document, or damaged.
+        If the document is malformed.
     """
     head, _, blocks = content.partition(b"\n")
     root, nodes = json.loads(head)

@@ -1,8 +1,8 @@
-"""The spectrum of a column: how large a sine of each frequency is in it.
+"""Amplitude spectrum of a column.
 
-The rows less their mean are weighted by the window of F. J. Harris (Proceedings of the
-IEEE 66 (1978), 51, four terms of Blackman and Harris), whose side lobes are below 3e-5
-of a peak, so that a small peak beside a large one is one.
+The rows less their mean are weighted by the four-term window of Blackman and Harris (F.
+J. Harris, Proceedings of the IEEE 66 (1978), 51). Its side lobes are below 3e-5 of a
+peak, so that a small peak near a large one is not mistaken for a side lobe.
 """
 
 from __future__ import annotations
@@ -32,27 +32,33 @@ MOST_PEAKS = 8
 
 
 class Peak(NamedTuple):
-    """A sine that is in a column: in Hz, and in the column's unit."""
+    """Peak of a spectrum: frequency in Hz, amplitude in the unit of the column."""
 
     frequency: float
     amplitude: float
 
 
 class Spectrum(NamedTuple):
-    """The amplitudes of the sines in a column.
+    """Amplitude spectrum of a column.
 
     Attributes
     ----------
     column, unit : str
-    rows, step : int, float
-        How many there are, and their spacing in s.
+        Name and unit of the column.
+    rows : int
+        The number of equally spaced rows.
+    step : float
+        The spacing of the rows, in s.
     mean : float
-    frequency, amplitude : ndarray
-        In Hz, up to half of 1/step, and in the column's unit.
+        The mean of the column.
+    frequency : ndarray
+        In Hz, up to half of 1/step.
+    amplitude : ndarray
+        In the unit of the column.
     peaks : tuple of Peak
-        The largest first.
+        By falling amplitude.
     model : str
-        Its name, where it is known: the title of a picture.
+        The name of the model, if known; the title of a picture.
     """
 
     column: str
@@ -92,17 +98,17 @@ class Spectrum(NamedTuple):
 
     @property
     def window(self) -> str:
-        """Its name, as scipy.signal has it."""
+        """Name of the window in scipy.signal."""
         return WINDOW
 
     @property
     def resolution(self) -> float:
-        """Sines whose frequencies are nearer to each other are one peak."""
+        """Least difference of the frequencies of two separate peaks, in Hz."""
         return BREADTH / (self.rows * self.step)
 
     @property
     def record(self) -> dict[str, Any]:
-        """What `lagsim spectrum --json` prints."""
+        """The document that `lagsim spectrum --json` prints."""
         return {
             "column": self.column,
             "unit": self.unit,
@@ -115,12 +121,12 @@ class Spectrum(NamedTuple):
         }
 
     def plot(self, title: str = "") -> Figure:
-        """Draw the amplitudes against the frequency; nothing is shown.
+        """Return a matplotlib figure of the amplitudes against the frequency.
 
         Parameters
         ----------
-        title
-            What stands before the name of the column; by default the model's name.
+        title : str, optional
+            The text before the name of the column; by default the name of the model.
         """
         from lagsim.outputs.figure import Column, spectrum_figure
         from lagsim.outputs.letters import Letters, raised
@@ -132,20 +138,29 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum:
-    """Give the spectrum of a column.
+    """Return the amplitude spectrum of a column.
 
     Parameters
     ----------
-    t, values
-        Times and values of the rows (rows,), equally spaced but for the last; of the
-        rows of an impact what lies between the others is left out.
-    column, unit
-        What messages call it, and what its amplitudes are in.
+    t, values : ndarray, shape (rows,)
+        Times and values. The times must be equally spaced except for the last; rows of
+        impacts between them are left out.
+    column : str
+        The name of the column in messages.
+    unit : str
+        The unit of the column.
 
     Raises
     ------
     InputError
-        Where the rows are too few, not equally spaced, or not numbers.
+        If the rows are too few, not equally spaced, or not finite.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 20.0, 1001)
+    >>> found = spectrum(t, 3.0 * np.sin(2.0 * np.pi * 1.5 * t), "x", "m")
+    >>> [(round(p.frequency, 3), round(p.amplitude, 2)) for p in found.peaks]
+    [(1.5, 3.0)]
     """
     kept, step = _even(t, column)
     x = values[kept]
@@ -168,7 +183,7 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
 
 
 def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
-    """Give the places of equally spaced rows, and their spacing."""
+    """Return the indices of equally spaced rows, and their spacing."""
     apart = np.diff(t)
     if not (apart >= 0.0).all():
         raise unusable("no-spectrum", "the times of the rows do not go forward")
@@ -200,7 +215,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
 
 
 def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ...]:
-    """Give the largest peaks; of those nearer than `apart` to a larger one, none."""
+    """Return the largest peaks, except peaks nearer than `apart` to a larger one."""
     from scipy.signal import find_peaks
 
     least = LEAST_PEAK * float(amplitude.max(initial=0.0))
@@ -219,7 +234,7 @@ def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ..
 
 
 def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
-    """Give the top of the parabola through the logarithms of three amplitudes."""
+    """Return the maximum of the parabola through the logarithms of three amplitudes."""
     a, b, c = np.log(np.maximum(amplitude[k - 1 : k + 2], TINY))
     off = 0.5 * (a - c) / (a - 2 * b + c)
     top = b - 0.25 * (a - c) * off

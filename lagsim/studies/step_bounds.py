@@ -1,10 +1,10 @@
-"""Steps at the stability bound, and oscillations that a method damps, from eigenvalues.
+"""Steps at the stability bound, and numerical damping of oscillations, by eigenvalues.
 
-A step h multiplies what a mode with eigenvalue L does by R(h L), R the method's
-stability function, and the motion itself by exp(h L). A run is held against the
-eigenvalues of its model, linearised at its start and along the motion; explicit methods
-that choose their steps see for themselves where stability holds them
-(`methods._stability`).
+A step h multiplies a mode with eigenvalue L by R(h L), with the stability function R of
+the method, and the exact motion multiplies it by exp(h L). The step of a run is
+compared with the eigenvalues of its model, linearised at the start and along the
+motion. Explicit methods with step control detect themselves where stability limits the
+step (`methods._stability`).
 
 Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.2.
 """
@@ -50,7 +50,7 @@ SLACK = 0.1
 
 
 def exceeds(amplification: Amplification, z: complex) -> bool:
-    """Tell whether a step amplifies more than the motion itself does."""
+    """Whether a step amplifies a mode more than the exact motion does."""
     grows = max(0.0, z.real)
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
     with np.errstate(all="ignore"):
@@ -61,7 +61,7 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
 def limit(
     amplification: Amplification, direction: complex, most: float, factor: float = FINE
 ) -> float:
-    """Give the smallest size of z in a direction that is unstable; inf below `most`."""
+    """Return the smallest unstable |z| in a direction; inf if none is below `most`."""
     if exceeds(amplification, AT_ONCE * direction):
         return 0.0
     low, high = AT_ONCE, SMALLEST
@@ -81,14 +81,14 @@ def limit(
 def predicted(
     amplification: Amplification, eigenvalues: Iterable[complex], span: float
 ) -> float | None:
-    """Give the smallest unstable step for any of the eigenvalues.
+    """Return the smallest step that is unstable for an eigenvalue.
 
-    0 where every step is unstable, None where none is found.
+    The value is 0 if every step is unstable, and None if no unstable step is found.
 
     Parameters
     ----------
-    span
-        How long a run is: slower eigenvalues do nothing in it.
+    span : float
+        The length of a run: slower eigenvalues have no effect within it.
     """
     best = math.inf
     found: dict[complex, float] = {}
@@ -139,15 +139,17 @@ SLOW = 1e-3
 
 
 class Seen(NamedTuple):
-    """The model linearised at one state of the motion.
+    """Model linearised at one state of the motion.
 
     Attributes
     ----------
     eigenvalues : ndarray, shape (k,)
+        In 1/s.
     shapes : ndarray, shape (n + l, k)
-        Of the modes in coordinates and states, each at most 1, see `Eigenmodes.parts`.
+        Parts of coordinates and states in each mode, each at most 1, see
+        `Eigenmodes.parts`.
     energies : ndarray, shape (k,)
-        Of the modes at this state, with their conjugates; 0 where they do not swing.
+        Energies of the modes with their conjugates; 0 for modes that do not oscillate.
     """
 
     t: float
@@ -159,7 +161,7 @@ class Seen(NamedTuple):
 def about_steps(
     equations: Equations, plan: Plan, trajectory: Trajectory, monitor: EnergyMonitor
 ) -> list[Caution]:
-    """Hold the step of a run against the eigenvalues of its model."""
+    """Compare the steps of a run with the eigenvalues of its model; return warnings."""
     if trajectory.choices:
         return []  # another method went on
     if len(equations.q) > MOST_COORDINATES:
@@ -190,7 +192,7 @@ def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
 
 
 def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
-    """Give the modes, and what of y' = (v, a, s') is in each."""
+    """Return the modes, and the component of y' = (v, a, s') in each mode."""
     modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
     first = linear.first_order
@@ -207,9 +209,9 @@ def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
 def _penalty(
     module: ModuleType, h: float, plan: Plan, seen: list[Seen]
 ) -> list[Caution]:
-    """Say so where the gain of Baumgarte's formulation makes the model stiff.
+    """Return a warning if the gain of Baumgarte's formulation makes the model stiff.
 
-    It adds a double eigenvalue -gain for each constraint.
+    The formulation adds a double eigenvalue -gain for each constraint.
     """
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
@@ -232,12 +234,14 @@ def _penalty(
 
 
 class _Check(NamedTuple):
-    """Steps of a method over a run, and the model linearised along it.
+    """Steps of a method in a run, and the model linearised along the motion.
 
     Attributes
     ----------
-    h, span : float
-        The step, and the length of the run.
+    h : float
+        The step.
+    span : float
+        The length of the run.
     """
 
     equations: Equations
@@ -247,9 +251,9 @@ class _Check(NamedTuple):
     seen: list[Seen]
 
     def held(self) -> list[Caution]:
-        """Say so where steps that a method chose are longer than accuracy would allow.
+        """Return a warning if stability, not accuracy, limits the chosen steps.
 
-        What the fastest motion does then decides on them, though nothing is seen of it.
+        A fast motion that the rows do not show then determines the step.
         """
         sizes = [np.abs(there.eigenvalues) for there in self.seen]
         reaches = [self.h * float(np.max(x, initial=0.0)) for x in sizes]
@@ -267,7 +271,7 @@ class _Check(NamedTuple):
         return [Caution("step-at-stability-bound", text)]
 
     def unstable(self) -> list[Caution]:
-        """Say so where a fixed step is past the bound of a mode, or close to it."""
+        """Return a warning if a fixed step is past or close to a stability bound."""
         amplification, h = self.module.amplification, self.h
         best: tuple[float, Seen] | None = None
         for there in self.seen:
@@ -303,7 +307,7 @@ class _Check(NamedTuple):
         return [Caution("step-at-stability-bound", text)]
 
     def damping(self, in_play: float) -> list[Caution]:
-        """Say so where the method takes the energy of a mode that has some."""
+        """Return a warning if the method damps a mode that has energy."""
         h, module = self.h, self.module
         worst, shown = EXCITED * in_play, None
         for there in self.seen:
@@ -330,9 +334,9 @@ class _Check(NamedTuple):
         return [Caution("fast-mode-damped", text)]
 
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
-        """Give the part of a mode's energy that steps h take beside the motion.
+        """Return the part of the energy of a mode that numerical damping removes.
 
-        Until the end of the run, or for a time that is `left`.
+        The part is that until the end of the run, or for the time `left`.
         """
         size = self.module.amplification(h * eigenvalue)
         if size <= 0.0:
@@ -342,7 +346,7 @@ class _Check(NamedTuple):
         return -math.expm1(min(0.0, 2.0 * rate * span))
 
     def named(self, there: Seen, k: int) -> str:
-        """Name the coordinates, or states, that have the most part in a mode."""
+        """Return the names of coordinates or states with the largest part in a mode."""
         every = *self.equations.q, *(x.name for x in self.equations.states)
         shapes = zip(every, there.shapes[:, k], strict=True)
         return several((f"`{q}`" for q, x in shapes if x > 0.5), 4)

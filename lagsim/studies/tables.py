@@ -1,8 +1,9 @@
-"""Reading a table of results, whatever its format; the one reader that there is.
+"""Reader of tables of results, in CSV, NPZ or Parquet.
 
-CSV is read in blocks of lines, so that large ones fit, with or without a line of units
-below the header. Where a block is no table of numbers, or a line is passed over, the
-file is read again cell by cell, and the first cell that is no number is named.
+CSV is read in blocks of lines, so that large files fit into memory, with or without a
+line of units below the header. If a block is no table of numbers, or a line is empty,
+the file is read again cell by cell, and the error names the first cell that is not a
+number.
 """
 
 from __future__ import annotations
@@ -50,18 +51,18 @@ TIME = "s"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of numbers, one column of which is the time `t`.
+    """Table of numbers, one column of which is the time `t`.
 
     Attributes
     ----------
     name : str
-        What messages call it.
+        The name of the table in messages.
     columns : tuple of str
     data : ndarray, shape (columns, rows)
     units : mapping of str to str
-        Of the columns, where they are known.
+        Units of columns, where known.
     remarks : tuple of str
-        What the user should know of the run that made it.
+        Remarks for the user on the run that made the table.
     """
 
     name: str
@@ -72,7 +73,7 @@ class Table:
 
     @property
     def t(self) -> Floats:
-        """The times (rows,)."""
+        """The times of the rows, shape (rows,)."""
         return self["t"]
 
     def __getitem__(self, column: str) -> Floats:
@@ -80,12 +81,12 @@ class Table:
 
 
 def read_results(path: Path) -> Table:
-    """Read the table of a folder of results, with what its run.json says, or a file.
+    """Read the table of a folder of results, with its run.json, or a table file.
 
     Raises
     ------
     InputError
-        If it cannot be read or is not a table of numbers.
+        If there is no table, or it is not a table of numbers.
     """
     if not path.is_dir():
         return read_table(path)
@@ -103,7 +104,7 @@ def read_results(path: Path) -> Table:
 
 
 def thinned(columns: Mapping[str, Floats]) -> Thinning:
-    """Return columns (rows,), the time `t` first, thinned for a picture."""
+    """Return columns (rows,) with fewer rows for a picture; the time `t` is first."""
     from lagsim.run.observers.thinning import Thinning
 
     thin = Thinning(tuple(columns), paths=())
@@ -115,12 +116,12 @@ def thinned(columns: Mapping[str, Floats]) -> Thinning:
 def of_another_run(
     folder: Path, name: str, manifest: Mapping[str, Any]
 ) -> tuple[str, ...]:
-    """Say that a file is not the one that its folder's run.json lists, if so.
+    """Return a remark if the digest of a file differs from that in its run.json.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
     listed = manifest.get("sha256", {}).get(name)
     if listed is None or files.digest(folder / name) == listed:
@@ -134,12 +135,12 @@ class _FaultError(Exception):
 
 
 def read_table(path: Path) -> Table:
-    """Read a table of numbers: CSV with a header, NPZ or Parquet, by its name's end.
+    """Read a table of numbers: CSV with a header, NPZ or Parquet, by its extension.
 
     Raises
     ------
     InputError
-        If it cannot be read or is not a table of numbers.
+        If the file cannot be read, or is not a table of numbers.
     """
     read = _PACKED.get(path.suffix, _read)
     try:
@@ -178,7 +179,7 @@ def _read(file: BinaryIO) -> Table:
 
 
 def _numbers(file: BinaryIO, count: int) -> Floats | None:
-    """Read the rest of a file (rows, count); None where a line is no row of numbers."""
+    """Read the rest of a file (rows, count); None if a line is no row of numbers."""
     found, rows, last = bytearray(), 0, b"\n"
     with contextlib.suppress(ValueError), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a block of blank lines
@@ -191,7 +192,13 @@ def _numbers(file: BinaryIO, count: int) -> Floats | None:
 
 
 def _block(lines: bytes) -> Floats:
-    """Read whole lines of numbers (lines, cells); ValueError where they are none."""
+    """Parse whole lines of numbers into an array (lines, cells).
+
+    Raises
+    ------
+    ValueError
+        If a cell is not a number.
+    """
     # Decimals as lagsim writes them are JSON, which is read in a third of the time.
     if not lines.translate(None, DECIMALS) and not SIGNED_ZERO.search(lines):
         with contextlib.suppress(ValueError):
@@ -202,7 +209,15 @@ def _block(lines: bytes) -> Floats:
 
 
 def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
-    """Give the lines that are left of a file; the first of them has a number."""
+    """Yield the remaining lines of a file, decoded.
+
+    The number `first` of the next line serves for messages.
+
+    Raises
+    ------
+    _FaultError
+        If a line is too long, or is not UTF-8.
+    """
     for number in count(first):
         line = file.readline(LONGEST_LINE + 1)
         if not line:
@@ -217,7 +232,7 @@ def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
 
 
 def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
-    """Return the cells of a line, without blanks around; None where it is no CSV."""
+    """Return the stripped cells of a line; None if the line is not valid CSV."""
     try:
         cells = next(csv.reader([line.decode(encoding).rstrip("\r\n")], strict=True))
     except (UnicodeDecodeError, csv.Error, StopIteration):
@@ -226,9 +241,9 @@ def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
 
 
 def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
-    """Return the units of columns, where a line is one of units and not a row.
+    """Return the units of columns, if a line below the header is a line of units.
 
-    That is where no cell of it is a number, and time has a unit.
+    It is one if no cell is a number, and the time has a unit.
     """
     cells = _cut(line) or []
     if len(cells) != len(columns) or any(numberless(cell) != cell for cell in cells):
@@ -267,7 +282,7 @@ _PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
 
 
 def _joined(arrays: dict[str, Any]) -> Table:
-    """Return the table of some columns, which must be numbers, and as many."""
+    """Return a table of columns, which must be numbers of equal count."""
     if "t" not in arrays:
         raise _FaultError("there is no column `t`, the time")
     many = np.shape(arrays["t"])
@@ -299,7 +314,7 @@ def _header(head: bytes) -> tuple[str, ...]:
 
 
 def _cells(file: BinaryIO, first: int, columns: tuple[str, ...]) -> Floats:
-    """Read rows cell by cell (rows, columns); a fault names the first bad line."""
+    """Read rows cell by cell (rows, columns); an error names the first invalid line."""
     reader = csv.reader(_decoded(file, first), strict=True)
     rows: list[list[float]] = []
     here, blank = first, 0

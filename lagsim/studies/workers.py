@@ -1,8 +1,9 @@
-"""Pieces of work, handed one by one to processes of this machine or of others.
+"""Pieces of work, computed by processes of this machine or of other machines.
 
-A process has one piece at a time, so it is known what one that dies had. It goes when
-its parent goes, however that ends, and leaves signals to it: when the parent closes the
-line between them, runs under way come to an end in order.
+A process works on one piece at a time, so that the piece of a process that dies is
+known. A process ends when its parent ends, for whatever reason. Workers ignore the
+signals of the terminal: when the parent closes the pipe between them, a run under way
+ends in order.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ _PROMPT = getattr(signal, "SIGUSR1", None)
 
 
 class Died:
-    """The result of a piece whose process ended before it had one."""
+    """Result of a piece whose process ended before the piece was complete."""
 
     reason = (
         "its process ended before it had a result: was it killed, or out of memory?"
@@ -64,7 +65,16 @@ class Died:
 
 
 class Crew(NamedTuple):
-    """Workers for at most `most` pieces at a time; `stop` asks for an end in order."""
+    """Workers for at most `most` pieces at a time.
+
+    Attributes
+    ----------
+    submit : callable
+        Starts a call in a worker, and returns its future.
+    most : int
+    stop : callable
+        Requests all workers to end in order.
+    """
 
     submit: Callable[..., Future[Any]]
     most: int
@@ -72,21 +82,21 @@ class Crew(NamedTuple):
 
 
 def cores() -> int:
-    """Give how many processes this one may keep busy."""
+    """Return the number of processor cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 class _Process(ProcessPoolExecutor):
-    """Worker process, which does not execute the user's script again.
+    """Executor with one worker process, which does not execute the user's script again.
 
-    It looks for work in lagsim alone; a script without `if __name__ == "__main__"`
-    would begin again in it.
+    The functions that a worker runs are in lagsim. Without this class a script without
+    `if __name__ == "__main__"` would be executed again in each worker.
     """
 
     def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
-        """Hand out a call; the process begins here."""
+        """Submit a call; the process is started at the first one."""
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
@@ -97,9 +107,9 @@ class _Process(ProcessPoolExecutor):
 
 @contextlib.contextmanager
 def processes(most: int) -> Iterator[Crew]:
-    """Give processes of this machine, fresh ones: none inherits threads or locks.
+    """Context manager: a crew of new processes, which inherit no threads or locks.
 
-    Each is an executor of its own, so that one that dies takes nothing with it.
+    Each process has its own executor, so that the death of a process breaks no other.
     """
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
@@ -125,7 +135,7 @@ def processes(most: int) -> Iterator[Crew]:
 
 
 def _enlist(stop: connection.Connection) -> None:
-    """Begin a process of workers."""
+    """Initialise a worker process: signals, garbage collector, watching thread."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     if _PROMPT is not None:
@@ -135,7 +145,7 @@ def _enlist(stop: connection.Connection) -> None:
 
 
 def _watch(stop: connection.Connection) -> None:
-    """End what this process does when it is to stop, and then the process."""
+    """End the work of this process, and then the process, when `stop` is closed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     if parent.sentinel not in connection.wait([parent.sentinel, stop]):
@@ -148,7 +158,10 @@ def _watch(stop: connection.Connection) -> None:
 
 
 def _wait_for_what_is_kept(parent: int) -> None:
-    """Wait while something is kept, for a time; or until the parent goes."""
+    """Wait while files are being written, for GRACE_SECONDS at most.
+
+    Return earlier when the parent process ends.
+    """
     now = keeping = time.monotonic()
     until = now + GRACE_SECONDS
     while now < min(until, keeping + LEAVE_SECONDS):
@@ -169,18 +182,23 @@ def spread(
     interrupt: Interrupt,
     hired: Hired = processes,
 ) -> Iterator[tuple[int, Found | Died]]:
-    """Do all pieces; give number and result of each as it is done.
+    """Compute all pieces; yield index and result of each when it is complete.
 
-    Where a process dies, its piece is done again after all others: one that dies once
-    more is reported so. After an interrupt no piece is begun, and those under way end
-    in order.
+    If a process dies, its piece is computed again after all others; a piece whose
+    process dies twice has the result `Died`. After an interrupt no piece is started,
+    and pieces under way end in order.
 
     Parameters
     ----------
-    work
-        A function of a module, of a piece and an interrupt; it raises nothing.
-    most
-        So many pieces at a time; one at a time is done by this process.
+    work : callable
+        A function at the top level of a module, called with a piece and an interrupt.
+        It must not raise.
+    pieces : iterable
+    most : int
+        The largest number of pieces at a time; with 1 this process computes them.
+    interrupt : Interrupt
+    hired : callable
+        Returns a context manager of a crew of a given size.
     """
     left = deque(enumerate(pieces))
     if most == 1 and hired is processes:
@@ -214,12 +232,12 @@ def spread(
 
 @contextlib.contextmanager
 def machines(address: str) -> Iterator[tuple[Hired, int]]:
-    """Give who works for the scheduler at an address, and at how many runs at a time.
+    """Context manager: the workers of a Dask scheduler, and their number of cores.
 
     Raises
     ------
     InputError
-        Where Dask is not there, or nobody answers.
+        If Dask is not installed, or there is no scheduler with workers at the address.
     """
     try:
         from distributed import Client
