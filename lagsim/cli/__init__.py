@@ -82,7 +82,7 @@ def entry() -> int:
 
 
 def _leave(number: int, _frame: object) -> NoReturn:
-    """End where nothing is begun yet, or all is done."""
+    """Signal handler: end the process at once, when no work is under way."""
     files.remove_passing()
     os._exit(128 + number)
 
@@ -114,7 +114,10 @@ def _application() -> typer.Typer:
 
 
 def _guarded(application: Callable[[], typer.Typer]) -> int:
-    """Make and call the application; anything unforeseen is a bug, exit 70."""
+    """Create and call the application; return the exit code.
+
+    An unforeseen exception is reported as a bug, with exit code 70.
+    """
     import typer
 
     from lagsim.cli import _shared
@@ -145,7 +148,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
 
 
 def _usage(error: Any) -> int:
-    """Report what is wrong with the command line."""
+    """Report an error of the command line; return the exit code 2."""
     from lagsim.cli import _shared
     from lagsim.cli._faults import errors_document
     from lagsim.cli._shared import show_json
@@ -169,7 +172,7 @@ def _usage(error: Any) -> int:
 
 
 def _suggest(error: Any) -> None:
-    """Name the option that an unknown one resembles, where there is one."""
+    """Add the options that resemble an unknown option to its error message."""
     from difflib import get_close_matches
 
     # Their dashes make all options alike.
@@ -198,13 +201,13 @@ _GLANCE_SECONDS = 0.05
 
 
 def again() -> None:
-    """Raise what a signal has raised, where it came out as something else."""
+    """Raise the exception of a signal again, if other code has replaced it."""
     if heard:
         raise exception_of(heard[0])
 
 
 def watch() -> None:
-    """Have signals end this process, whatever it does."""
+    """Start the thread that ends this process after a signal, whatever it computes."""
     sys.unraisablehook = _report_uncaught
     if sys.platform != "win32":  # where this takes a socket
         reads, writes = os.pipe()
@@ -214,7 +217,7 @@ def watch() -> None:
 
 
 def is_watched() -> bool:
-    """Return whether this process runs nothing but the command line."""
+    """Whether this process was started for the command line alone."""
     return sys.unraisablehook is _report_uncaught
 
 
@@ -239,13 +242,13 @@ def raised() -> Iterator[None]:
 
 
 def _report_uncaught(raised: sys.UnraisableHookArgs) -> None:
-    """Report an exception that is not caught; one of a signal comes again."""
+    """Report an uncaught exception, unless it is that of a signal."""
     if raised.exc_type not in (KeyboardInterrupt, Terminated):
         sys.__unraisablehook__(raised)
 
 
 def _watch(reads: int) -> None:
-    """End the process where a signal has not ended it."""
+    """End the process some time after a signal, unless the main thread has done so."""
     number = os.read(reads, 1)[0]
     import select
 

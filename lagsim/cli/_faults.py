@@ -1,4 +1,4 @@
-"""Faults of what a command was given: printed, or as the document of `--json`."""
+"""Errors in the input of a command: printed, or as the document of `--json`."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def reported(
 
 
 def plain(error: LagsimError) -> str:
-    """Return what `reported` prints of an error, for what is no terminal."""
+    """Return the text of an error as `reported` prints it to a file or pipe."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import faults
 

@@ -47,9 +47,16 @@ class Piece(NamedTuple):
 
 
 class Done(NamedTuple):
-    """The exit code of a model, its documents, and what was printed on stderr.
+    """Result of the run of one model.
 
-    Of `documents` the first is run.json, where the code is not one of REFUSED.
+    Attributes
+    ----------
+    code : int
+        The exit code.
+    documents : sequence
+        The first is run.json, unless the code is in REFUSED.
+    printed : str
+        The text printed on stderr.
     """
 
     code: int
@@ -82,7 +89,7 @@ def done(piece: Piece, interrupt: Interrupt) -> Done:
 def _heard(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
-    """Return the exit code of some work, and what it prints on stderr."""
+    """Call `work`; return its exit code, and the text that it prints on stderr."""
     with contextlib.redirect_stderr(io.StringIO()) as printed:
         try:
             code = work()
@@ -164,9 +171,14 @@ def _known(result: Done | Died, path: str) -> Done:
 def _report(
     found: Mapping[int, Done], paths: Sequence[str], first: int, *, final: bool = False
 ) -> int:
-    """Print in order what models from `first` on have printed; return the next one.
+    """Print the stderr text of models from `first` on, in their order.
 
-    Up to one of which nothing is known yet, but for the `final` time.
+    Printing ends before the first model without a result, except the `final` time.
+
+    Returns
+    -------
+    int
+        The index of the next model to print.
     """
     while first < len(paths) and (final or first in found):
         if first in found and (printed := found[first].printed.rstrip("\n")):
@@ -177,7 +189,7 @@ def _report(
 
 
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:
-    """Return a line for each model, and how many are done."""
+    """Return the summary: a line for each model, and the number of complete runs."""
     rows = [HEADS, *((name, *_row(found.get(k))) for k, name in enumerate(names))]
     complete = sum(x.code == 0 for x in found.values())
     head = coloured("done", "32" if complete == len(names) else "31")
@@ -186,7 +198,7 @@ def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> s
 
 
 def _row(found: Done | None) -> tuple[str, ...]:
-    """Return what the summary has of a model."""
+    """Return the cells of a model in the summary."""
     if found is None:
         return ("not begun",)
     record = found.documents[0] if found.documents else {}

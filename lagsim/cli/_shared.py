@@ -178,9 +178,9 @@ PATIENCE_SECONDS = 1.0
 def progress_bar(
     label: str, *, quiet: bool
 ) -> Iterator[Callable[[float], None] | None]:
-    """Return what is to be called with the fraction done; None without a terminal.
+    """Context manager: a function of the fraction done; None without a terminal.
 
-    It ends where it stands: at 100 % if that was called with 1.
+    The bar stays at its last value: at 100 % if the function was called with 1.
     """
     if quiet or not sys.stderr.isatty():
         yield None
@@ -207,7 +207,7 @@ def progress_bar(
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Report what keeps a file from being written, or files into a folder.
+    """Context manager: turn an OSError while writing `path` into an UnwritableError.
 
     Raises
     ------
@@ -222,12 +222,12 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
-    """Write a file as a whole, and, if asked to, the folders that it needs.
+    """Write a file atomically; with `folders` create its missing folders.
 
     Raises
     ------
     UnwritableError
-        Where that fails.
+        If the file cannot be written.
     """
     from lagsim.outputs.results import put
 
@@ -254,7 +254,10 @@ def put_picture(
 
 
 def drawn(name: str, draw: Callable[[], bytes], warnings: list[Any]) -> bytes | None:
-    """Return a picture; where it cannot be drawn, report why, here and in a list."""
+    """Return the content of a picture; None if drawing fails.
+
+    A failure is printed as a warning, and its record is appended to `warnings`.
+    """
     from lagsim.outputs import attempted
 
     content = attempted(name, draw)
@@ -266,12 +269,12 @@ def drawn(name: str, draw: Callable[[], bytes], warnings: list[Any]) -> bytes | 
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
-    """Write files and the document that lists them, and put all in their places.
+    """Write files and the document that lists them, and move all to their final names.
 
     Raises
     ------
     UnwritableError
-        Where there is no room.
+        If the disk is full.
     """
     from lagsim.outputs.manifest import encode
 
@@ -310,11 +313,11 @@ def experiment(
     quiet: bool,
     as_json: bool,
 ) -> int:
-    """Measure; write and report what is found; return the exit code.
+    """Call `measure`, write and report its result, and return the exit code.
 
-    `measure` ends early where it is interrupted, and may give remarks instead: then
-    nothing is written. A signal leaves the chart out, and so does what keeps it from
-    being drawn. The document is printed, as JSON, or goes to `documents`.
+    After an interrupt `measure` ends early. If it returns remarks in place of a result,
+    no file is written. The chart is left out after a signal, or if drawing fails. With
+    `as_json` the document is printed; it is appended to `documents` if that is given.
     """
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
@@ -428,12 +431,12 @@ def prepare() -> None:
 
 
 def say(text: str) -> None:
-    """Print on stdout what is for a person: no line is wider than a terminal."""
+    """Print text for a person on stdout, with lines wrapped at the terminal width."""
     put(lambda: print(shown(text, sys.stdout)))
 
 
 def width_of(stream: TextIO) -> int | None:
-    """Return how many letters a line takes; None where no terminal counts them."""
+    """Return the width of a terminal in letters; None if the stream is none."""
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
@@ -443,12 +446,12 @@ def colour(text: str, code: str) -> str:
 
 
 def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
-    """Return what a terminal shows, and does not act on, but for colours of our own.
+    """Return a text without control sequences, except lagsim's own colours.
 
     Parameters
     ----------
-    again
-        The text was printed before, by a process of ours, with its annotations.
+    again : bool
+        Whether a worker process has printed the text before, with its annotations.
     """
     parts = _COLOUR.split(text)
     parts[::2] = map(visible, parts[::2])
@@ -458,14 +461,14 @@ def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
 
 
 def on_github() -> bool:
-    """Return whether a runner of GitHub reads what is printed."""
+    """Whether the process runs in a workflow of GitHub Actions."""
     return os.environ.get("GITHUB_ACTIONS") == "true"
 
 
 def harmless(text: str) -> str:
-    """Return a text of which the runner takes no line for a command.
+    """Return a text in which the runner of GitHub recognises no command.
 
-    A mark takes the place of the first blank, so that columns stay where they are.
+    A mark replaces the first blank of a line, so that columns stay aligned.
     """
     if not on_github():
         return text
@@ -507,7 +510,7 @@ def _broken(lines: Iterable[str], width: int) -> Iterator[str]:
 def put(write: Callable[[], object]) -> None:
     """Call `write`, which writes to stdout, and flush.
 
-    A reader that has gone away (`| head`) is no fault: the rest goes nowhere.
+    A closed pipe (`| head`) is no error: the remaining output is discarded.
     """
     try:
         write()
@@ -519,7 +522,7 @@ def put(write: Callable[[], object]) -> None:
 
 
 def full(error: OSError) -> int:
-    """Report that stdout takes nothing more; return the exit code."""
+    """Report an error of writing to stdout; return the exit code."""
     from lagsim.codes import number
 
     _mute(sys.stdout)
@@ -529,12 +532,12 @@ def full(error: OSError) -> int:
 
 
 def complain(text: str, *, again: bool = False) -> None:
-    """Print on stderr what is for a person."""
+    """Print text for a person on stderr."""
     _report(shown(text, sys.stderr, again=again))
 
 
 def _report(text: str) -> None:
-    """Print on stderr; where that cannot be written, nothing can be reported."""
+    """Print on stderr; discard all further output there if that fails."""
     try:
         print(text, file=sys.stderr, flush=True)
     except OSError:
@@ -542,7 +545,7 @@ def _report(text: str) -> None:
 
 
 def _mute(stream: TextIO) -> None:
-    """Send what is still to be written nowhere, so that the last flush succeeds."""
+    """Discard the remaining output of a stream, so that the last flush succeeds."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -561,7 +564,7 @@ def annotate(
     level: str, text: str, file: str | None, line: int | None = None,
     column: int | None = None, number: str | None = None,
 ) -> None:  # fmt: skip
-    """Annotate a file; do nothing outside a workflow."""
+    """Annotate a line of a file in GitHub Actions; without effect elsewhere."""
     if not on_github():
         return
     place = {"file": _within(file), "line": line, "col": column, "title": number}
@@ -580,7 +583,7 @@ def annotate_problem(problem: Problem, file: str | None = None) -> None:
 
 
 def _within(file: str | None) -> str | None:
-    """Return a file's path in the repository, which is what annotations name."""
+    """Return the path of a file relative to the repository, for annotations."""
     if file is None or file == "-" or file.startswith("<"):  # standard input
         return None
     root = os.environ.get("GITHUB_WORKSPACE")

@@ -59,7 +59,7 @@ def report(
 
 
 def faults(start: StartReport) -> list[str]:
-    """Return what keeps a start from being admissible."""
+    """Return the reasons why a start is not admissible."""
     found = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
         found.append(str(start.thin))
@@ -125,7 +125,7 @@ def _status(verdict: Verdict, residual: float) -> str:
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:
-    """Return what inertia and velocity constraints mean for the motion."""
+    """Return lines on a singular mass matrix and on the reachable dimensions."""
     lines = []
     if start.augmented:
         lines.append(
@@ -148,7 +148,7 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
 
 
 def _repair(start: StartReport) -> list[str]:
-    """Return what to write into `initial:`, or why there is nothing to write."""
+    """Return lines for `initial:` with an admissible start, or the reason for none."""
     if start.admissible:
         if start.rest:
             return ["  the rest, for `initial:`", *_pasteable(start.rest)]
@@ -173,7 +173,7 @@ def _pasteable(values: Mapping[str, float]) -> list[str]:
 
 
 def annotate_start(equations: Equations, start: StartReport) -> None:
-    """Annotate the constraint that a start violates, or what it is warned of."""
+    """Annotate the constraint that a start violates, and all warnings on the start."""
     model = equations.model
     if not start.admissible:
         wrong = {v.name for v in start.verdicts if not v.satisfied}

@@ -115,7 +115,7 @@ def command(
 def _opened(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Return what measures a model, and the default of its folder."""
+    """Return the function that measures a model, and the default folder of results."""
     model = read_file(path, overrides)
     case = open_case(model, wanted(model, "bench"))
 
@@ -129,7 +129,7 @@ def _opened(
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Return what draws a finished measurement again, and its folder."""
+    """Return the function that draws an earlier measurement, and its folder."""
     if overrides or wish != Wish(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
@@ -147,7 +147,7 @@ def _written(
     form: str,
     summary: Callable[[str], str],
 ) -> Measured:
-    """Return what is written of a document; the chart shows these rows."""
+    """Return the files of a document as a result; the chart shows `rows`."""
 
     def draw() -> bytes:
         from lagsim.studies.bench.chart import work_precision
@@ -161,7 +161,7 @@ def _written(
 def _wish(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> Wish:
-    """Return what the options ask for."""
+    """Parse the options of the command."""
     problems = Problems()
     chosen = None
     if methods is not None:

@@ -87,7 +87,7 @@ def _picture(golden: Table, new: Table, verdict: Verdict) -> bytes:
 def _tolerances(
     rtol: str | None, atol: str | None
 ) -> tuple[float | None, float | None]:
-    """Read the tolerances; refuse what is no number, or negative."""
+    """Parse the tolerances; raise an error for texts that are no numbers >= 0."""
     values: list[float | None] = []
     problems = Problems()
     for name, text in (("--rtol", rtol), ("--atol", atol)):
@@ -104,7 +104,7 @@ def _tolerances(
 
 
 def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> str:
-    """Return what a person reads: the verdict, then the worst columns."""
+    """Return the report as text: the verdict, then the columns by falling deviation."""
     assert verdict.rows is not None
     size = f"{counted(len(verdict.rows.golden), 'row')}, "
     size += counted(len(verdict.worst), "column")
@@ -121,7 +121,7 @@ def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
 
 
 def differing(verdict: Verdict) -> list[str]:
-    """Return lines of what differs: the first column to do so, then the worst."""
+    """Return lines on failed columns: the first in time, then by falling deviation."""
     first, failed = verdict.first, verdict.failed
     if first is None:
         return []
@@ -133,7 +133,7 @@ def differing(verdict: Verdict) -> list[str]:
 
 
 def notes(verdict: Verdict) -> list[str]:
-    """Return notes on what only one of both has, and on what else they differ in."""
+    """Return notes on columns that only one result has, and on other differences."""
     lines = []
     for what, names in (("missing", verdict.missing), ("extra", verdict.extra)):
         lines += [f"{what}: {several(names, 8)}"] if names else []
@@ -156,7 +156,10 @@ def _listing(deviations: Sequence[Deviation]) -> list[str]:
 def _document(
     names: Sequence[str], verdict: Verdict, remarks: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the JSON document; keys are only ever added."""
+    """Return the JSON document.
+
+    Later versions of lagsim add keys and remove none.
+    """
     rows, first = verdict.rows, verdict.first
     assert rows is not None
     return judgement(verdict) | {
@@ -171,7 +174,7 @@ def _document(
 
 
 def judgement(verdict: Verdict) -> dict[str, Any]:
-    """Return what a JSON document holds of a verdict: the worst cell of each column."""
+    """Return a verdict for a JSON document: the deviation of each column."""
     worst = [{**d._asdict(), "pass": d.passed} for d in verdict.worst]
     for cell in worst:
         del cell["ratio"]

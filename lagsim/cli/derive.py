@@ -74,7 +74,7 @@ def command(
 def _refuse(
     model: str, form: Format, options: dict[str, bool], output: Path | None
 ) -> None:
-    """Refuse options that mean nothing for the format, and a file that cannot be."""
+    """Raise an error for options that do not fit the format, and for a bad file."""
     meant = {
         Format.text: ("ascii", "substitute", "solve", "gauss", "expand"),
         Format.python: (),

@@ -120,7 +120,7 @@ class _Task(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """The exit code of a model, and what is reported of it."""
+    """Exit code of a model, with the lines and the document of its report."""
 
     code: int
     document: Document | None
@@ -152,7 +152,7 @@ def _task(path: str, folder: Path | None) -> _Task:
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
-    """Refuse models whose goldens would be the same files."""
+    """Raise an error if the goldens of two models would be one file."""
     first: dict[tuple[Path, str], str] = {}
     problems = Problems()
     for task in tasks:
@@ -266,7 +266,7 @@ def _unseen(known: Summary) -> str:
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:
-    """Return warnings of what a golden does not guard."""
+    """Return warnings on numbers of the model whose changes pass the golden."""
     model, found = golden.about["model"], []
     if len(golden.rows) < min(LEAST_ROWS, golden.about["run_rows"]):
         text = f"the golden of {model} has {_rows(golden)} only"
@@ -281,7 +281,7 @@ def _doubts(golden: Golden, known: Summary) -> list[Caution]:
 
 
 def _worst(verdict: Verdict) -> str:
-    """Return in a few words what differs."""
+    """Return a short text on the largest difference."""
     failed, parts = verdict.failed, [*verdict.faults]
     if verdict.missing:
         parts.append(f"{counted(len(verdict.missing), 'column')} missing")

@@ -60,7 +60,13 @@ def command(
 def _wrote(
     path: Path, runs: Sequence[Shown], names: Sequence[str] | None, also: bool
 ) -> bool:
-    """Write a file, if it can be drawn; `also`: it was not asked for by name."""
+    """Write a file if it can be drawn.
+
+    Parameters
+    ----------
+    also : bool
+        Whether the file was not requested by name.
+    """
     form = path.suffix.lower()
     if form in PICTURES:
         draw = partial(overlay.picture, runs, overlay.chosen(runs, names), form[1:])

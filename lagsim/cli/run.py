@@ -105,7 +105,7 @@ ERROR_BAR: Any = typer.Option(
 def with_settings(command: Callable[..., int]) -> Callable[..., int]:
     """Replace the parameter `options` of a command by the keys of `simulation`.
 
-    The command gets those that are given, as a mapping.
+    The command receives the options given on the command line as a mapping.
     """
 
     @functools.wraps(command)
@@ -201,8 +201,9 @@ class Job:
 
     Parameters
     ----------
-    documents
-        Gets run.json, in place of what a person reads; None where one does.
+    documents : list or None
+        Receives the content of run.json, in place of the printed summary; None to print
+        the summary.
     """
 
     def __init__(
@@ -309,7 +310,7 @@ class Job:
     def _write(
         self, found: Attempt, results: Results, writer: Writer
     ) -> tuple[Document, OSError | None]:
-        """Write what was found; return the record, and what kept a file out."""
+        """Write all files of a run; return run.json and an OSError or None."""
         wish, lost, full = self.wish, False, found.fault
         try:
             writer.finish()
@@ -344,11 +345,10 @@ class Job:
     def _draw_all(
         self, found: Attempt, results: Results, document: Document
     ) -> OSError | None:
-        """Add page and pictures; return what kept one from being written.
+        """Write the page and the pictures; return the OSError of a failure, or None.
 
-        The table and the record are in their places before: whatever becomes of
-        pictures, rows are there. A signal ends the drawing: pictures can be drawn
-        again.
+        The table and run.json are written before, so that a failure here loses no rows.
+        A signal ends the drawing, since pictures can be drawn again.
         """
         from lagsim.studies.drawing import drawings
 
@@ -372,7 +372,7 @@ class Job:
         return None
 
     def _code(self, found: Attempt, document: Document, full: OSError | None) -> int:
-        """Return the exit code; report what a signal or `--strict` has cost."""
+        """Return the exit code; report missing pictures, or a failure by `--strict`."""
         interrupt = self.interrupt
         if full:
             return UnwritableError.exit_code
@@ -420,9 +420,14 @@ def _keep(
     restart: Callable[[], Restart],
     at_once: bool,
 ) -> None:
-    """Have a run kept from some seconds on; before, nothing for that is loaded.
+    """Store checkpoints of a run after KEPT_AFTER_SECONDS.
 
-    `at_once`: it begins where another has ended.
+    Before, the modules for checkpoints are not loaded.
+
+    Parameters
+    ----------
+    at_once : bool
+        Whether the run continues from a checkpoint, and so stores checkpoints at once.
     """
     due = time.monotonic() + KEPT_AFTER_SECONDS
 
@@ -437,9 +442,12 @@ def _keep(
 
 
 def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> Document:
-    """Return what run.json holds of a run whose results did not fit on the disk.
+    """Return the entries of run.json for a run whose results did not fit on the disk.
 
-    `lost`: not even the table did.
+    Parameters
+    ----------
+    lost : bool
+        Whether the table is missing as well.
     """
     what, rest, kept = "events or a picture", "the table is whole", dict[str, Any]()
     if lost:
@@ -508,7 +516,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
 
 
 def _happened(trajectory: Trajectory) -> list[str]:
-    """Return counts of events, and the ends of what accumulates."""
+    """Return lines on the numbers of events, and on the ends of accumulations."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
     named = _named([e for e in trajectory.events if e.kind in COUNTED])
@@ -529,7 +537,7 @@ def _happened(trajectory: Trajectory) -> list[str]:
 
 
 def _named(events: Sequence[Event]) -> str:
-    """Return the constraints, switches and names of events; numbers where many."""
+    """Return names of constraints, switches and events; counts if there are many."""
     own = dict.fromkeys(f"`{e.name}`" for e in events if e.name)
     held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
@@ -549,7 +557,7 @@ def _accuracy(document: Document) -> tuple[str, str]:
 
 
 def _error(bar: Estimate | str) -> str:
-    """Return the estimate: the worst coordinate, how it grew, the horizon."""
+    """Return the text of the error: the worst coordinate, its growth, the horizon."""
     if isinstance(bar, str):
         return f"not estimated: {bar}"
     name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)

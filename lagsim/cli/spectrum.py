@@ -91,7 +91,7 @@ def _picture(found: Spectrum, result: Path, form: str) -> bytes:
 
 
 def report(found: Spectrum) -> str:
-    """Return what a person reads."""
+    """Return the report as text."""
     unit = f" {found.unit}" if found.unit else ""
     rows = f"{counted(found.rows, 'row')} {found.step:.6g} s apart"
     lines = [

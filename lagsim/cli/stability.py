@@ -125,7 +125,7 @@ def _check_parameter(model: Model, name: str | None) -> None:
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
-    """Return what the options ask for."""
+    """Parse the options of the command."""
     problems = Problems()
     names = None
     if methods is not None:
@@ -163,7 +163,7 @@ def _summary(document: Document, files: str) -> str:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Return rows in columns, all of which stand to the left."""
+    """Return rows as aligned columns, all left-justified."""
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
@@ -193,7 +193,7 @@ def _borders(document: Document) -> list[str]:
 
 
 def _predicted(border: Document) -> str:
-    """Return the predictions: one where both are alike."""
+    """Return the predicted borders as text: one number if both agree."""
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
         for x in (border["predicted_at_start"], border["predicted_along"])
@@ -229,7 +229,7 @@ def _over_parameter(document: Document) -> list[str]:
 
 
 def _eigenvalues(document: Document) -> list[tuple[str, str]]:
-    """Return them in short: fastest, slowest, damping."""
+    """Return a summary of eigenvalues: fastest, slowest, damping."""
     if unknown := document["eigenvalues"]["unknown"]:
         return [("eigenvalues", f"none: {unknown}")]
     texts = []
@@ -249,12 +249,12 @@ def _eigenvalues(document: Document) -> list[tuple[str, str]]:
 
 
 def _number(value: float) -> str:
-    """Return three digits; what is only rounding beside 1 as 0."""
+    """Return a number with three digits; a value of rounding size as 0."""
     return f"{value:.3g}" if abs(value) > COMPUTED_ZERO else "0"
 
 
 def _complex(value: complex) -> str:
-    """Return one of a pair."""
+    """Return the text of a complex number, or of a conjugate pair of numbers."""
     if abs(value.imag) <= COMPUTED_ZERO * abs(value):
         return f"{value.real:.4g}"
     if abs(value.real) <= COMPUTED_ZERO * abs(value):

@@ -63,7 +63,7 @@ REASON = 160
 
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return what may be swept of the model that stands before it."""
+    """Return names that can be swept in the model of the command, as completions."""
     try:
         model = read_file(str(context.params["model"]))
     except (LagsimError, KeyError):
@@ -170,7 +170,7 @@ def _grid(
 
 
 def _known(found: Found, folder: Path) -> Any:
-    """Return the record of a sweep that has come to its end before; None without."""
+    """Return the record of an earlier complete sweep; None if there is none."""
     try:
         there = json.loads(content(folder / MANIFEST))
     except (OSError, ValueError):
@@ -191,7 +191,7 @@ def _measured(
     plots: bool,
     quiet: bool,
 ) -> Measured | list[str]:
-    """Make the runs that are missing; return what is written, or how to go on."""
+    """Compute the missing runs; return the result, or remarks on how to continue."""
     folder = journal.path.parent
     with contextlib.ExitStack() as stack:
         stack.enter_context(writing(folder))

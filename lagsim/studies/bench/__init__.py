@@ -1,10 +1,11 @@
-"""Methods compared on a model: work-precision and stability on a given step.
+"""Comparison of methods on a model: work-precision, and stability at given steps.
 
-Here is a timed solve, rows included, warm, the least of several times: by lagsim's own
-methods, and by scipy's solvers on the same compiled right-hand side. Those know nothing
-of constraints: they solve such models as the ordinary differential equation for q''
-with lambda solved away (index 1), and drift. Their step is a Python call, which is what
-they cost who uses them; the right-hand side is not.
+This module has timed solves. Their time includes rows and excludes compilation, and is
+the least of several solves. Solvers are lagsim's methods, and scipy's solvers with the
+same compiled right-hand side. scipy's solvers have no constraints: a model with
+constraints is solved as the ordinary differential equation for q'' with lambda
+eliminated (index 1), and drifts. The steps of scipy are Python calls, as in any use of
+scipy; the right-hand side is native.
 """
 
 from __future__ import annotations
@@ -49,18 +50,18 @@ OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
 
 
 class GivenUpError(Exception):
-    """A solve takes longer than it may."""
+    """A solve has exceeded its time limit."""
 
 
 class Patience:
-    """The time limits of solves.
+    """Time limits of solves.
 
     Attributes
     ----------
     seconds : float
-        For one solve.
+        The limit of one solve, in s.
     until : float
-        Of the clock `time.perf_counter`: no solve lasts longer.
+        The time of `time.perf_counter` at which every solve ends.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -68,25 +69,34 @@ class Patience:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a solve."""
+        """Start the clock of a solve."""
         self._end = min(time.perf_counter() + self.seconds, self.until)
 
     @property
     def over(self) -> bool:
-        """True where there is no time left for any solve."""
+        """Whether the time for all solves has passed."""
         return time.perf_counter() > self.until
 
     def check(self, _fraction: float = 0.0) -> None:
-        """Raise GivenUpError where patience has run out."""
+        """Raise GivenUpError if a time limit has passed."""
         if time.perf_counter() > self._end:
             raise GivenUpError
 
 
 class Solved(NamedTuple):
-    """The result of one solve; `rows` (k, columns) is None where there is no answer.
+    """Result of one solve.
 
-    The rows are those of the output times, and the last; `outcome` is that of a run;
-    `reason` says more.
+    Attributes
+    ----------
+    rows : ndarray, shape (k, columns), or None
+        Rows at the output times, and the last one; None if the solve failed.
+    seconds : float
+    evaluations : int
+    outcome : str
+        The outcome as for a run.
+    reason : str
+        The reason of a failure.
+    events : sequence of Event
     """
 
     rows: Floats | None
@@ -103,7 +113,7 @@ def asking(
     formulation: str = "auto",
     rtol: float | None = None,
 ) -> Case:
-    """Give the case as if the file asked for this, and for nothing else."""
+    """Return the case with a method, formulation and rtol; default atol and step."""
     return case.asking(
         method=method, formulation=formulation, rtol=rtol, atol=None, step=None
     )
@@ -115,16 +125,16 @@ class Own:
     Attributes
     ----------
     setting : str
-        `rtol` or `step`: a value of it is what a solve takes.
+        `rtol` or `step`: the meaning of the argument of `solve`.
     compile_seconds : float
-        What making it ready took.
+        The time to make the solver ready.
     names : tuple of str
-        The columns of the rows.
+        Names of the columns of rows.
 
     Raises
     ------
     InputError
-        Where the method or the formulation cannot handle the model.
+        If the method or the formulation cannot handle the model.
     """
 
     def __init__(
@@ -145,11 +155,12 @@ class Own:
         self.names = self.system.columns.names
 
     def solve(self, value: float, patience: Patience) -> Solved:
-        """Solve once with the tolerance, or the step, `value`.
+        """Solve once with the tolerance or the step `value`.
 
         Raises
         ------
         GivenUpError
+            If the solve exceeds its time limit.
         """
         rtol, step = (value, None) if self.setting == "rtol" else (None, value)
         plan = replace(self.plan, rtol=rtol, atol=None, step=step)
@@ -169,9 +180,9 @@ class Own:
 
 
 def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
-    """Give a solver for each formulation that a method can take.
+    """Return a solver for each formulation that a method supports.
 
-    And by formulation why another cannot be had.
+    The second value has, for each other formulation, the reason why it is refused.
     """
     found: dict[str, Own] = {}
     refused: dict[str, str] = {}
@@ -188,7 +199,7 @@ def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
 
 
 def least(solve: Callable[[], Solved]) -> Solved:
-    """Solve again and again; give the solve that took the least time."""
+    """Repeat a solve, and return the result with the least time."""
     best = solve()
     spent = best.seconds
     with contextlib.suppress(GivenUpError):
@@ -211,19 +222,22 @@ LOOK = 64
 
 
 def index_one(case: Case) -> Own:
-    """Give what has the right-hand side with lambda solved away, and nothing else."""
+    """Return a solver whose right-hand side is q'' with lambda eliminated (index 1)."""
     return Own(case, "dop853", DRIFT if case.equations.rows else "full")
 
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Give the largest size of each component of y in rows, none of them 0."""
+    """Return the largest absolute value of each component of y in rows.
+
+    A component that is always 0 has the largest value of all components, or 1.
+    """
     columns = [own.names.index(name) for name in own.system.state]
     sizes = np.max(np.abs(rows[:, columns]), axis=0)
     return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
 
 
 def scipy_refusal(own: Own) -> str:
-    """Give the reason why scipy's solvers cannot handle a model; "" if they can."""
+    """Return the reason why scipy's solvers cannot handle a model; "" if they can."""
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the model's switches"
@@ -242,11 +256,11 @@ class Scipy:
 
     Parameters
     ----------
-    own
-        Gives the right-hand side, and makes columns of states.
-    rows : (k, columns)
-        Of the motion as it is known: their times are solved for, and atol is rtol times
-        the sizes of the components of y, as in lagsim.
+    own : Own
+        The solver whose right-hand side is used, and which computes columns of states.
+    rows : ndarray, shape (k, columns)
+        Rows of a known solution. Output is computed at their times, and atol is rtol
+        times the largest absolute values of the components of y, as in lagsim.
     """
 
     setting = "rtol"
@@ -260,7 +274,7 @@ class Scipy:
     def _derivative(
         self, look: Callable[[], None]
     ) -> Callable[[float, Floats], Floats]:
-        """Give the compiled right-hand side y'(t, y), which calls `look` at times."""
+        """Return the compiled function y'(t, y), which calls `look` periodically."""
         system, size = self.own.system, self.own.system.size
         runner = system.link(self.own.method)
         runner.prepare()
@@ -327,7 +341,7 @@ BUSY = 1.5
 
 
 def machine() -> dict[str, Any]:
-    """Give the processor, the system, and how busy they are."""
+    """Return the processor, the system, and the load of the machine."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
         "processor": _processor(),
@@ -338,14 +352,14 @@ def machine() -> dict[str, Any]:
 
 
 def today() -> str:
-    """Give the date."""
+    """Return the date."""
     return datetime.now(UTC).date().isoformat()
 
 
 def stamp(document: Mapping[str, Any]) -> str:
-    """Say in words when, where and with what a document's numbers were found.
+    """Return the date, machine and versions of a document as text.
 
-    Where and when are left out where they do not matter.
+    Date and machine are left out if no number depends on these.
     """
     known = document["versions"]
     packages = [f"{name} {known[name]}" for name in PACKAGES if name in known]

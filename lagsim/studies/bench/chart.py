@@ -1,9 +1,9 @@
-"""The charts of a bench and of a map of stability, drawn from their documents alone.
+"""Charts of a bench and of a map of stability, drawn from their JSON documents.
 
-work_precision.png has time and evaluations against the error they bought: at most a
-dozen curves, those that matter, cheapest first. stability.png has maps of verdicts,
-below them regions of stability with eigenvalues, and the work of methods that choose
-their steps, as a parameter varies.
+work_precision.png shows time and evaluations against the error, for at most a dozen
+curves, the cheapest first. stability.png shows maps of verdicts, below these the
+regions of stability with eigenvalues, and the work of methods with step control as a
+parameter varies.
 """
 
 from __future__ import annotations
@@ -72,19 +72,19 @@ AN_ANSWER = 0.1
 
 
 class Shown(NamedTuple):
-    """Curves by method and formulation; of those left out, how many times costlier."""
+    """Curves to draw, and relative costs of other curves, by method and formulation."""
 
     curves: dict[Key, list[Row]]
     left_out: dict[Key, float]
 
 
 def shown(rows: Sequence[Row], worst: float) -> Shown:
-    """Choose among the rows of work_precision.json that have an error up to `worst`.
+    """Select curves from rows of work_precision.json with an error of at most `worst`.
 
-    First come the curves that `auto` takes, then those on the front, then of each
-    method the formulation that comes closest to it, two of scipy's among them, then
-    other formulations; of them first those that stay on the constraints. They are given
-    cheapest first.
+    Curves are preferred in this order: settings that `auto` selects, curves on the
+    front, the best formulation of each further method (at most OF_SCIPY solvers of
+    scipy), other formulations, of which formulations without drift first. The result is
+    sorted by cost.
     """
     found = curves(r for r in rows if r["error"] is not None and r["error"] <= worst)
     times = {key: _times(entries, rows) for key, entries in found.items()}
@@ -109,7 +109,7 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
 
 
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Return how many times a curve costs what the front does, on the average."""
+    """Return the mean cost of a curve relative to the front (geometric mean)."""
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []
     for row in entries:
@@ -140,19 +140,19 @@ HEIGHT, REST, NAMES = 3.3, 0.3, 3.2
 
 
 class Look(NamedTuple):
-    """The line of a curve, and the mark of its points."""
+    """Style of a curve: its line, and the marker of its points."""
 
     line: Pen
     mark: Pen
 
     @property
     def sample(self) -> Pen:
-        """Both, as a legend shows them."""
+        """The style of the entry in a legend: line and marker."""
         return self.mark | {"linestyle": "-", "markevery": [1]} | self.line
 
 
 class Cost(NamedTuple):
-    """A curve: errors, what they cost, and which of its points have a ring."""
+    """Data of a curve: its errors, their costs, and flags of points with a ring."""
 
     name: str
     look: Look
@@ -162,7 +162,7 @@ class Cost(NamedTuple):
 
 
 def look_of(method: str, formulation: str = "none") -> Look:
-    """Give how a method looks: the same in every chart, and no two alike."""
+    """Return the style of a method, which is equal in all charts."""
     if method in SCIPY:
         line: Pen = {"color": GREY, "linewidth": 0.7}
         return Look(line, mark(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
@@ -171,18 +171,29 @@ def look_of(method: str, formulation: str = "none") -> Look:
 
 
 def look(colour: int, turn: int = 0, kind: int = 0) -> Look:
-    """Give the look of a colour of the house, in a round, of a kind."""
+    """Return the style for a colour, a round of colours and a kind of formulation.
+
+    Parameters
+    ----------
+    colour : int
+        The index of the colour.
+    turn : int
+        How often all colours have been used before; selects dashes and the row of
+        markers.
+    kind : int
+        The index of the marker in its row.
+    """
     pen = PENS[(colour + SHIFT * turn) % len(PENS)] | {"color": PENS[colour]["color"]}
     return Look(pen, mark(MARKERS[turn][kind], 3.6, pen["color"]))
 
 
 def seen(errors: Iterable[float]) -> Array:
-    """Give errors as they are drawn: none is 0 on logarithms."""
+    """Return errors for a logarithmic axis: errors of 0 are replaced by LEAST."""
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
 def error_scale(costs: Sequence[Cost], floor: float) -> Scale:
-    """Give the scale that holds all errors, and at the left what cannot be resolved."""
+    """Return the logarithmic scale of all errors and of the resolution `floor`."""
     known = np.concatenate([*(c.errors for c in costs), seen([floor]), [0.1]])
     return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
 
@@ -196,7 +207,7 @@ def cost_panel(
     floor: float,
     front: tuple[Array, Array] | None = None,
 ) -> None:
-    """Draw curves of cost against error; errors below `floor` are not known."""
+    """Draw curves of cost against error; errors below `floor` are not resolved."""
     known = [c.costs for c in costs if len(c.costs)]
     across.put(axes, "x")
     log_scale(*known, margin=0.05, least=0.08).put(axes, "y")
@@ -220,13 +231,13 @@ def cost_panel(
 
 @in_house_style
 def work_precision(document: Document, form: str = "png") -> bytes:
-    """Draw what work_precision.json says. Returns a PNG, SVG or PDF."""
+    """Draw the content of work_precision.json; return a PNG, SVG or PDF."""
     return content(figure(document), form)
 
 
 @in_house_style
 def figure(document: Document) -> Picture:
-    """Draw seconds and evaluations against the error that they bought."""
+    """Return the figure of seconds and evaluations against the error."""
     found = shown(document["rows"], WORST)
     named = [
         ("Pareto front", FRONT | {"linewidth": 4.0}),
@@ -268,7 +279,7 @@ def _costs(found: Shown, of: str) -> list[Cost]:
 
 
 def _name(key: Key, keys: Iterable[Key]) -> str:
-    """Return a method's name, with its formulation where there are several."""
+    """Return the name of a method, with its formulation if there are several."""
     method, formulation = key
     alone = sum(name == method for name, _ in keys) == 1
     return method if alone else f"{method} {formulation}"
@@ -298,9 +309,9 @@ def _about_costs(document: Document, found: Shown) -> list[str]:
 
 
 def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
-    """Return settings without an answer, with reasons, those next to each other joined.
+    """Yield texts on settings without an answer, with adjacent settings joined.
 
-    Of the curves that are shown, and of those that would have nothing to show.
+    Curves that were left out for their cost are not considered.
     """
     for key in (x for x in rows if x not in found.left_out):
         for outcome, group in groupby(
@@ -353,7 +364,7 @@ COVERED = 0.01
 
 @in_house_style
 def stability(document: Document, form: str = "png") -> bytes:
-    """Draw the content of stability.json; as PNG, SVG or PDF."""
+    """Draw the content of stability.json; return a PNG, SVG or PDF."""
     vary, (fixed, adaptive) = document["vary"], document["methods"].values()
     regions = [region(document, name) for name in fixed]
     parts: list[tuple[float, Callable[[SubFigure], object]]] = []
@@ -380,7 +391,7 @@ def stability(document: Document, form: str = "png") -> bytes:
 
 
 def _round(planes: Sequence[Axes]) -> None:
-    """Show as much of each plane across that circles are round."""
+    """Set the horizontal limits of complex planes for equal scales of both axes."""
     for axes in planes:
         low, high = axes.get_ylim()
         width, height = size_of(axes)
@@ -401,7 +412,7 @@ def borders_of(document: Document, method: str) -> list[dict[str, Any]]:
 
 
 def _legend(document: Document, regions: Sequence[Region]) -> list[Entry]:
-    """Name colours and marks, of what is there."""
+    """Return the legend entries of the colours and markers in the chart."""
     seen = {cell["verdict"] for cell in document["cells"]}
     bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
     shown = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
@@ -463,9 +474,14 @@ def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) ->
 def _grid(
     part: SubFigure, count: int, most: int, side: str, **alike: Any
 ) -> list[Axes]:
-    """Give so many panels, in rows of at most so many and at least two.
+    """Return `count` panels, in rows of at most `most` and at least two.
 
-    `side` is what stands at the left of each row.
+    Parameters
+    ----------
+    side : str
+        The label of the vertical axis at the left of each row.
+    **alike
+        Options of `subplots`.
     """
     rows = -(-count // most)
     columns = max(2, -(-count // rows))
@@ -499,16 +515,18 @@ def _maps(part: SubFigure, document: Document) -> None:
 
 
 class Region(NamedTuple):
-    """The plane of z = h λ of a method, as a panel shows it.
+    """Part of the complex plane z = h λ of a method that a panel shows.
 
     Attributes
     ----------
-    step, meaning : float, str
-        The step at which eigenvalues are shown, and what it is.
+    step : float
+        The step h at which eigenvalues are shown.
+    meaning : str
+        The origin of the step: `border`, `predicted` or `largest`.
     size : float
-        How much of the plane is shown.
+        The factor by which the shown part of the plane is enlarged.
     at_start, along : ndarray of complex
-        The z in it, at the start; and along the motion, where those do not cover them.
+        Values of z at the start; and along the motion, without values near the former.
     """
 
     name: str
@@ -520,7 +538,7 @@ class Region(NamedTuple):
 
 
 def region(document: Document, name: str) -> Region:
-    """Give what is shown of the plane for a method."""
+    """Return the part of the plane to show for a method."""
     step, meaning = _step_shown(document, name)
     start, motion = (
         np.array([step * complex(*pair) for pair in document["eigenvalues"][key]])
@@ -576,9 +594,10 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
 
 
 def _step_shown(document: Document, name: str) -> tuple[float, str]:
-    """Give the step at which eigenvalues are shown: at the border, where there is one.
+    """Return the step at which eigenvalues are shown, and its origin.
 
-    With a parameter varied: on the border as it is drawn, at the file's value.
+    The step is the stability border if there is one. If a parameter varies, the border
+    is interpolated at the value of the file.
     """
     borders, vary = borders_of(document, name), document["vary"]
     usual = document["parameters"][vary["name"]] if vary else 0.0
@@ -593,9 +612,10 @@ def _step_shown(document: Document, name: str) -> tuple[float, str]:
 
 
 def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
-    """Return the scale that cells fill, and their borders: half a cell past the last.
+    """Return the scale of cells around `places`, and the borders of the cells.
 
-    By powers of ten where all places are above 0.
+    The scale is logarithmic if all places are positive, and extends half a cell past
+    both ends.
     """
     log = min(places) > 0.0
     edges = borders(np.array(places, float), log=log)
@@ -603,7 +623,7 @@ def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
 
 
 def _work(part: SubFigure, document: Document) -> None:
-    """Draw what methods that choose their steps do as the parameter varies."""
+    """Draw the work of methods with step control against the varied parameter."""
     varied = _varied(document)
     across, _ = spread(varied.values.tolist())
     asked: list[tuple[str, Callable[[Document], float | None]]] = [

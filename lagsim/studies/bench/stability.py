@@ -1,8 +1,8 @@
 """Maps of stability: verdicts on runs over steps and a parameter.
 
-First a run of a model with one method and step, and the verdict on it; then the range
-of steps and the length of runs, the runs and the borders that they find, all kept as
-stability.json has them.
+`Subject` runs a model with one method and step, and judges the run. `_Map` selects the
+range of steps and the length of runs, makes the runs, and locates the borders. The
+results are stored as in stability.json.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ ADAPTIVE_STEPS = 300_000
 
 
 class Trial(NamedTuple):
-    """The result of one run.
+    """Result of one run.
 
     Attributes
     ----------
     growth : float or None
-        Of the energy, unexplained, per unit of time.
+        The growth rate of the energy without a force, per unit of time.
     """
 
     verdict: str
@@ -93,35 +93,37 @@ class Trial(NamedTuple):
 
     @property
     def stable(self) -> bool:
-        """True where the motion neither grows nor is lost."""
+        """Whether the numerical motion neither grows nor fails."""
         return self.verdict in (HOLDS, DECAYS)
 
 
 class Subject:
-    """A model at given parameters with its eigenvalues, ready to be run.
+    """Model at given parameters, with its eigenvalues, for runs at any method and step.
 
     Attributes
     ----------
     energy : float
-        Of the motion: the largest kinetic energy, or change of the rest.
+        The energy of the motion: the largest kinetic energy, or range of the remaining
+        energy if larger.
     highest : float
         The largest value of the energy.
     size : float
-        Of the positions, in the metric of M.
+        The largest norm of the positions in the metric of M.
     span : float
-        How long the model runs.
+        The duration of the run.
     switches : bool
-        Switches in the state are located, each by itself.
+        Whether switches of the state are located one by one.
     at_start, along : ndarray of complex
         Eigenvalues at the start, and at `states` states of the motion.
     arcs : float
-        About how many switches and events end an arc, per unit of time.
+        The number of switches and events that end an arc, per unit of time.
     period : float
-        The shortest of events that act periodically: no step is longer. inf without.
+        The shortest period of an event, which bounds the step; inf without such an
+        event.
     unknown : str
-        Why there are no eigenvalues; "" where there are.
+        The reason why there are no eigenvalues, or "".
     systems : dict of str to System
-        By method, what has been compiled.
+        Compiled systems by method.
     """
 
     def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
@@ -165,7 +167,7 @@ class Subject:
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
-        """Take eigenvalues along the motion; excite every mode at the start."""
+        """Compute eigenvalues along the motion, and excite every mode at the start."""
         n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)
         states = max(10, min(STATES, MOST_NODES // linearisation.nodes))
@@ -196,12 +198,15 @@ class Subject:
         )
 
     def run(self, name: str, step: float | None, steps: int = 0) -> Trial:
-        """Run `steps` steps of a method; with step None as long as the model says.
+        """Run a number of steps of a method, and judge the run.
+
+        With `step` None the method chooses its steps, and the run has the duration of
+        the model.
 
         Raises
         ------
         InputError
-            Where the method cannot handle the model.
+            If the method cannot handle the model.
         """
         case, most = self.endless.asking(method=name, step=step), ADAPTIVE_STEPS
         if step is not None:
@@ -226,7 +231,7 @@ class Subject:
     def _verdict(
         self, system: System, rows: Floats, outcome: Outcome
     ) -> tuple[str, float | None]:
-        """Judge rows; give the growth of the energy, unexplained, per unit of time."""
+        """Return the verdict on rows, and the growth rate of the unexplained energy."""
         columns = system.columns.names
         works = "work" in columns
         t, energy = rows[:, 0], rows[:, columns.index("energy")]
@@ -254,9 +259,9 @@ class Subject:
 
 
 def _rate(t: Floats, balance: Floats) -> float | None:
-    """Give the rate at which what is not explained changes the energy.
+    """Return the exponential rate of the unexplained energy; None if unknown.
 
-    As of an exponential; what has decayed altogether decays at least at this rate.
+    For an energy that has decayed completely the rate is a bound.
     """
     last = max(1, int(len(t) * LAST))
     middle = float(np.mean(t[-last:])) - float(t[0])
@@ -267,12 +272,19 @@ def _rate(t: Floats, balance: Floats) -> float | None:
 
 
 def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
-    """Return whether what is not explained has changed the energy.
+    """Return the verdict HOLDS, DECAYS or GROWS on the unexplained energy.
 
-    A change lifts or lowers the whole last part of a run past its first value. Where
-    something does work, the energy must also leave where the motion keeps it, and go on
-    in the second half: the work, summed up with the order of the method, explains no
-    more than roughly.
+    An unexplained change moves the whole last part of a run above or below the first
+    value. In a system with work of forces, growth counts only if in addition the energy
+    leaves the range of the motion, and rises in the second half: the work, which is
+    integrated with the order of the method, explains the energy only roughly.
+
+    Parameters
+    ----------
+    energy, balance : ndarray, shape (k,)
+        The energy, and the energy less the work, relative to the energy of the motion.
+    ceiling : float
+        The largest energy of the motion; -inf in a system without work.
     """
     last = max(1, int(len(balance) * LAST))
     low, high = float(np.min(balance[-last:])), float(np.max(balance[-last:]))
@@ -326,18 +338,22 @@ INSTEAD = "`lagsim bench` compares methods on such a model, for each step"
 
 
 class Wish(NamedTuple):
-    """The options of a map.
+    """Options of a map.
 
     Attributes
     ----------
-    methods
-        Only these; None for all that apply.
-    steps
-        Smallest and largest; None for a choice from the model.
-    name, between
-        The parameter that varies, and its smallest and largest value.
-    strip, map
-        How many cells.
+    methods : tuple of str or None
+        The methods; None for all that can handle the model.
+    steps : tuple of float or None
+        The smallest and the largest step; None for a range derived from the model.
+    name : str or None
+        The parameter that varies.
+    between : tuple of float or None
+        Its smallest and its largest value.
+    strip : int
+        The number of cells without a varied parameter.
+    map : tuple of int
+        The numbers of cells with one: steps, and values of the parameter.
     """
 
     methods: tuple[str, ...] | None = None
@@ -349,7 +365,7 @@ class Wish(NamedTuple):
 
 
 def columns(name: str | None) -> list[str]:
-    """Give the columns of stability.csv over a parameter, or none."""
+    """Return the columns of stability.csv; `name` is the varied parameter or None."""
     varied = [] if name is None else [name]
     return ["method", "step", *varied, *Trial._fields[:-1]]
 
@@ -357,12 +373,12 @@ def columns(name: str | None) -> list[str]:
 def methods_for(
     case: Case, wish: Wish
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
-    """Give those of fixed steps, those of chosen steps, and those that refuse.
+    """Return the methods with fixed steps, those with step control, and refused ones.
 
     Raises
     ------
     InputError
-        Where one that was asked for cannot be looked at, or the model has laws.
+        If a requested method cannot be examined, or the model has laws.
     """
     if case.equations.laws:
         raise unusable("no-stability", UNSTEADY, hint=INSTEAD)
@@ -391,7 +407,13 @@ def methods_for(
 
 
 def spaced(between: tuple[float, float], count: int) -> list[float]:
-    """Give values from the first to the second: by a factor where both are above 0."""
+    """Return evenly spaced values between two ends; a geometric series if both are > 0.
+
+    Examples
+    --------
+    >>> spaced((1.0, 100.0), 3), spaced((0.0, 1.0), 3)
+    ([1.0, 10.0, 100.0], [0.0, 0.5, 1.0])
+    """
     space = np.geomspace if min(between) > 0.0 else np.linspace
     return [float(f"{x:.6g}") for x in space(*between, count).tolist()]
 
@@ -403,18 +425,23 @@ def measure(
     interrupt: Interrupt | None = None,
     progress: Progress = None,
 ) -> Document:
-    """Run a model by each method over the range of steps; find the borders.
-
-    Returns the content of stability.json, to which keys are only ever added.
+    """Run a model by each method over the range of steps, and locate the borders.
 
     Parameters
     ----------
-    case_at
-        Gives the model at a value of the parameter; with None as the file has it.
+    case_at : callable
+        Returns the case at a value of the parameter; with None that of the file.
+
+    Returns
+    -------
+    dict
+        The content of stability.json. Later versions of lagsim add keys and remove
+        none.
 
     Raises
     ------
     InputError
+        If a method cannot be examined, or the model has laws.
     """
     interrupt = interrupt or Interrupt()
     with interrupt.raised():  # there is nothing yet to be kept
@@ -424,18 +451,18 @@ def measure(
 
 
 class _Map:
-    """The runs of a map, one after the other.
+    """Runs of a map of stability.
 
     Attributes
     ----------
     fixed, adaptive : list of str
-        Methods of fixed steps, and those that choose their steps.
+        Methods with fixed steps, and methods with step control.
     values : list of float or None
-        Of the parameter.
+        Values of the parameter; [None] if none varies.
     lengths : dict
-        By method, the least and the largest number of steps of a run.
+        For each method the least and the largest number of steps of a run.
     cells, borders : dict of list of dict
-        As in stability.json, by method.
+        For each method, the entries of stability.json.
     """
 
     def __init__(
@@ -456,7 +483,7 @@ class _Map:
         self.borders = {name: list[Any]() for name in self.fixed}
 
     def _steps(self) -> list[float]:
-        """Return the steps of the cells: those asked for, or around the borders."""
+        """Return the steps of the cells, in the requested range or around borders."""
         subjects = [self.subject]
         for value in (self.values[0], self.values[-1]):
             if value is not None:
@@ -469,7 +496,7 @@ class _Map:
         return spaced(between, count) if self.fixed else []
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
-        """Return the least and the largest number of steps that `count` runs have."""
+        """Return the least and the largest number of steps, for `count` runs."""
         subject, steps = self.subject, self.steps
         pilot = subject.run(name, steps[len(steps) // 2], PILOT)
         evaluations = (pilot.evaluations or PILOT) / PILOT
@@ -482,7 +509,7 @@ class _Map:
         return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
 
     def length(self, name: str, step: float) -> int:
-        """Return how many steps a run takes."""
+        """Return the number of steps of a run."""
         least, most = self.lengths[name]
         return min(most, max(least, math.ceil(self.subject.span / step)))
 
@@ -531,7 +558,7 @@ class _Map:
         strip: Mapping[float, Trial],
         trial: Callable[[float], Trial],
     ) -> Document:
-        """Return where a method ceases to hold: as found, and from the eigenvalues."""
+        """Return the stability border of a method, by runs and by eigenvalues."""
         start = along = found = None
         if isinstance(subject, str):
             note = subject
@@ -590,9 +617,10 @@ class _Map:
 
 
 def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
-    """Return the range of steps around the borders predicted.
+    """Return the range of steps around the predicted borders.
 
-    Steps past the period of an event are all one: each ends at the event.
+    Steps longer than the period of an event are all equal, since each ends at the
+    event.
     """
     borders = [
         predicted(method_named(name).amplification, eigenvalues, 10.0 * subject.span)
@@ -618,10 +646,15 @@ def _found(
     trial: Callable[[float], Trial],
     expected: Sequence[float | None],
 ) -> tuple[float | None, str]:
-    """Bisect between the first step that does not hold and the one before it.
+    """Locate the stability border by bisection before the first unstable step.
 
-    Around a border that is expected steps are added: what lies past it may be narrower
-    than the cells of the map. Return the border, or None and why.
+    Steps around the expected borders are added first, since an unstable range can be
+    narrower than the cells of the map.
+
+    Returns
+    -------
+    tuple
+        The border and "", or None and the reason.
     """
     first, last = min(strip), max(strip)
     if not strip[first].stable:
@@ -650,7 +683,7 @@ def _pairs(values: Any) -> list[list[float]]:
 
 
 def _equilibrium(subject: Subject) -> Document:
-    """Look for an equilibrium, and the modes about it, as stability.json has them."""
+    """Return the equilibrium and its modes as entries of stability.json."""
     e, start = subject.equations, subject.endless.start
     linearisation, kind = subject.linearisation, structure(subject.equations)
     at, is_start, reason = None, False, subject.unknown

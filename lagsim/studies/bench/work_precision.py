@@ -1,12 +1,12 @@
-"""Work-precision: the cost of each method for the error it makes, on one model.
+"""Work-precision: the cost of each method against its error, on one model.
 
-Errors are measured against a reference: two solutions by different means, as tight as
-double precision allows. What they agree to is what is known: errors below that are not
-reported. Where motions part exponentially that is soon nothing, and errors are those of
-the rows before.
+Errors are measured against a reference: two solutions by different means, as accurate
+as double precision allows. Errors below the difference of both are not reported. If the
+motion diverges exponentially, the two agree only up to a horizon, and errors are
+measured before it.
 
-Then the solvers and their settings, and the solves, all kept as work_precision.json has
-them: a row for each solve.
+The rest of the module selects solvers and settings, and makes the solves. The results
+are stored as in work_precision.json, with a row for each solve.
 """
 
 from __future__ import annotations
@@ -87,14 +87,14 @@ MANY, FEW = 50, 0.1
 
 
 class NoReferenceError(LagsimError):
-    """Nothing can be measured, for there is nothing to measure against (exit 3)."""
+    """There is no reference solution to measure errors against (exit code 3)."""
 
     exit_code = 3
     code = "no-reference"
 
 
 class Solution(NamedTuple):
-    """Rows, their columns, and how they were made."""
+    """Rows of a solution with their columns, method and setting."""
 
     how: str
     method: str
@@ -107,7 +107,7 @@ class Solution(NamedTuple):
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
 ) -> Iterator[Solution]:
-    """Return the solution at the tightest possible tolerance, or for each step."""
+    """Yield the solution at the tightest possible tolerance, or one for each step."""
     fixed, left = solver.setting == "step", iter(values)
     for value in left:
         try:
@@ -127,7 +127,7 @@ def _solved(
 
 
 def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
-    """Return solutions by methods that are there and can handle the model."""
+    """Yield solutions by those of the named methods that can handle the model."""
     steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
     for name in names:
         with contextlib.suppress(InputError):
@@ -137,7 +137,7 @@ def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[So
 
 
 def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    """Return solutions by other methods; where there are none, by its own."""
+    """Yield solutions by other methods; if there is none, by the method of `first`."""
     found = _by_own(case, (x for x in SECOND if x != first.method), patience)
     own = index_one(case)
     if not scipy_refusal(own):
@@ -153,26 +153,26 @@ def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solutio
 
 @dataclass(frozen=True)
 class Reference:
-    """Rows that are known, and how well.
+    """Reference solution: rows, and an error estimate for each column.
 
     Attributes
     ----------
     columns : tuple of str
-        Of the rows.
+        Names of the columns.
     made : str
-        How they were made.
+        Method and setting of the rows.
+    rows : ndarray, shape (k, columns)
     state, multipliers : list of int
-        Their columns: q and q'; lambda.
-    scales : (columns,)
-        The range of each column.
-    events
-        What happened on the way, and when.
+        Indices of the columns of q and q', and of lambda.
+    scales : ndarray, shape (columns,)
+        The range of each column; inf for a column that is not compared.
+    events : sequence of Event
     verified : str
-        How the rows that they are compared with were made.
+        Method and setting of the second solution.
     known : int
-        So many rows are to be trusted.
-    agreement : (columns,)
-        Greatest difference of both over these rows, against the range.
+        The number of rows before the horizon.
+    agreement : ndarray, shape (columns,)
+        The largest difference of both solutions over these rows, relative to the range.
     """
 
     columns: tuple[str, ...]
@@ -188,18 +188,18 @@ class Reference:
 
     @property
     def horizon(self) -> float | None:
-        """Past this time nothing is known; None if all is."""
+        """The time past which the two solutions differ; None if all rows agree."""
         last = self.known - 1
         return float(self.rows[last, 0]) if self.known < len(self.rows) else None
 
     @property
     def floor(self) -> float:
-        """Errors below this cannot be resolved."""
+        """The smallest error that can be resolved, relative to the range."""
         return float(np.max(self.agreement[self.state]))
 
     @property
     def trust(self) -> str:
-        """Its accuracy and the time up to which it is known, in words."""
+        """Text on the accuracy of the reference, and on its horizon."""
         text = f"{self.made}; {self.verified} agrees with it to {self.floor:.1g}"
         if self.horizon is not None:
             end = self.rows[-1, 0]
@@ -215,16 +215,17 @@ class Reference:
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """A key that is larger for a better reference."""
+        """Sort key: larger for a better reference."""
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
         whole = self.horizon is None and level in WHOLE
         return whole, int(self.known / level), -self.floor
 
     def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
-        """Return how far off the first rows are (count, columns), as parts of ranges.
+        """Return errors of the first rows relative to the ranges, (count, columns).
 
-        Velocities jump at impacts, multipliers at all events: between the times at
-        which both runs have one they are not off.
+        Velocities jump at impacts, and multipliers at all events. In rows between the
+        two times at which both runs have such an event, the error of these columns is
+        set to 0.
         """
         apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]
@@ -238,7 +239,7 @@ class Reference:
         return apart
 
     def against(self, second: Solution) -> Reference:
-        """Return the reference that another solution verifies."""
+        """Return the reference with the agreement to a second solution."""
         count = min(len(self.rows), len(second.rows))
         apart = self.apart(second.rows, count, second.events)
         known = _known(np.max(apart[:, self.state], axis=1))
@@ -248,9 +249,16 @@ class Reference:
     def errors(
         self, rows: Floats, events: Sequence[Event] = ()
     ) -> tuple[float, float | None]:
-        """Return the error of the state, and that of lambda, of rows that are known.
+        """Return the largest relative errors of state and lambda before the horizon.
 
-        nan where the times of the rows are others. `events` are those of their run.
+        The error is nan if the times of the rows differ from the times of the
+        reference.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (k, columns)
+        events : sequence of Event
+            The events of the run that made the rows.
         """
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
@@ -263,7 +271,7 @@ class Reference:
         return error, float(np.max(lam)) if len(lam) else None
 
     def record(self) -> Document:
-        """Return what work_precision.json says of it."""
+        """Return the entry of work_precision.json."""
         named = {self.columns[c]: c for c in (*self.state, *self.multipliers)}
         scales = {name: float(self.scales[c]) for name, c in named.items()}
         return {
@@ -284,19 +292,19 @@ def make_reference(
     seconds: float = SECONDS,
     progress: Callable[[float], None] | None = None,
 ) -> Reference:
-    """Solve as tightly as can be, by different means, and compare.
+    """Compute a reference by two solutions of different means, as accurate as possible.
 
     Parameters
     ----------
-    seconds
-        That all of it may take; more only until there are two solutions at all.
-    progress
-        Is called with the part of them that is spent.
+    seconds : float
+        The time limit for all solutions. It is exceeded only until there are two.
+    progress : callable, optional
+        Called with the part of the time that has passed.
 
     Raises
     ------
     NoReferenceError
-        Where no two solutions can be had.
+        If fewer than two solutions are found.
     """
     began = time.perf_counter()
     patience = Patience(max(OF_ONE * seconds, ONE_SECONDS))
@@ -330,7 +338,7 @@ def make_reference(
 
 
 def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
-    """Return a solution as a reference, with ranges of its rows and those between."""
+    """Return a solution as a reference, with ranges that include further rows."""
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
     scales = _scales(e, np.concatenate((first.rows, between)), state, multipliers)
@@ -340,7 +348,7 @@ def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
 
 
 def _known(apart: Floats) -> int:
-    """Return how many rows are known: all, where nothing better is known."""
+    """Return the number of rows before the horizon; all if no horizon can be found."""
     count = len(apart)
     known = [int(np.argmax([*~(apart <= level), True])) for level in LEVELS]
     if count in known[: len(WHOLE)]:
@@ -353,10 +361,10 @@ def _known(apart: Floats) -> int:
 def _scales(
     e: Equations, rows: Floats, state: list[int], multipliers: list[int]
 ) -> Floats:
-    """Return the range of each column; inf for what is not compared.
+    """Return the range of each column; inf for a column that is not compared.
 
-    One that stays where it is, or only trembles, is measured by the largest of its
-    unit, by its own size, or by that of its velocity or position.
+    The scale of a column that is constant to rounding is the largest absolute value of
+    its unit. If that is 0, the scale follows from that of its velocity or position.
     """
     ranges = np.ptp(rows, axis=0)
     sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)
@@ -414,16 +422,18 @@ NEEDED = (
 
 
 class Wish(NamedTuple):
-    """The options of a bench.
+    """Options of a bench.
 
     Attributes
     ----------
-    methods
-        Only these, ours or `scipy:NAME`; None for all.
-    tolerances, steps
-        Loosest and tightest; steps None for a choice from the model.
-    budget
-        Seconds for everything.
+    methods : tuple of str or None
+        Methods of lagsim, or `scipy:NAME`; None for all.
+    tolerances : tuple of float
+        The loosest and the tightest tolerance.
+    steps : tuple of float or None
+        The longest and the shortest step; None for a range derived from the model.
+    budget : float
+        The time limit of the bench, in s.
     """
 
     methods: tuple[str, ...] | None = None
@@ -432,12 +442,12 @@ class Wish(NamedTuple):
     budget: float = BUDGET
 
     def wants(self, name: str) -> bool:
-        """Tell whether a method is asked for."""
+        """Whether a method is requested."""
         return self.methods is None or name in self.methods
 
 
 def curves(rows: Iterable[Row]) -> dict[Key, list[Row]]:
-    """Give the rows of each method and formulation, from loose to tight."""
+    """Return the rows of each method and formulation, from loose to tight settings."""
     found = defaultdict(list)
     for row in rows:
         found[row["method"], row["formulation"]].append(row)
@@ -445,19 +455,20 @@ def curves(rows: Iterable[Row]) -> dict[Key, list[Row]]:
 
 
 def is_answer(row: Row) -> bool:
-    """Tell whether a row has an answer that others are to be compared with.
+    """Whether a row is an answer that other rows are compared with.
 
-    Errors as large as the range are none, and rows that drift off the constraints are
-    not one that `auto` might give.
+    Rows with an error as large as the range are none, and neither are rows with drift
+    off the constraints, which `auto` does not select.
     """
     known = row["error"] is not None and row["error"] < 1.0
     return known and row["formulation"] != DRIFT
 
 
 def front(rows: Sequence[Row], cost: str, floor: float) -> list[int]:
-    """Give the answers that no other beats in error and `seconds` or `evaluations`.
+    """Return the answers that are Pareto-optimal in error and a cost.
 
-    Errors below `floor`, which the reference cannot tell apart, count as equal.
+    The cost is `seconds` or `evaluations`. Errors below `floor`, which the reference
+    cannot resolve, count as equal.
     """
     found = [k for k, row in enumerate(rows) if is_answer(row)]
     points = [(max(rows[k]["error"], floor), rows[k][cost]) for k in found]
@@ -465,9 +476,9 @@ def front(rows: Sequence[Row], cost: str, floor: float) -> list[int]:
 
 
 def pareto(points: Sequence[Point]) -> list[int]:
-    """Give the points that no other one beats in error and cost, by falling error.
+    """Return the Pareto-optimal points (error, cost) by falling error.
 
-    Of points that are equal in both the first counts.
+    Of points that are equal in both the first is kept.
     """
     order = sorted(range(len(points)), key=lambda k: (points[k], k))
     found, cheapest = list[int](), math.inf
@@ -479,7 +490,7 @@ def pareto(points: Sequence[Point]) -> list[int]:
 
 
 def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[float]]:
-    """Return the settings that `auto` takes, by method and formulation."""
+    """Return the settings that `auto` selects, by method and formulation."""
     chosen = defaultdict(list)
     for rtol in tolerances:
         plan = asking(case, rtol=rtol).plan()
@@ -490,7 +501,7 @@ def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[fl
 
 
 def longest(case: Case, rtol: float) -> float:
-    """Return the seconds that a solve may last, by what `auto` takes at a tolerance."""
+    """Return the time limit of a solve, from the time of `auto` at a tolerance."""
     own, seconds = Own(case, "auto", "auto", rtol), PATIENCE_SECONDS
     value = own.plan.rtol if own.plan.step is None else own.plan.step
     assert value is not None
@@ -500,9 +511,12 @@ def longest(case: Case, rtol: float) -> float:
 
 
 def decades(between: tuple[float, float]) -> list[float]:
-    """Give tolerances from the first to the second, both included, ten times apart.
+    """Return tolerances between two ends, both included, with a ratio of about ten.
 
-    About ten times, where the ends are not powers of ten from each other.
+    Examples
+    --------
+    >>> decades((1e-3, 1e-5))
+    [0.001, 0.0001, 1e-05]
     """
     first, last = (math.log10(x) for x in between)
     count = round(abs(last - first))
@@ -510,7 +524,7 @@ def decades(between: tuple[float, float]) -> list[float]:
 
 
 def halvings(between: tuple[float, float]) -> list[float]:
-    """Give steps from the first down to the second, each half the one before."""
+    """Return steps from the first down to the second, each half of the previous one."""
     first, last = between
     count = max(0, math.floor(math.log2(first / last) + 1e-9))
     return [first / 2**k for k in range(count + 1)]
@@ -523,7 +537,7 @@ def _curves(
     chosen: Mapping[Key, list[float]],
     refused: list[Row],
 ) -> Iterator[Curve]:
-    """Return all that applies, with its settings; what does not goes to `refused`."""
+    """Return the solvers of a bench with their settings; `refused` lists the others."""
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
@@ -556,7 +570,7 @@ class Curve:
     Attributes
     ----------
     values, chosen : sequence of float
-        All settings, and those that `auto` takes: these are tried in any case.
+        All settings, and the settings that `auto` selects, which are always solved.
     """
 
     solver: Solver
@@ -567,13 +581,13 @@ class Curve:
     given_up: int = 0
 
     def rows(self, patience: Patience) -> Iterator[tuple[float, Row]]:
-        """Solve at one setting after the other; give the part done, too."""
+        """Yield a row for each setting, with the part of the settings done."""
         for done, value in enumerate(self.values, start=1):
             if value in self.chosen or not self._is_over(patience):
                 yield done / len(self.values), self._row(value, patience)
 
     def _is_over(self, patience: Patience) -> bool:
-        """Tell whether tighter settings show nothing new, or take too long."""
+        """Whether tighter settings would only show rounding, or take too long."""
         enough = 1 if self.errors or patience.over else GIVE_UPS
         if self.given_up >= enough:
             return True
@@ -583,7 +597,7 @@ class Curve:
         return before < STALLED and 2 * min(self.errors[-2:]) > before
 
     def _row(self, value: float, patience: Patience) -> Row:
-        """Solve at one setting, and measure."""
+        """Solve at one setting; return the row of the document."""
         solver, row = self.solver, dict[str, Any].fromkeys(COLUMNS)
         row |= {"method": solver.method, "formulation": solver.formulation}
         row |= {"setting": solver.setting, "value": value, "reason": ""}
@@ -620,16 +634,20 @@ def measure(
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Document:
-    """Solve the model by everything that applies, at every setting.
+    """Solve the model by every applicable solver, at every setting.
 
-    Returns the content of work_precision.json, to which keys are only ever added.
-    Where somebody asks for an end, it holds what was measured by then.
+    Returns
+    -------
+    dict
+        The content of work_precision.json. Later versions of lagsim add keys and remove
+        none. After an interrupt it has the rows measured until then.
 
     Raises
     ------
     NoReferenceError
+        If there is no reference.
     KeyboardInterrupt, Terminated
-        Where somebody asked for an end before anything was measured.
+        If the bench is interrupted before the first row.
     """
     began = time.perf_counter()
     report = progress or (lambda _fraction: None)
@@ -695,11 +713,12 @@ def measure(
 
 
 def read_document(path: str) -> Document:
-    """Give the content of a work_precision.json.
+    """Read a work_precision.json.
 
     Raises
     ------
     InputError
+        If the file cannot be read, or lacks a key that charts need.
     """
     try:
         found = orjson.loads(content_of(path))

@@ -1,6 +1,6 @@
-"""Sweep of a model over all combinations of values of parameters and of its start.
+"""Sweep of a model over all combinations of values of parameters and start values.
 
-`runs` is the grid, and makes rows in pieces that any process can do, `sweeping`
-has them made and keeps them on the way, takes points that are no grid, and `chart`
-shows them.
+`runs` has the grid, and makes rows in pieces that any process can compute. `sweeping`
+distributes the pieces, stores rows on the way, and reads points that are no grid.
+`chart` draws the results.
 """

@@ -1,4 +1,4 @@
-"""A sweep in pictures: curves over one name, maps over two, dots of points.
+"""Pictures of a sweep: curves over one name, maps over two, dots for points.
 
 `chart` is sweep.png, `sweep_figure` a matplotlib Figure of any columns.
 """
@@ -57,7 +57,7 @@ FEW = 60
 
 
 def chart(found: Found) -> bytes:
-    """Draw what was found. Returns the picture."""
+    """Draw sweep.png; return its content."""
     model = found.model
     names = [x.name for x in (*model.variables, *model.definitions)]
     names = [name for name in names if name in found.columns]
@@ -77,7 +77,7 @@ def chart(found: Found) -> bytes:
 
 
 def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
-    """Draw columns (runs,) of a sweep."""
+    """Return a matplotlib figure of columns of a sweep, each of shape (runs,)."""
     if len(found.grid.axes) > 1 and not found.grid.together:
         return _maps(found, columns)
     order, x = _along(found, found.grid.axes[0])
@@ -86,7 +86,7 @@ def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
 
 
 def values_of(found: Found, column: str) -> Array:
-    """Give end, least and greatest of a column (runs, 3); nan without a result."""
+    """Return end, minimum and maximum of a column (runs, 3); nan without a result."""
     place = found.columns.index(column)
     cells = np.full((found.grid.runs, 3), np.nan)
     for number, row in found.rows.items():
@@ -96,7 +96,7 @@ def values_of(found: Found, column: str) -> Array:
 
 
 def _along(found: Found, axis: Axis) -> tuple[NDArray[np.int64], Column]:
-    """Give the order of what is swept, and its values in it: a start value is one."""
+    """Return the sorting order of the values of an axis, and the sorted values."""
     values = np.array(axis.values)
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
@@ -105,7 +105,7 @@ def _along(found: Found, axis: Axis) -> tuple[NDArray[np.int64], Column]:
 
 
 def _column(found: Found, name: str, values: Array) -> Column:
-    """Give a column of the sweep, or of its runs, as pictures write it."""
+    """Return a column with its name and unit as written in pictures."""
     column, _, part = (name, "", "") if name in found.columns else name.rpartition(".")
     if part not in {"", *PARTS}:
         return Column(name, "", values)
@@ -116,7 +116,10 @@ def _column(found: Found, name: str, values: Array) -> Column:
 
 @in_house_style
 def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> Picture:
-    """Draw the ends of columns over the first names, and the bands over one alone."""
+    """Draw the last values of columns over the first swept names.
+
+    With one swept name a band shows the range of each run.
+    """
     shown, grid = found.grid.axes[:ABREAST], found.grid
     banded = len(grid.axes) == 1 and not found.work.ends
     dots = AT_END if grid.runs <= FEW else MANY_AT_END
@@ -153,7 +156,7 @@ def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> P
 
 
 def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
-    """Draw columns (runs,) over the first two names."""
+    """Draw columns (runs,) as maps over the first two swept names."""
     (across, x), (up, y) = (_along(found, axis) for axis in found.grid.axes[:2])
     numbers = numbers_of(found)[across][:, up].T
     return map_figure(
@@ -166,7 +169,7 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
 
 
 def numbers_of(found: Found) -> NDArray[np.int64]:
-    """Give the numbers of the runs over the first two axes, others in their middle."""
+    """Return indices of runs over the first two axes, at the middle of others."""
     counts = [len(axis.texts) for axis in found.grid.axes]
     whole = np.arange(found.grid.runs).reshape(*counts[:2], -1)
     middle = 0
@@ -176,7 +179,13 @@ def numbers_of(found: Found) -> NDArray[np.int64]:
 
 
 def is_log(x: Array) -> bool:
-    """Tell whether sorted values stand better on an axis of powers of ten."""
+    """Whether sorted values are spread more evenly on a logarithmic axis.
+
+    Examples
+    --------
+    >>> is_log(np.array([1.0, 10.0, 100.0])), is_log(np.array([1.0, 50.0, 100.0]))
+    (True, False)
+    """
     if len(x) < 3 or not x[0] > 0.0 or x[-1] < SPREAD * x[0]:
         return False
     even, powers = np.diff(x), np.diff(np.log(x))
@@ -186,7 +195,16 @@ def is_log(x: Array) -> bool:
 def borders(x: Array, *, log: bool | None = None) -> Array:
     """Return the borders (k + 1,) of cells around sorted values (k,).
 
-    `log`: they lie in the middle of logarithms; None: where those are spread evenly.
+    Parameters
+    ----------
+    log : bool, optional
+        Whether a border is the geometric mean of its neighbours; by default
+        `is_log(x)`.
+
+    Examples
+    --------
+    >>> borders(np.array([1.0, 2.0, 3.0]))
+    array([0.5, 1.5, 2.5, 3.5])
     """
     if len(x) == 1:
         half = 0.5 * abs(x[0]) or 0.5

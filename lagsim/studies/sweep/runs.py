@@ -1,17 +1,17 @@
-"""A sweep: a grid of names with their values, and the runs at all combinations.
+"""Grid of a sweep, and the runs at all combinations of its values.
 
-Runs are made a piece at a time in whichever process, and compiled once in each.
+Runs are made in pieces by any process, and functions are compiled once in each process.
 
-A piece knows all that it needs, so that it may be done anywhere. What a process has
-compiled serves all pieces that it gets, to the bits that a run alone gives; where
-values need other functions (another method suits them, say), the model is taken from
-its beginning once more, and what that gives serves others, too.
+A piece is self-contained. The functions that a process has compiled are used for all
+its pieces, with results equal in every bit to those of a separate run. If values need
+other functions (because another method suits these values, for example), the model is
+read again, and its functions serve later runs, too.
 
-Where the ends of runs are all that is asked for, many are made at a time: starts and
-values of a whole batch are looked at together, the runs are calls of the kernel in one
-memory. What is not plain in any of this is made as a run by itself, which gives the
-same numbers: a start that needs a closer look, a run that comes to anything but its
-end, energy that is not kept, a model that `refusal` refuses.
+If only the ends of runs are requested, many runs are made at a time: the starts of a
+batch are examined together, and the runs are calls of the kernel with one memory. A run
+is made separately, with equal numbers, if its start needs a full examination, if it
+does not reach its end, if its energy is not conserved, or if `refusal` rejects the
+model.
 """
 
 from __future__ import annotations
@@ -77,18 +77,20 @@ OUTCOME, COMPLETE, ERROR, REASON = "outcome", "complete", "error", "reason"
 
 
 class Axis(NamedTuple):
-    """A name that is swept.
+    """Swept name with its values.
 
     Attributes
     ----------
+    name : str
     starts : bool
-        It is an entry of `initial`, not a parameter.
+        Whether the name is an entry of `initial`, not a parameter.
     texts : tuple of str
-        Its values, as expressions.
+        The values as expressions.
     values : tuple of float
-        The same as numbers, where all else is as in the file.
+        The values as numbers, with all other names as in the file.
+    unit : str
     drawn : str
-        The distribution that they are a sample of, if any.
+        The distribution that the values are a sample of, or "".
     """
 
     name: str
@@ -100,11 +102,12 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, name: str, texts: Sequence[str]) -> Axis:
-        """Give the axis of a name of `model`.
+        """Return the axis of a name of `model`.
 
         Raises
         ------
         InputError
+            If there is no such name, or a value cannot be used.
         """
         units = {p.name: p.unit for p in model.parameters}
         starts = name not in units
@@ -126,7 +129,12 @@ class Axis(NamedTuple):
 class Grid(NamedTuple):
     """Combinations of the values of axes; the first axis varies most slowly.
 
-    `together`: run k has value k of each axis instead; `seed` is that of a sample.
+    Attributes
+    ----------
+    together : bool
+        Whether run k has value k of every axis, in place of all combinations.
+    seed : int or None
+        The seed of a sample.
     """
 
     axes: tuple[Axis, ...]
@@ -135,38 +143,38 @@ class Grid(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """The number of combinations."""
+        """The number of runs."""
         return self.shape[0] if self.together else math.prod(self.shape)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values of each axis."""
+        """The number of values of each axis."""
         return tuple(len(axis.texts) for axis in self.axes)
 
     def at(self, numbers: Any) -> Iterator[tuple[Axis, Any]]:
-        """Give each axis, and which value it has in a run, or in each of some."""
+        """Return each axis with the index of its value in a run or in several runs."""
         places: Any = [numbers] * len(self.axes)
         if not self.together:
             places = np.unravel_index(numbers, self.shape)
         return zip(self.axes, places, strict=True)
 
     def texts(self, number: int) -> dict[str, str]:
-        """Give the value of each name in a run."""
+        """Return the values of all names in a run, as texts."""
         return {axis.name: axis.texts[place] for axis, place in self.at(number)}
 
     def values(self, number: int) -> tuple[float, ...]:
-        """Give the same as numbers, where all else is as in the file."""
+        """Return the values of all axes in a run, as numbers."""
         return tuple(axis.values[place] for axis, place in self.at(number))
 
 
 def bound(model: Model, texts: Mapping[str, str]) -> Model:
-    """Give the model with these parameters, and start values."""
+    """Return the model with values of parameters and start values."""
     own = {p.name: texts[p.name] for p in model.parameters if p.name in texts}
     return model.bind(own, {k: text for k, text in texts.items() if k not in own})
 
 
 def value_of(model: Model, name: str) -> float:
-    """Give the value of a parameter, or the start value, of that name."""
+    """Return the value of a parameter or the start value with a name."""
     values = {x.name: x.value for x in model.initial}
     values |= model.parameter_values
     return values.get(name, math.nan)
@@ -178,11 +186,12 @@ def grid_of(
     *,
     together: bool = False,
 ) -> Grid:
-    """Give the grid of names and values, or, `together`, points of as many of each.
+    """Return the grid of names and values, or points with `together`.
 
     Raises
     ------
     InputError
+        If a name or a value cannot be used, or the grid has too many runs.
     """
     problems = Problems()
     axes = []
@@ -206,18 +215,19 @@ def grid_of(
 
 
 def refuse_many(runs: int) -> None:
-    """Refuse a sweep of more than MOST_RUNS runs."""
+    """Raise an InputError for a sweep of more than MOST_RUNS runs."""
     if runs > MOST_RUNS:
         text = f"these are {runs} runs, more than {MOST_RUNS}"
         raise unusable("usage", text, hint="sweep them in parts")
 
 
 def parsed(model: Model, arguments: Iterable[str]) -> Grid:
-    """Give the grid of arguments `name=a:b:n` and `name=v1,v2,...`.
+    """Parse arguments `name=a:b:n` and `name=v1,v2,...` into a grid.
 
     Raises
     ------
     InputError
+        If an argument is malformed, or a name or a value cannot be used.
     """
     given: dict[str, list[str]] = {}
     problems = Problems()
@@ -236,7 +246,7 @@ def parsed(model: Model, arguments: Iterable[str]) -> Grid:
 
 
 def _values(model: Model, name: str, text: str) -> list[str]:
-    """Take the values of a name apart."""
+    """Parse the values of a name."""
     if ":" not in text:
         return [part.strip() for part in _COMMA.split(text)]
     first, _, rest = text.partition(":")
@@ -279,10 +289,22 @@ NOTHING = np.empty((3, 0))
 
 
 class Work(NamedTuple):
-    """The input that all runs of a sweep share; `model` is a pickled Model.
+    """Input that all runs of a sweep share.
 
-    `kept` is where each run's folder goes, if it is to be kept. `ends`: of each column
-    the last value is all that is asked for.
+    Attributes
+    ----------
+    model : bytes
+        The pickled Model.
+    options : tuple of (str, str)
+        Options of runs by name.
+    grid : Grid
+    error_bars : ErrorBars
+    kept : str or None
+        The folder for the folders of the runs; None if only rows are stored.
+    plots : bool
+        Whether pictures of the runs are drawn.
+    ends : bool
+        Whether only the last value of each column is requested.
     """
 
     model: bytes
@@ -295,19 +317,23 @@ class Work(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The result of a run.
+    """Result of a run: a row of the sweep.
 
     Attributes
     ----------
     values : tuple of float
-        Of what is swept, in this run.
+        The swept values of the run.
+    outcome : str
+    complete : bool
     error : float or None
-        The estimated error, as a part of a coordinate's range.
+        The estimated error, relative to the range of a coordinate.
+    reason : str
+        The reason of an incomplete run.
     numbers : ndarray, shape (3, columns)
-        What each column ends with, and its least and greatest value, or (1, columns)
-        where ends are all that is asked for; of no columns where there was no run.
+        Last, least and greatest value of each column; shape (1, columns) if only ends
+        are requested, and no columns if there was no run.
     form : int
-        The same for runs with the same compiled functions; 0 where there was no run.
+        A number shared by runs with equal compiled functions; 0 if there was no run.
     """
 
     values: tuple[float, ...]
@@ -321,18 +347,18 @@ class Row(NamedTuple):
 
 @dataclass(slots=True)
 class Found:
-    """A sweep, and what is known of it so far.
+    """Sweep with the rows computed so far.
 
     Attributes
     ----------
     rows : dict of int to Row
-        By the number of the run.
+        Rows by the index of the run.
     columns : tuple of str
-        Of the runs' tables.
+        Columns of the tables of the runs.
     units : dict of str to str
-        Of the columns, where something was run.
+        Units of the columns, known after the first run.
     seconds : float
-        What it took this time.
+        The time of this session of the sweep.
     """
 
     model: Model
@@ -351,7 +377,7 @@ class Found:
         error_bars: ErrorBars,
         **more: Any,
     ) -> Found:
-        """Give a sweep of which nothing is known yet; see `Work`."""
+        """Return a sweep without rows; the arguments are fields of `Work`."""
         texts = tuple((name, str(x)) for name, x in options.items())
         work = Work(pickle.dumps(model), texts, grid, error_bars, **more)
         return cls(
@@ -365,21 +391,21 @@ class Found:
 
     @property
     def missing(self) -> list[int]:
-        """The numbers of the runs that are still to be made."""
+        """The indices of the runs without a row."""
         return [k for k in range(self.grid.runs) if k not in self.rows]
 
 
 def rows_of(
     work: Work, numbers: Sequence[int], interrupt: Interrupt
 ) -> list[tuple[int, Row]]:
-    """Make the rows of some runs; fewer where an end is asked for."""
+    """Compute the rows of some runs, with their indices; fewer after an interrupt."""
     return [row for rows in made(work, numbers, interrupt) for row in rows]
 
 
 def made(
     work: Work, numbers: Sequence[int], interrupt: Interrupt
 ) -> Iterator[list[tuple[int, Row]]]:
-    """Make them one by one; of ends alone some at a time."""
+    """Yield the rows of runs, one at a time, or AT_ONCE if only ends are requested."""
     runs, left = runs_of(work), numbers
     while left and not interrupt.asked:
         # The first run shows how the others are made.
@@ -392,9 +418,12 @@ def made(
 
 
 class _Form:
-    """A model read and derived once, and what has been compiled for its first run.
+    """Model read and derived once, with the functions compiled for its first run.
 
-    `structure`: values, of those in a run, on which ranges and subscripts depend.
+    Attributes
+    ----------
+    structure : dict of str to str
+        The swept values on which ranges and subscripts of the file depend.
     """
 
     def __init__(self, work: Work, texts: Mapping[str, str]) -> None:
@@ -407,11 +436,12 @@ class _Form:
         self.session: Session | None = None
 
     def bound(self, texts: Mapping[str, str]) -> Session | None:
-        """Give the session of other values; None where they need other functions.
+        """Return the session of other values; None if these need other functions.
 
         Raises
         ------
         InputError, StartError
+            If a value cannot be used, or the start is not admissible.
         """
         if _structure(self.model, texts) != self.structure:
             return None
@@ -424,20 +454,20 @@ class _Form:
 
 
 def _structure(model: Model, texts: Mapping[str, str]) -> dict[str, str]:
-    """Give those of some values on which ranges and subscripts of the file depend."""
+    """Return the values on which ranges and subscripts of the file depend."""
     names = model.stated.structural()
     return {name: text for name, text in texts.items() if name in names}
 
 
 class Runs:
-    """Makes runs, one after the other.
+    """Runs of a sweep in one process.
 
     Attributes
     ----------
     columns : tuple of str
-        Those of the runs' tables: of runs with other members, those of any.
+        Columns of the tables of the runs; the union if the members of a family vary.
     batch : Batch or None
-        Makes the ends of many runs at once, of the form of the first one; None where
+        Computes the ends of many runs at once, for the form of the first run; None if
         runs are made one by one.
     """
 
@@ -457,7 +487,7 @@ class Runs:
         self._tried, self._done = False, 0
 
     def units(self) -> dict[str, str]:
-        """Give the units of the columns, where something has been compiled."""
+        """Return the units of the columns; {} before the first compilation."""
         for form in self._forms:
             if form.session is not None:
                 return of_table(form.session.equations, self.columns)
@@ -466,7 +496,7 @@ class Runs:
     def rows(
         self, numbers: Sequence[int], interrupt: Interrupt
     ) -> list[tuple[int, Row]]:
-        """Make runs; fewer where they were interrupted."""
+        """Return the rows of runs with their indices; fewer after an interrupt."""
         together: list[Row | None] = [None] * len(numbers)
         if self.batch is not None:
             together = self.batch.rows(numbers, interrupt)
@@ -479,7 +509,7 @@ class Runs:
         return found
 
     def row(self, number: int, interrupt: Interrupt) -> Row | None:
-        """Make a run; None where it was interrupted."""
+        """Return the row of a run; None after an interrupt."""
         self._done += 1
         if self._done % COLLECTED == 0 and not gc.isenabled():
             gc.collect(0)
@@ -523,7 +553,7 @@ class Runs:
         )
 
     def _session(self, texts: Mapping[str, str]) -> Session:
-        """Give the session of a run, compiled if need be."""
+        """Return the session of a run, compiled if no earlier functions fit."""
         for k, form in enumerate(self._forms):
             session = form.bound(texts)
             if session is not None:
@@ -538,7 +568,7 @@ class Runs:
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
-        """Make a run, and write its results."""
+        """Make a run, and write its folder of results."""
         from lagsim.outputs.results import MANIFEST, open_results
 
         clock, work = Clock(), self.work
@@ -572,18 +602,18 @@ runs_of = functools.lru_cache(maxsize=2)(Runs)
 
 
 def _mark(session: Session) -> int:
-    """Give a number that runs share for which the same functions were compiled."""
+    """Return a number that is equal for runs with equal compiled functions."""
     watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())
 
 
 class Batch:
-    """Makes ends for the runs of a session's form, many at once.
+    """Ends of runs of one form, many at once.
 
     Attributes
     ----------
     refusal : str
-        Why each is made by itself; "" where none needs it.
+        The reason why each run must be made separately, or "".
     """
 
     def __init__(self, session: Session, work: Work, columns: int) -> None:
@@ -603,9 +633,9 @@ class Batch:
             self._ensemble = Ensemble(session)
 
     def rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row | None]:
-        """Return rows of ends, None for those that are to be made by themselves.
+        """Return the rows of runs; None for a run that must be made separately.
 
-        Empty where an end is asked for.
+        After an interrupt the list is empty.
         """
         values = self._followed if self._follow else self._plain
         parameters, starts, swept = values(numbers)
@@ -621,7 +651,7 @@ class Batch:
         ]
 
     def _plain(self, numbers: Sequence[int]) -> Values:
-        """Return values that nothing else follows."""
+        """Return the values of runs if no expression depends on swept names."""
         case = self.session.case
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
         starts = np.repeat(start[None], len(numbers), 0)
@@ -636,7 +666,7 @@ class Batch:
         return parameters, starts, np.array(swept).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
-        """Return values as each run by itself binds them; nan where it has none."""
+        """Return the values of runs, bound one by one; nan if that fails."""
         case, axes = self.session.case, self.grid.axes
         unbound = case.model
         names = [p.name for p in unbound.parameters]
@@ -652,7 +682,7 @@ class Batch:
         return dict(zip(names, found.T, strict=True)), starts, swept
 
     def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
-        """Return whose start is admissible without a closer look."""
+        """Mark runs (runs,) whose start is admissible without a full examination."""
         case, equations = self.session.case, self.session.equations
         known: dict[str, float | Floats] = {"t": case.settings.start}
         known |= equations.model.parameter_values
@@ -665,7 +695,7 @@ class Batch:
         return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Return whose energy less work has not moved, by its first and last row."""
+        """Mark runs (runs,) whose first and last row have equal energy less work."""
         names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
@@ -688,10 +718,10 @@ class Ends(NamedTuple):
     Attributes
     ----------
     codes : ndarray, shape (runs,)
-        What the kernel gave, see `methods.parts.state`: DONE, or one that asks for more
-        than it can do, so that the run has to be made alone.
+        Return codes of the kernel, see `methods.parts.state`: DONE, or a code of a run
+        that must be made separately.
     begun, ended : ndarray, shape (runs, columns)
-        The row of the start, and the last one.
+        The first and the last row.
     """
 
     codes: Floats
@@ -700,7 +730,7 @@ class Ends(NamedTuple):
 
 
 def refusal(session: Session) -> str:
-    """Say why a run takes more than calls of the kernel, or return ""."""
+    """Return the reason why a run needs more than calls of the kernel, or ""."""
     plan, system = session.plan, session.system
     if plan.parts:
         return "subsystems are integrated apart"
@@ -718,7 +748,10 @@ def refusal(session: Session) -> str:
 
 
 class Ensemble:
-    """Makes runs of a session in one memory; `refusal` is to be asked first."""
+    """Runs of a session with one kernel memory.
+
+    Only for sessions for which `refusal` returns "".
+    """
 
     def __init__(self, session: Session) -> None:
         self._system = session.system.bound(session.system.model, session.plan)
@@ -733,14 +766,14 @@ class Ensemble:
         starts: Floats,
         interrupt: Interrupt | None = None,
     ) -> Ends | None:
-        """Make runs; None where an end was asked for.
+        """Return the ends of runs; None after an interrupt.
 
         Parameters
         ----------
-        parameters
-            Values (runs,) of those that are not the session's own.
-        starts : (runs, 2 n + l)
-            Positions, velocities, first-order states.
+        parameters : mapping of str to ndarray, shape (runs,)
+            Parameters that differ from the session.
+        starts : ndarray, shape (runs, 2 n + l)
+            Positions, velocities and first-order states.
         """
         arc, p = self._arc, self._system.p
         places = [self._system.place(name) for name in parameters]

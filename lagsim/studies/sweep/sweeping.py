@@ -1,8 +1,8 @@
-"""A sweep: its runs made by this process, by others beside it, or by other machines.
+"""Sweep: runs made by this process, by further processes, or by other machines.
 
-On their way rows stand in a file, whatever happens then: a line of JSON for each, after
-one that says what is swept. A line that was cut off is not one; the row is made again.
-In the end there are sweep.csv and sweep.json.
+Rows of an incomplete sweep are stored in a file with a line of JSON for each row, after
+a line that identifies the sweep. A truncated line is ignored, and its row computed
+again. A complete sweep has sweep.csv and sweep.json.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ DIED = "died"
 
 
 class Journal:
-    """The rows of a sweep that is not complete, in a file that grows."""
+    """File of the rows of an incomplete sweep, to which rows are appended."""
 
     def __init__(self, path: Path, found: Found) -> None:
         self.path = path
@@ -83,12 +83,12 @@ class Journal:
         self._synced = time.monotonic()
 
     def resume(self) -> dict[int, Row]:
-        """Return the rows that are there, and go on after them.
+        """Return the stored rows, and append later rows after these.
 
         Raises
         ------
         InputError
-            Where they are rows of another sweep.
+            If the rows belong to another sweep.
         """
         content = b""
         with contextlib.suppress(FileNotFoundError):
@@ -113,32 +113,32 @@ class Journal:
         return rows
 
     def begin(self) -> None:
-        """Begin again."""
+        """Create the file without rows."""
         self._replace(b"")
         self._write([self._identity])
 
     def add(self, rows: Iterable[tuple[int, Row]]) -> None:
-        """Keep rows, by their numbers."""
+        """Append rows with their indices."""
         self._write(
             [[k, *row._replace(numbers=row.numbers.tolist())] for k, row in rows]
         )
 
     def close(self) -> None:
-        """Leave it as it is."""
+        """Close the file."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
 
     def remove(self) -> None:
-        """Remove it: the rows stand elsewhere now."""
+        """Remove the file, after the rows have been written to sweep.csv."""
         self.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
 
     def _replace(self, content: bytes) -> None:
-        """Put a file of this content in the place of the one that there is.
+        """Replace the file by a new file with this content.
 
-        That one is not written to: it may have another name elsewhere.
+        The old file is not modified, since it may have another hard link.
         """
         self.close()
         put(self.path, content, held=True)
@@ -164,16 +164,19 @@ def sweep(
     progress: Callable[[float], None] | None = None,
     journal: Journal | None = None,
 ) -> None:
-    """Make the runs that are missing; fewer where an end is asked for.
+    """Compute the missing rows of a sweep; fewer after an interrupt.
 
     Parameters
     ----------
-    most
-        So many at a time.
-    wanted
-        So many in any case; else where it is worth it.
-    hired
-        Gives who makes them, such as `workers.processes`.
+    most : int
+        The largest number of pieces at a time.
+    wanted : bool
+        Whether this number was requested; else further processes start only if these
+        save time.
+    hired : callable
+        Returns a context manager of a crew, such as `workers.processes`.
+    journal : Journal, optional
+        Stores the rows on the way.
     """
     began = time.perf_counter()
     own = runs_of(found.work)
@@ -194,7 +197,7 @@ def sweep(
 def _made(
     found: Found, others: int, wanted: bool, hired: Hired, interrupt: Interrupt
 ) -> Iterator[Sequence[tuple[int, Row]]]:
-    """Give rows as they are made: the first ones, or all, by this process."""
+    """Yield rows when complete; this process computes the first rows, or all."""
     missing = found.missing
     # What this process works, whatever others do beside it.
     done, began, lasted = 0, time.process_time(), 0.0
@@ -220,7 +223,7 @@ def _shared(
     hired: Hired,
     interrupt: Interrupt,
 ) -> Iterator[Sequence[tuple[int, Row]]]:
-    """Give rows that others make, in pieces of a size."""
+    """Yield rows that workers compute, in pieces of `size` runs."""
     parts = [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]
     lost: list[int] = []
     work = partial(rows_of, found.work)
@@ -237,7 +240,7 @@ def _shared(
 
 
 def header(found: Found) -> list[str]:
-    """Return the columns of sweep.csv: of the time its end alone."""
+    """Return the columns of sweep.csv; the time has only its last value."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
     parts = ("end",) if found.work.ends else ("end", "min", "max")
@@ -246,7 +249,7 @@ def header(found: Found) -> list[str]:
 
 
 def cells(found: Found) -> Iterator[list[object]]:
-    """Return the rows of sweep.csv in the order of the grid; None where nothing is."""
+    """Yield the rows of sweep.csv in the order of the grid; None in an empty cell."""
     nothing = [None] * (len(header(found)) - len(found.grid.axes) - 4)
     for _, row in sorted(found.rows.items()):
         numbers: list[Any] = nothing
@@ -263,7 +266,7 @@ def table(found: Found) -> bytes:
 
 
 def identity(found: Found) -> dict[str, Any]:
-    """Give what decides on the rows: equal for equal ones."""
+    """Return the data that determine the rows; equal for sweeps with equal rows."""
     model, work = found.model, found.work
     return {
         "lagsim": __version__,
@@ -278,12 +281,15 @@ def identity(found: Found) -> dict[str, Any]:
 
 
 def mark(found: Found) -> str:
-    """Give a word for the same."""
+    """Return the sha256 of `identity`, in hexadecimal."""
     return hashlib.sha256(json.dumps(identity(found)).encode()).hexdigest()
 
 
 def document(found: Found) -> dict[str, Any]:
-    """Give the content of sweep.json, but for its files; keys are only ever added."""
+    """Return the content of sweep.json without its list of files.
+
+    Later versions of lagsim add keys and remove none.
+    """
     rows = found.rows.values()
     forms = len({row.form for row in rows if row.numbers.size})
     note = f"the swept values change the equations: {forms} forms were "
@@ -324,7 +330,7 @@ def drawn(found: Found) -> bytes:
 
 
 def made_of(found: Found, *, plots: bool) -> Iterator[Made]:
-    """Give name and content of what stands beside sweep.json."""
+    """Yield name and content of the files of a sweep other than sweep.json."""
     yield TABLE, table(found)
     if plots:
         yield CHART, attempted(CHART, partial(drawn, found))
@@ -344,7 +350,7 @@ _DRAWN = re.compile(r"(normal|uniform)\s*\((.*),(.*)\)", re.DOTALL)
 
 
 def of_file(model: Model, path: Path) -> Grid:
-    """Give the points of a CSV file: a column for each name, a row for each run.
+    """Read points from a CSV file with a column for each name and a row for each run.
 
     Raises
     ------
@@ -394,11 +400,12 @@ def of_file(model: Model, path: Path) -> Grid:
 def sampled(
     model: Model, given: Iterable[tuple[str, str]], runs: int, seed: int = 0
 ) -> Grid:
-    """Draw so many values of each name, of the distribution that it is given with.
+    """Draw a sample of N values for each name from its distribution.
 
     Raises
     ------
     InputError
+        If a name or a distribution cannot be used.
     """
     problems, values = Problems(), dict[str, list[float | str]]()
     distributions = {}
@@ -417,13 +424,13 @@ def sampled(
 
 
 def _uniform(seed: int, place: int, count: int) -> Floats:
-    """Draw from 0 to 1, neither of them (count,)."""
+    """Return uniform random numbers in the open interval (0, 1), shape (count,)."""
     raw = np.random.Philox(key=seed + (place << 64)).random_raw(count)
     return np.asarray(((raw >> np.uint64(11)) + 0.5) * 2.0**-53)
 
 
 def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
-    """Turn uniform draws into those of a distribution."""
+    """Transform uniform random numbers (count,) to a distribution."""
     found = _DRAWN.fullmatch(text)
     if found is None:
         wrong = f"{name}={text}: normal(mean, deviation) or uniform(low, high) expected"
@@ -466,7 +473,7 @@ _FAR = (
 
 
 def _normal(uniform: Floats) -> Floats:
-    """Turn uniform draws into normal ones of mean 0 and deviation 1."""
+    """Transform uniform random numbers to the standard normal distribution."""
     q = uniform - 0.5
     r = 0.180625 - q * q
     found = q * np.polyval(_MIDDLE[0], r) / np.polyval(_MIDDLE[1], r)
