@@ -1,15 +1,15 @@
-"""A bound of friction with a switch at slip 0: its value at rest, and while sliding.
+"""Friction bounds that step at slip 0: their values at rest and while sliding.
 
-`if(abs(v) > 0, F1, F0)`, `F0 - (F0 - F1)*sign(abs(v))` and their like step at a single
-value of the slip v. A motion that holds v = 0 has the value there, a motion that slides
-the limit beside it, however slow the slip is. Both are expressions: the one with the
-truth of each comparison, and the value of each step, at v = 0, the other with those
-beside it.
+`if(abs(v) > 0, F1, F0)`, `F0 - (F0 - F1)*sign(abs(v))` and similar expressions step at
+a single value of the slip v. While the motion holds v = 0, the bound is the value at v
+= 0; while the motion slides, however slowly, it is the limit beside v = 0. Both are
+expressions: in the first, each comparison and step has its value at v = 0, in the
+second its value beside v = 0.
 
-Whether the argument of a switch vanishes with the slip, and which sign it has beside
-it, is tested at points: `abs(v)`, `v^2`, `max(v, -v)`, `hypot(v, 0)` differ in their
-form alone. A value counts as 0 within its rounding error, which is computed. The test
-must have the same result for the parameters of the file and for any others.
+Whether the argument of a switch vanishes with the slip, and its sign beside slip 0, is
+tested at points: `abs(v)`, `v^2`, `max(v, -v)`, `hypot(v, 0)` differ only in form. A
+value counts as 0 within its computed rounding error. The test must have the same result
+for the parameters of the file and for other values.
 """
 
 from __future__ import annotations
@@ -49,20 +49,20 @@ MOST_HELD, DEPENDENT = 32, 1e-9
 
 
 class Bounds(NamedTuple):
-    """Expressions of a bound at rest and while it slides."""
+    """Nodes of a bound at rest and while sliding."""
 
     resting: int
     sliding: int
 
 
 class _Point(NamedTuple):
-    """Values of all variables at slip 0, and changes of velocities by unit slips."""
+    """Values of all variables at slip 0, and changes of velocities per unit of slip."""
 
     values: Values
     ways: list[dict[str, float]]
 
     def beside(self, *slip: float) -> Values:
-        """Give the values at another slip."""
+        """Return the values of all variables at another slip."""
         found = dict(self.values)
         for part, way in zip(slip, self.ways, strict=True):
             for name, change in way.items():
@@ -78,24 +78,30 @@ def bounds_at_rest(
     known: Mapping[str, tuple[float, float]],
     held: Sequence[int] = (),
 ) -> Bounds | None:
-    """Return the bound `node` at rest and while it slides.
+    """Return the bound `node` at rest and while sliding.
 
-    Both are `node` itself where no switch steps at slip 0, or where the sides differ by
-    the direction of the slip alone.
+    Both are `node` itself where no switch steps at slip 0, or where both sides differ
+    only by the direction of the slip.
 
     Parameters
     ----------
+    g
+        The graph.
+    node
+        The bound.
     slips
         The slip, or its two components: affine in the velocities.
+    velocities
+        Names of the velocities.
     known
         Value and rounding error of each parameter.
     held
-        Other expressions of velocities that are 0 in each motion: rates of equalities.
+        Expressions of velocities that are 0 in each motion: rates of equalities.
 
     Returns
     -------
     Bounds or None
-        None where it is not clear what a switch does at slip 0.
+        None where the value of a switch at slip 0 cannot be determined.
     """
     moving = g.dependent([node], velocities)
     steps = [n for n in g.cone([node]) if n in moving and _is_discrete(g, n)]
@@ -112,7 +118,7 @@ def bounds_at_rest(
 def _coupled(
     g: Graph, nodes: Sequence[int], held: Sequence[int], velocities: Collection[str]
 ) -> list[int]:
-    """Rates that couple velocities of the nodes with others; at most MOST_HELD."""
+    """Return up to MOST_HELD rates that couple velocities of the nodes with others."""
     names = g.depends(nodes) & frozenset(velocities)
     left, found = list(held), list[int]()
     while len(found) < MOST_HELD:
@@ -126,7 +132,7 @@ def _coupled(
 
 
 def _is_discrete(g: Graph, n: int) -> bool:
-    """Tell whether a node is a comparison or a step."""
+    """Whether a node is a comparison or a step."""
     row = OPERATIONS.get(g.ops[n])
     return row is not None and g.ops[n] not in JOINING and (row.condition or row.step)
 
@@ -139,7 +145,7 @@ def _points(
     known: Mapping[str, tuple[float, float]],
     held: Sequence[int],
 ) -> list[_Point]:
-    """Points at slip 0 where all slips have a value, and what is held is 0."""
+    """Return points with slip 0 and `held` 0 where all slips have a value."""
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
     variables = [g.variable(v) for v in speeds]
@@ -165,7 +171,7 @@ def _at_zero(
     speeds: Sequence[str],
     values: Values,
 ) -> _Point | None:
-    """Change velocities so that all slips, and all that is held, are 0."""
+    """Return the point with changed velocities at which all slips and `held` are 0."""
     plain = {name: value for name, (value, _) in values.items()}
     rows = [evaluate(g, row, plain) for row in slopes]
     inverse = _inverse(rows, len(slips))
@@ -194,11 +200,13 @@ def _at_zero(
 
 
 def _inverse(rows: list[list[float]], first: int) -> list[list[float]] | None:
-    """Return changes (r, n) of velocities by a unit of each of some rows (r, n).
+    """Return changes of velocities (r, n), each of which changes one of `rows` by 1.
 
-    Each row changes the velocity of its largest slope, by elimination with complete
-    pivoting, so that no other is rounded. Rows that depend on others change none; None
-    where one of the first ones does.
+    rows : coefficients (r, n) of the velocities
+
+    Each row changes the velocity with its largest slope, by elimination with complete
+    pivoting, so that no other velocity is rounded. Rows that depend on others have a
+    change of 0; the result is None where one of the `first` rows does.
     """
     count = len(rows)
     if not all(math.isfinite(x) for row in rows for x in row) or not rows[0]:
@@ -240,7 +248,7 @@ _AROUND += [(0.0, 1.0), (0.0, -1.0)]
 
 
 class _UnclearError(Exception):
-    """What a switch does at slip 0 is not clear."""
+    """The value of a switch at slip 0 cannot be determined."""
 
 
 # Versions of an expression: at slip 0, beside it to either side, and with only those
@@ -249,7 +257,7 @@ REST, ABOVE, BELOW, EVEN = range(4)
 
 
 class _Beside:
-    """Versions of an expression at slip 0 and beside it."""
+    """Versions of an expression at slip 0 and beside slip 0."""
 
     def __init__(
         self, g: Graph, node: int, points: list[_Point], others: list[_Point]
@@ -279,7 +287,7 @@ class _Beside:
         return Bounds(rest, even) if self.even else Bounds(node, node)
 
     def _versions(self) -> list[int]:
-        """Return the versions of the expression."""
+        """Return the versions of the expression: REST, ABOVE, BELOW and EVEN."""
         g = self.g
         done: dict[int, list[int]] = {}
         for n in g.cone([self.node]):
@@ -319,13 +327,7 @@ class _Beside:
             done[n][EVEN] = done[n][ABOVE]
 
     def _vanishes(self, part: int, *, whole: bool) -> bool:
-        """Whether an expression is 0 (or a whole number) at slip 0.
-
-        Raises
-        ------
-        _UnclearError
-            Where that depends on the place or on the values of parameters.
-        """
+        """Whether an expression is 0, or a whole number, at slip 0."""
         found = set()
         for point in (*self.points, *self.others):
             ((value, error),) = evaluate_with_error(self.g, [part], point.values)
@@ -383,7 +385,10 @@ class _Beside:
         return evaluate(self.g, [part], _plain(beside))[0]
 
     def _least(self, part: int, point: _Point, speed: float, i: int) -> float:
-        """Least size of an expression beside direction i, by thirds."""
+        """Return the least magnitude of an expression near direction i.
+
+        The direction is found by repeated division into thirds.
+        """
         low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
         for _ in range(48):
             a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
@@ -392,7 +397,7 @@ class _Beside:
         return abs(self._around(part, point, speed, 0.5 * (low + high)))
 
     def _is_continuous(self) -> bool:
-        """Whether the expression itself does not step at slip 0."""
+        """Whether the expression has no step at slip 0."""
         for point in (*self.points, *self.others):
             here = evaluate(self.g, [self.node], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:
@@ -411,7 +416,7 @@ class _Beside:
         return all(map(math.isfinite, values))
 
     def _same(self, one: int, other: int) -> bool:
-        """Whether two versions have one value at slip 0."""
+        """Whether two versions have equal values at slip 0."""
         for point in (*self.points, *self.others):
             a, b = evaluate(self.g, [one, other], _plain(point.values))
             if not abs(a - b) <= SAME * max(abs(a), abs(b)):
@@ -424,7 +429,7 @@ def _plain(values: Values) -> dict[str, float]:
 
 
 def _decided(g: Graph, op: str, x: float) -> int:
-    """Value of a step, or truth of a comparison with 0, at x."""
+    """Return the value of a step, or the truth of a comparison with 0, at x."""
     row = OPERATIONS[op]
     if op in STEPS:
         return g.constant(float(row(x)))

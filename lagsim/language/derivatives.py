@@ -22,15 +22,38 @@ Gradient = dict[int, int]
 
 
 def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
-    """Return d node / d variable for each of `variables`, by reverse sweeps."""
+    """Return d node / d variable for each of `variables`, by reverse sweeps.
+
+    Parameters
+    ----------
+    g, node
+        The graph, and the node to differentiate.
+    variables
+        Nodes of the variables.
+
+    Returns
+    -------
+    list of node
+        One derivative for each variable.
+
+    Examples
+    --------
+    >>> from lagsim.language.evaluate import evaluate
+    >>> from lagsim.language.graph import Graph
+    >>> g = Graph()
+    >>> x, y = g.variable("x"), g.variable("y")
+    >>> node = g.call("mul", g.call("mul", x, x), y)
+    >>> evaluate(g, gradient(g, node, [x, y]), {"x": 3.0, "y": 2.0})
+    [12.0, 9.0]
+    """
     found = slopes(g, node, frozenset(variables))
     return [found.get(v, g.zero) for v in variables]
 
 
 def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
-    """Return d node / d variable for those of `variables` that `node` depends on.
+    """Return d node / d variable for each of `variables` that `node` depends on.
 
-    What is no leaf among them counts as independent of what it is made of.
+    A variable that is no leaf counts as independent of its own arguments.
     """
     if not g.args[node]:
         return {node: g.one} if node in variables else {}
@@ -38,7 +61,7 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
 
 
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
-    """Slopes of the sum of nodes times `weights`, which count as constant."""
+    """Return the slopes of the sum of nodes times `weights`, taken as constant."""
     return _Reverse(g, weights, variables).gradient(weights)
 
 
@@ -111,14 +134,19 @@ class _Reverse:
 
 
 def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int]:
-    """Directional derivative of each of `nodes`.
+    """Return the directional derivative of each of `nodes`.
 
     Parameters
     ----------
     g, nodes
-        What to differentiate.
+        The graph, and the nodes to differentiate.
     seed
-        The direction: the rate of each variable that moves.
+        The direction: the rate of each variable that is not constant.
+
+    Returns
+    -------
+    list of node
+        One derivative for each of `nodes`.
     """
     nodes = list(nodes)
     rates: dict[int, int] = {}
@@ -149,11 +177,12 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
 
 
 def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
-    """Return what node `n` is differentiated by, with the slopes.
+    """Return pairs of a node and d n / d node, for the differentiation of `n`.
 
-    That is its arguments; or, of a power of a root from the square on, those of the
-    root: r^c has a slope where r = 0 though r has none. Or, of a quotient whose divisor
-    grows as exp does, what that has in its exponent: x/y has a slope where y overflows.
+    The nodes are the arguments of `n`. For a power (exponent 2 or more) of a root, they
+    are the arguments of the root: r^c has a slope at r = 0, where r has none. For a
+    quotient whose divisor grows as exp does, the nodes of the divisor's exponent are
+    used: x/y has a slope where y overflows.
     """
     args = g.args[n]
     if g.ops[n] == "add":  # of long sums there are many
@@ -180,9 +209,10 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
 
 @memoized
 def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
-    """Slopes of log |n| without dividing infinities.
+    """Return pairs of a node and d log |n| / d node, without quotients of infinities.
 
-    Of what exp and cosh, numbers, products and powers make, or a number added to one.
+    They exist for products and powers of exp, cosh and numbers, and for such an
+    expression plus a number; else the result is None.
     """
     op, args = g.ops[n], g.args[n]
     if g.value(n) is not None:
@@ -217,7 +247,7 @@ def _times(
 
 
 def _quotient(g: Graph, number: int, grown: int) -> int:
-    """Return number / grown; of exp itself by the exponent: it may vanish, too."""
+    """Return number / grown; a divisor exp(x) becomes a factor exp(-x)."""
     op, args = g.ops[grown], g.args[grown]
     if op == "exp":
         return g.call("mul", number, g.call("exp", g.call("neg", args[0])))

@@ -1,10 +1,10 @@
 """Values of graph nodes in Python, and bounds of their rounding errors.
 
-For numbers that are needed once (start values, parameters) and as the plain twin of
-native code in tests. Never raises: outside a domain values are nan or inf. Rounding is
-bounded by running error analysis, of numbers (`evaluate_with_error`), or as expressions
-(`roundings`). N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed.,
-section 3.3.
+It evaluates numbers that are needed once (start values, parameters), and is the
+reference for native code in tests. It never raises: outside a domain values are nan or
+inf. Rounding errors are bounded by running error analysis, as numbers
+(`evaluate_with_error`), or as expressions (`roundings`). N. J. Higham, Accuracy and
+Stability of Numerical Algorithms, 2nd ed., section 3.3.
 """
 
 from __future__ import annotations
@@ -33,7 +33,16 @@ VALUES_WITH_ERRORS = 1.5
 def evaluate(
     g: Graph, nodes: Iterable[int], values: Mapping[str, float]
 ) -> list[float]:
-    """Return the value of each of `nodes`, with the variables at `values`."""
+    """Return the value of each of `nodes`, with the variables at `values`.
+
+    Examples
+    --------
+    >>> from lagsim.language.graph import Graph
+    >>> g = Graph()
+    >>> node = g.call("mul", g.variable("x"), g.variable("y"))
+    >>> evaluate(g, [node], {"x": 3.0, "y": 2.0})
+    [6.0]
+    """
     nodes = list(nodes)
     found: dict[int, Any] = {}
     cone = g.cone(nodes)
@@ -56,16 +65,18 @@ def evaluate(
 def evaluate_rows(
     g: Graph, nodes: Iterable[int], values: Mapping[str, float | Floats], count: int
 ) -> Floats:
-    """`nodes` in each of `count` rows, (nodes, count).
+    """Return the values of `nodes` in each of `count` rows, shape (nodes, count).
 
-    For what is wanted of some thousand rows after a run, too little to be compiled.
+    It is meant for some thousand rows after a run, too few to be worth compiling.
 
     Parameters
     ----------
     g, nodes
-        What to evaluate.
+        The graph, and the nodes to evaluate.
     values
-        The variables: numbers, or arrays (count,).
+        The variables by name: numbers, or arrays of shape (count,).
+    count
+        Number of rows.
     """
     import numpy as np
 
@@ -96,19 +107,28 @@ def evaluate_rows(
 def evaluate_with_error(
     g: Graph, nodes: Iterable[int], values: Mapping[str, tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Value and rounding error bound of each of `nodes`.
+    """Return the value and a rounding error bound of each of `nodes`.
 
-    Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms,
-    2nd ed., section 3.3), to first order: a function's error is its greatest change
-    over the corners of its arguments' errors plus one unit in the last place.
-    A constant that is not a whole number is taken as rounded to the nearest.
+    Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2nd
+    ed., section 3.3), to first order: the error of a function is its greatest change
+    over the corners of its arguments' errors, plus one unit in the last place. A
+    constant that is not a whole number counts as rounded to the nearest.
 
     Parameters
     ----------
     g, nodes
-        What to evaluate.
+        The graph, and the nodes to evaluate.
     values
-        Value and error of each variable.
+        Value and error of each variable by name.
+
+    Examples
+    --------
+    >>> from lagsim.language.graph import Graph
+    >>> g = Graph()
+    >>> node = g.call("add", g.variable("x"), g.variable("x"))
+    >>> [(value, error)] = evaluate_with_error(g, [node], {"x": (1.0, 1e-6)})
+    >>> value, 2e-6 <= error < 2.001e-6
+    (2.0, True)
     """
     nodes = list(nodes)
     found: dict[int, tuple[Any, float]] = {}
@@ -150,11 +170,13 @@ SHIFTED = 3.0
 def roundings(
     g: Graph, nodes: Iterable[int], moving: Collection[str], state: Collection[str] = ()
 ) -> list[int]:
-    """Bound of each of `nodes`, 0 where nothing of it is `moving`.
+    """Return a node for the rounding error bound of each of `nodes`.
 
-    state : variables of which it is known otherwise what their own rounding does. Far
-        from the origin that is all there is to what is linear in one, but for a shift,
-        and it is the same wherever that enters.
+    The bound is 0 for a node that does not depend on `moving`.
+
+    state : variables whose own rounding is accounted for elsewhere. Far from the
+    origin, that is the whole rounding error of an expression that is linear in one such
+    variable, except for a shift, and it is equal in all uses of the variable.
     """
     nodes = list(nodes)
     varying, placed = g.dependents(nodes, moving, state)
@@ -185,7 +207,7 @@ def roundings(
 
 
 def addends(g: Graph, node: int) -> list[int]:
-    """Return what `node` is a sum of, through differences and signs."""
+    """Return the terms of the sum `node`, through differences and signs."""
     stack, found = [node], set()
     while stack:
         n = stack.pop()
@@ -222,7 +244,10 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
 
 
 def _of_root(g: Graph, root: int, error: int) -> int:
-    """Return what the error of its argument does to a root: at 0 its own root."""
+    """Return the error of a square root from its argument's error.
+
+    At 0 it is the square root of the argument's error.
+    """
     if error == g.zero:
         return g.zero
     linear = g.call("div", error, g.call("add", root, root))

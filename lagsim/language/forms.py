@@ -1,7 +1,7 @@
-"""Sums of products, rewritten into equal ones that take less.
+"""Sums of products, rewritten into equal expressions that cost less.
 
-`Products` are powers of atoms as integers; sums of them are rewritten for the graph
-here, and for people, with sympy's expressions as atoms, in `show.tidy`.
+`Products` are powers of atoms, encoded as integers; sums of products are rewritten here
+for the graph, and, with sympy's expressions as atoms, in `show.tidy` for people.
 
 On the graph: sums of monomials c a^i b^j ... (`normal_form`), sines and cosines
 combined (`fewer_terms`), constant factors collected in front (`Collected`).
@@ -36,14 +36,14 @@ Terms = dict[int, Any]
 
 
 class Products(Generic[Atom]):
-    """Powers of atoms as integers: the product of two is their sum, and 0 is 1.
+    """Powers of atoms encoded as integers: a product is the sum of codes, and 1 is 0.
 
-    Whoever makes them keeps exponents within `largest`.
+    The caller keeps exponents within `largest`.
 
     Parameters
     ----------
     bits
-        Of an exponent.
+        Number of bits of an exponent.
     parts
         Exponents are multiples of 1/parts.
     """
@@ -55,7 +55,7 @@ class Products(Generic[Atom]):
         self._places: dict[Atom, int] = {}
 
     def power(self, atom: Atom, exponent: int | Fraction = 1) -> int:
-        """Power of an atom as a product."""
+        """Return the code of a power of an atom."""
         place = self._places.get(atom)
         if place is None:
             place = self._places[atom] = self._bits * len(self.atoms)
@@ -63,7 +63,7 @@ class Products(Generic[Atom]):
         return int(self._parts * exponent) << place
 
     def powers(self, product: int) -> Iterator[tuple[Atom, int | Fraction]]:
-        """Atoms of a product, with their exponents."""
+        """Return the atoms of a product, with their exponents."""
         bits, parts = self._bits, self._parts
         while product:
             k = ((product & -product).bit_length() - 1) // bits
@@ -74,7 +74,7 @@ class Products(Generic[Atom]):
             product -= digits << k * bits
 
     def common(self, products: Collection[int]) -> int:
-        """Return what all products have in common, over what any has below the line."""
+        """Return the common factor of products, over their common denominator."""
         lowest: dict[Atom, int | Fraction] = {}
         present = Counter[Atom]()
         for m in products:
@@ -90,7 +90,7 @@ class Products(Generic[Atom]):
 
     @staticmethod
     def multiplied(a: Terms, b: Terms, budget: Budget) -> Terms:
-        """Product of two sums, whose pairs of terms are counted."""
+        """Return the product of two sums; `budget` counts the pairs of terms."""
         total: Terms = {}
         if len(a) == 1:
             budget.add(len(b))
@@ -112,7 +112,7 @@ class Products(Generic[Atom]):
 
 
 def add_term(terms: Terms, product: int, number: Any) -> None:
-    """Add a term to a sum, in place."""
+    """Add `number` times `product` to a sum, in place."""
     total = terms.pop(product, 0) + number
     if total:
         terms[product] = total
@@ -126,21 +126,22 @@ class Turning(Products[Atom]):
     """Products with sines and cosines among their atoms."""
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Sines, then the cosines: function, angle and exponent, above 0."""
+        """Return the sines, then the cosines: function, angle and positive exponent."""
         raise NotImplementedError
 
     def turn(self, op: str, angle: Any) -> int:
-        """Sine or cosine of an angle as a product."""
+        """Return the sine or cosine of an angle as a product."""
         raise NotImplementedError
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return that of a + sign b, a number in front of it apart."""
+        """Return the function `op` of a + sign b, and a number factored out of it."""
         raise NotImplementedError
 
     def join(self, terms: Terms, count: Callable[[int], object]) -> int:
-        """Make one term of two where an identity does, in place; return how often.
+        """Merge pairs of terms by identities, in place; return the number of merges.
 
-        sin^2 + cos^2 = 1 first, then the sines and cosines of sums and differences.
+        The identities are sin^2 + cos^2 = 1, then those of sums and differences of
+        angles.
         """
         joined = 0
         for joint in (self._joint_of_squares, self._joint_of_angles):
@@ -204,7 +205,7 @@ EXPANDED, JOINED = 7, 2
 
 
 class Origin(NamedTuple):
-    """The function of a + sign b that a sine or cosine is, times `factor`."""
+    """Sine or cosine that equals the function `op` of a + sign b times `factor`."""
 
     op: str
     a: int
@@ -214,12 +215,15 @@ class Origin(NamedTuple):
 
 
 def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:
-    """Equal expressions for `nodes`, which are shorter in all, or these.
+    """Return equal expressions for `nodes` that cost less in all, or `nodes`.
 
     Parameters
     ----------
+    g, nodes
+        The graph, and the expressions.
     moving
-        The names of what moves. All else is computed once, and counts nothing.
+        The names of variables that change in a run. An expression without such a
+        variable is computed once, and its cost is not counted.
     """
     nodes = list(nodes)
     cone = g.cone(nodes)
@@ -245,19 +249,19 @@ _SHIFTED = {
 
 
 class _Expansion(Turning[int]):
-    """The nodes of a cone as sums of products.
+    """Nodes of a cone as sums of products.
 
     Attributes
     ----------
     turning : set of int
-        The nodes that have sines or cosines below them.
+        The nodes that depend on sines or cosines.
     origins : dict
-        The sines and cosines of sums of angles that are brought by joining terms.
+        The sines and cosines of sums of angles, created by merging terms.
 
     Raises
     ------
     TooLongError
-        Where, multiplied out, they are too long.
+        Where the expanded sums are too long.
     """
 
     def __init__(self, g: Graph, cone: Sequence[int], products: int) -> None:
@@ -274,7 +278,7 @@ class _Expansion(Turning[int]):
             self.sums[n], self._degrees[n] = self._of(n)
 
     def _of(self, n: int) -> tuple[Terms, int]:
-        """Sum that node `n` is, and a bound of its exponents."""
+        """Return the sum of node `n`, and a bound of its exponents."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op == CONSTANT:
@@ -286,7 +290,7 @@ class _Expansion(Turning[int]):
         return whole or ({self.power(n): 1.0}, 1)
 
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
-        """Sum that an operation makes of those of its arguments."""
+        """Return the sum of an operation on the sums of its arguments."""
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
         if op in ("add", "sub"):
@@ -347,7 +351,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Integer coefficient of each addend of a sum, through differences and signs."""
+    """Return the integer coefficient of each addend of a sum."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -362,10 +366,11 @@ def _linear(g: Graph, n: int) -> dict[int, int]:
 
 
 class _Writer:
-    """Sums as nodes.
+    """Conversion of sums of products to nodes.
 
-    The cosine of a - b is a function where there are no more of these than angles, and
-    otherwise what it is of the sines and cosines of a and b: a node that is shared.
+    The cosine of a - b is written as a function where there are no more such functions
+    than angles, and else expanded into the sines and cosines of a and b, which are
+    shared nodes.
     """
 
     def __init__(
@@ -380,9 +385,9 @@ class _Writer:
         self.still = written - g.dependent(written, moving)
 
     def node(self, terms: Terms) -> int:
-        """Node of a sum: what all terms have in common is taken out.
+        """Return the node of a sum, with the common factor of all terms in front.
 
-        What stands still is collected in front of what moves.
+        Factors that do not depend on `moving` are collected in front of the others.
         """
         g, form = self.g, _Form(self.g)
         g.count(FACTORED * len(terms))
@@ -426,9 +431,10 @@ FACTORED = 2
 
 
 def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list[int]:
-    """Equal expressions for `nodes`, of which those in `moving` move.
+    """Return equal expressions for `nodes`, as sums of monomials.
 
-    Equal where both are finite: a factor that is cancelled may have been zero.
+    The nodes in `moving` are expanded; others are kept as atoms. The expressions are
+    equal where both are finite: a cancelled factor may have been zero.
     """
     nodes = list(nodes)
     form = _Form(g)
@@ -438,7 +444,7 @@ def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list
 
 
 def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
-    """Return what all `nodes` but zeros are products with, and them without it."""
+    """Return the common factor of all nonzero `nodes`, and the quotients."""
     nodes, form = list(nodes), _Form(g)
     for n in g.cone(nodes):
         form.sums[n] = form.of(n)
@@ -455,7 +461,7 @@ class _Form:
         self.sums: dict[int, Sum] = {}
 
     def of(self, n: int) -> Sum:
-        """Sum that moving node `n` is, those of its arguments being known."""
+        """Return the sum of a moving node `n`, from the sums of its arguments."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if not args:
@@ -516,7 +522,7 @@ class _Form:
         return {((monomial[0][0], exponent),): g.one}
 
     def written(self, a: Sum) -> int:
-        """Node of a sum."""
+        """Return the node of a sum."""
         if not a:
             return self.g.zero
         monomial, factor = self.single(a)
@@ -570,12 +576,15 @@ Group = list[tuple[str, Key]]
 
 
 class Collected:
-    """Sums of products whose constant factors are collected in front.
+    """Sums of products with the constant factors collected in front.
 
     Parameters
     ----------
+    g
+        The graph.
     moving
-        The names of what moves. All else is computed once.
+        The names of variables that change in a run. An expression without such a
+        variable is constant, and computed once.
     """
 
     def __init__(self, g: Graph, moving: Collection[str]) -> None:
@@ -585,11 +594,11 @@ class Collected:
         self._still: dict[tuple[int, ...], int] = {}
 
     def moves(self, n: int) -> bool:
-        """Whether `n` depends on what moves."""
+        """Whether `n` depends on a moving variable."""
         return self.parts(n)[1] != self.g.one
 
     def sum(self, products: Iterable[Sequence[int]]) -> int:
-        """Sum of products of nodes."""
+        """Return the sum of products of nodes."""
         g, total = self.g, self.g.zero
         alike, given = self._alike(products)
         for still, group in alike.items():
@@ -610,10 +619,10 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Whether a product that is like no other is best as it is given.
+        """Whether a product with a unique moving part is best left as it is.
 
-        What stands still in its factors may stand so elsewhere, and is collected only
-        where there is less of it then.
+        Its constant factors can be shared with other expressions, and are collected
+        only where that leaves fewer of them.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]
@@ -628,7 +637,7 @@ class Collected:
     def _alike(
         self, products: Iterable[Sequence[int]]
     ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
-        """Sort moving parts by the factor in front; keep the given form of each."""
+        """Group the moving parts by their constant factor; keep their given form."""
         g = self.g
         given: dict[Key, list[Sequence[int]]] = {}
         fronts: dict[Key, int] = {}
@@ -648,7 +657,7 @@ class Collected:
         return alike, given
 
     def scaled(self, node: int, factor: int) -> int:
-        """Give node * factor; what of it stands still goes into a sum if that is short.
+        """Return node * factor, with constant factors multiplied into a short sum.
 
         m (a + ...) - k b times 1/m is a + ... - (k/m) b.
         """
@@ -665,10 +674,7 @@ class Collected:
         return g.call("mul", self.sum(inside), core)
 
     def tidy(self, nodes: Sequence[int]) -> list[int]:
-        """Equal expressions, all sums in which are collected, or `nodes`.
-
-        Which of both takes less.
-        """
+        """Return equal expressions with collected sums, or `nodes` if cheaper."""
         g = self.g
         cone = g.cone(nodes)
         functions = {n for n in cone if g.ops[n] not in ARITHMETIC}
@@ -696,7 +702,7 @@ class Collected:
         return min(given, found, key=lambda x: g.cost(x, self.moving))
 
     def _collected(self, node: int) -> int:
-        """Equal sum; of one product, as the force of a spring is, at once."""
+        """Return an equal sum; a single product, as a spring's force, directly."""
         g = self.g
         if g.ops[node] == "neg" and g.ops[g.args[node][0]] in ("mul", "div"):
             still, core = self.parts(g.args[node][0])
@@ -705,9 +711,9 @@ class Collected:
         return self.sum((sign, *self.parts(x)) for sign, x in self.addends(node))
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
-        """Return what `node` is a sum of: signs, as nodes, and addends.
+        """Yield the terms of the sum `node`: a sign, as a node, and an addend.
 
-        A sum of no products stays whole: it may be a small difference.
+        A sum without products is one term: it may be a small difference.
         """
         g = self.g
         sums = self._sums_of_products(node)
@@ -738,7 +744,7 @@ class Collected:
         return found
 
     def parts(self, n: int) -> tuple[int, int]:
-        """Return what stands still, and what moves, of which `n` is the product."""
+        """Return a constant and a moving node whose product is `n`."""
         known = self._parts
         found = known.get(n)
         if found is not None:
@@ -775,7 +781,7 @@ class Collected:
     def _common(
         self, n: int, one: tuple[int, int], other: tuple[int, int]
     ) -> tuple[int, int]:
-        """Parts of a sum or difference: what both terms have in common."""
+        """Return the parts of a sum or difference, with a common factor in front."""
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other
         opposite = g.known("sub", g.args[n][::-1]) if op == "sub" else None
@@ -788,7 +794,7 @@ class Collected:
         return g.one, n
 
     def still(self, factors: Sequence[int]) -> int:
-        """Product of factors that stand still; what divides it cancels."""
+        """Return the product of constant factors; a factor and its inverse cancel."""
         g = self.g
         key = tuple([n for n in factors if n != g.one])
         if len(key) < 2:

@@ -1,9 +1,9 @@
-"""The functions and operators of the expression language, one table row each.
+"""Table of the functions and operators of the expression language, one row each.
 
-A row gives all that is known of a function (see `Function`): value, derivative, native
-code, enclosure, and its twins in sympy, Python and LaTeX, so that they cannot
-drift apart. Values never raise: outside their domain they are what IEEE 754 says (nan,
-inf), as in native code. A new function is a new row.
+A row has all properties of a function (see `Function`): value, derivative, native code,
+enclosure, and its counterparts in sympy, Python and LaTeX, so that they cannot diverge.
+Values never raise: outside a domain they are nan or inf as in IEEE 754 and native code.
+A new function is a new row.
 """
 
 from __future__ import annotations
@@ -37,48 +37,48 @@ class Function(NamedTuple):
         The function in Python; may raise ValueError or OverflowError, which
         `Function.__call__` turns into nan and inf.
     partials
-        `(graph, arguments, itself) -> one node per argument`. None for what is
-        differentiated branch by branch (`branches`) or not at all (conditions).
+        `(graph, arguments, itself) -> one node per argument`. None for functions that
+        are differentiated branch by branch (`branches`) or not at all (conditions).
     branches
         For functions that select among their last two arguments: the condition under
-        which the first of them is taken, as `(graph, arguments) -> node`.
+        which the first of these is selected, as `(graph, arguments) -> node`.
     condition
-        The value is a truth value.
+        Whether the value is a truth value.
     native
         LLVM IR, one instruction per line, the last one the value. `{0}`, `{1}` are the
         operands, `{a}`, `{b}` fresh names, `{c0}` a condition.
     declares
         External symbols that `native` needs, as LLVM declarations.
     sympy
-        `(sympy module, *arguments)`. None for what stays as written: sympy would
-        rewrite its own.
+        `(sympy module, *arguments)`. None where the function has no counterpart, or
+        sympy would rewrite it.
     python
         The value as Python code with numpy; `{0}`, `{1}` are the arguments.
     text, latex
-        The name for people, or what stands before and behind the arguments.
+        The name for people, or the texts before and after the arguments.
     interval
-        The rule for enclosures, made from the module `intervals`; by default the one
-        there with this name.
+        The rule for enclosures, made from the module `intervals`; by default the rule
+        there with the function's name.
     cost
-        In additions.
+        Cost in additions.
     simpler
-        `(graph, *arguments)`: a simpler node of the same value, or None.
+        `(graph, *arguments)`: a simpler node of equal value, or None.
     commutes
-        Two arguments may be exchanged.
+        Whether two arguments may be exchanged.
     exact
-        The value is not rounded (what selects or steps is not either).
+        Whether the value is not rounded (nor is that of a selection or a step).
     steep
-        A slope is infinite somewhere.
+        Whether a slope is infinite somewhere.
     domain
         The condition under which there is a value; None where there always is one.
     switch, step
-        The graph has a corner or a jump; it is flat but for jumps.
+        Whether the graph has a corner or a jump; whether it is constant between jumps.
     decided_by
-        The step that tells on which side of its corner the function is.
+        The step whose value tells the side of the corner.
     data
-        How many of its first arguments are data, see `tables`.
+        Number of leading arguments that are data, see `tables`.
     binds, sign
-        Of operators: how tightly they bind, and how they are written.
+        For operators: the binding power, and the sign.
     """
 
     name: str
@@ -118,12 +118,15 @@ class Function(NamedTuple):
 
     @property
     def rounds(self) -> bool:
-        """The value is rounded: it is none of its arguments, and no whole number."""
+        """Whether the value is rounded: neither an argument nor a whole number."""
         return not (self.exact or self.step or self.branches or self.condition)
 
 
 def called(symbol: str, *kinds: str, attributes: str = "") -> dict[str, Any]:
-    """Columns of what calls a symbol with operands of these kinds."""
+    """Return the columns of a row whose function is an external symbol.
+
+    kinds : the LLVM types of the operands
+    """
     operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
     declared = f"declare double @{symbol}({', '.join(kinds)}) {attributes}"
     return {
@@ -199,7 +202,7 @@ JUMPS = (
 
 
 def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
-    """Choice; sympy alone would rewrite all conditions within it, each time."""
+    """Return sympy's selection, without its costly rewriting of nested conditions."""
     if condition in (s.true, s.false) or x == y:
         return x if condition != s.false else y
     return s.Piecewise((x, condition), (y, True), evaluate=False)
@@ -288,7 +291,7 @@ def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
 def _operator(
     name: str, sign: str, binds: int, value: Callable[..., Any], **more: Any
 ) -> Function:
-    """Row of an operator; numbers of sympy have the same."""
+    """Return the row of an operator, which also applies to sympy's numbers."""
     usual = {"sympy": lambda _, x, y: value(x, y)}
     return Function(
         name=name, arity=2, binds=binds, sign=sign, value=value,
@@ -383,10 +386,7 @@ def _smooth(
     open_end: bool = False,
     **more: Any,
 ) -> Function:
-    """Row of a function of the library; monotone, `within` bounds, if any.
-
-    slopes : (graph, *arguments, itself) -> node, for each argument.
-    """
+    """Return the row of a monotone library function, with bounds `within`, if any."""
     arity, own = len(slopes), numpy or name
     operands = ", ".join(f"{{{i}}}" for i in range(arity))
     usual = _by_llvm(name, arity) if llvm else _by_libm(name, arity)
@@ -538,7 +538,7 @@ POWERS = (
 
 
 def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
-    """Row of what reads `data` arrays of a table, and is given so many numbers."""
+    """Return the row of a function of `data` arrays of a table and some numbers."""
     kernel, arity = getattr(tables, f"table_{name}"), data + numbers
     kinds = ["ptr"] * data + ["double"] * numbers
     return Function(
@@ -554,7 +554,7 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Partial derivatives of a piece of `count` arguments: in these alone."""
+    """Return the partial derivatives of a piece in its `count` arguments."""
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),
         *(tables.differentiated(g, op, a, k) for k in range(count)),

@@ -53,7 +53,7 @@ class Degrees(NamedTuple):
     most: float
 
     def __or__(self, other: Degrees) -> Degrees:
-        """Degrees of the terms of a sum."""
+        """Return the degrees of the terms of a sum."""
         return Degrees(min(self.least, other.least), max(self.most, other.most))
 
 
@@ -64,7 +64,7 @@ FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # what is not named
 def _degrees_of(
     op: str, exponent: float | None, *below: Degrees | None
 ) -> Degrees | None:
-    """Degrees of an operation from those of its arguments."""
+    """Return the degrees of an operation from those of its arguments."""
     if all(d in (FLAT, NOTHING) for d in below):
         return FLAT
     known = [d for d in below if d is not None]
@@ -90,7 +90,10 @@ class TooMuchError(InputError):
 
 
 class Leaves(NamedTuple):
-    """Nodes of variables, and the first of them, when there were so many variables."""
+    """Nodes of some variables, and the first of them, for a count of variables.
+
+    `variables` is the count of variables in the graph when the nodes were collected.
+    """
 
     nodes: set[int]
     first: int
@@ -98,14 +101,14 @@ class Leaves(NamedTuple):
 
 
 class Graph:
-    """A store of expressions, shared wherever they are equal.
+    """Hash-consed store of expressions: equal expressions are one node.
 
     Parameters
     ----------
     most
-        How many nodes there may be.
+        Largest number of nodes.
     work
-        How much work may be done, see `limits.WORK`, until `unbind` is called.
+        Budget of operations, see `limits.WORK`, until `unbind` is called.
 
     Attributes
     ----------
@@ -115,9 +118,18 @@ class Graph:
     args : list of tuple of int
         The arguments of each node.
     place : Place or None
-        Of the longest expression, where there is a file.
+        Place of the longest expression, where there is a file.
     memoized : dict
-        What has been found out, see `memoize`.
+        Results of memoized functions, see `memoize`.
+
+    Examples
+    --------
+    >>> g = Graph()
+    >>> x = g.variable("x")
+    >>> g.call("add", x, g.zero) == x
+    True
+    >>> g.value(g.call("mul", g.constant(2.0), g.constant(3.0)))
+    6.0
     """
 
     def __init__(self, most: int = limits.GRAPH_NODES, work: float = math.inf) -> None:
@@ -139,7 +151,7 @@ class Graph:
         return len(self.ops)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is kept of it elsewhere: what was found out is found again."""
+        """Return the state to pickle, without memoized results."""
         return self.__dict__ | {"memoized": {}}
 
     def kept(
@@ -148,12 +160,12 @@ class Graph:
         args: tuple[int, ...] = (),
         payload: Payload | None = None,
     ) -> int:
-        """Node of `op` on `args` as it is, or of a leaf.
+        """Return the node of `op` on `args` without simplification, or a leaf.
 
         Raises
         ------
         InputError
-            Where there would be too many.
+            Where the graph would exceed its largest number of nodes.
         """
         alike = self._known[op]
         key = args if payload is None else payload
@@ -187,19 +199,19 @@ class Graph:
         return TooMuchError([Problem("too-large", text, self.place, hint)])
 
     def count(self, work: float) -> None:
-        """Count so much work, in operations, before it is done.
+        """Subtract `work`, in operations, from the budget before it is done.
 
         Raises
         ------
         TooMuchError
-            Where that is more than is left; then it is not counted.
+            Where `work` exceeds the budget, which is then unchanged.
         """
         if work > self._left:
             raise self._too_much()
         self._left -= work
 
     def allow(self, letters: int) -> None:
-        """Let an expression be made that a file would have with so many letters."""
+        """Enlarge the budgets for an expression of `letters` characters."""
         self._allowed += letters
         self._most = max(self._most, limits.graph_nodes(self._allowed))
         more = limits.work(self._allowed) - limits.work(self._allowed - letters)
@@ -207,33 +219,33 @@ class Graph:
         self._work += more
 
     def unbind(self) -> None:
-        """Count no more: the model is checked, and how it is solved is known."""
+        """Remove the limit on work, once the model is checked and planned."""
         self._left = math.inf
 
     def known(self, op: str, args: tuple[int, ...]) -> int | None:
-        """Node of `op` on `args` if there is one already."""
+        """Return the node of `op` on `args` if it exists, else None."""
         return self._known[op].get(args)
 
     def of(self, ops: Iterable[str]) -> list[int]:
-        """Nodes of some operations, in whatever expressions, in order."""
+        """Return the nodes of some operations in the whole graph, in order."""
         return sorted(n for op in ops for n in self._known.get(op, {}).values())
 
     def constant(self, x: float) -> int:
-        """Node of the number `x`."""
+        """Return the node of the number `x`."""
         x = float(x) + 0.0  # -0.0 becomes 0.0
         known = self._known[CONSTANT].get(x)
         return self.kept(CONSTANT, payload=x) if known is None else known
 
     def truth(self, x: bool) -> int:
-        """Node of a truth value."""
+        """Return the node of a truth value."""
         return self.kept(TRUTH, payload=bool(x))
 
     def data(self, numbers: Data) -> int:
-        """Node of an array that operations read."""
+        """Return the node of an array that operations read."""
         return self.kept(DATA, payload=numbers)
 
     def variable(self, name: str) -> int:
-        """Node of the variable `name`, the same one each time."""
+        """Return the node of the variable `name`."""
         known = self._known[VARIABLE].get(name)
         return self.kept(VARIABLE, payload=name) if known is None else known
 
@@ -250,9 +262,9 @@ class Graph:
         return self._payload[node]
 
     def call(self, op: str, *args: int) -> int:
-        """Node of operation `op` on `args`, folded and simplified.
+        """Return the node of operation `op` on `args`, folded and simplified.
 
-        Folding never raises: what has no finite value stays an operation.
+        Folding never raises: an operation without a finite value is not folded.
         """
         self._left -= 1
         row = OPERATIONS[op]
@@ -273,18 +285,18 @@ class Graph:
         return self.kept(op, args)
 
     def sum(self, nodes: Iterable[int]) -> int:
-        """Sum of `nodes`, left to right."""
+        """Return the sum of `nodes`, left to right."""
         total = self.zero
         for node in nodes:
             total = self.call("add", total, node)
         return total
 
     def product_sum(self, pairs: Iterable[tuple[int, int]]) -> int:
-        """Sum of a * b over `pairs`."""
+        """Return the sum of a * b over `pairs`."""
         return self.sum(self.call("mul", a, b) for a, b in pairs)
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
-        """`nodes` and all below them as far as `ends`, in order of evaluation."""
+        """Return `nodes` and all nodes below, to `ends`, in order of evaluation."""
         roots, args = frozenset(nodes), self.args
         known: dict[object, list[int]] = self.memoized.setdefault(CONES, {})
         if not ends and roots in known:
@@ -313,13 +325,13 @@ class Graph:
         )
 
     def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
-        """Nodes in the cone of `nodes` that depend on any of `names`."""
+        """Return the nodes in the cone of `nodes` that depend on any of `names`."""
         return self.dependents(nodes, names)[0]
 
     def dependents(
         self, nodes: Iterable[int], *several: Collection[str]
     ) -> list[set[int]]:
-        """Nodes in the cone of `nodes` that depend on any of the names, for several."""
+        """Return, for several sets of names, the nodes that depend on any of them."""
         args, leaves = self.args, [self._leaves(names) for names in several]
         first = min(some.first for some in leaves)
         # What is older depends on none.
@@ -334,7 +346,7 @@ class Graph:
         return made
 
     def _leaves(self, names: Collection[str]) -> Leaves:
-        """Return the nodes of variables; of a frozenset they are kept."""
+        """Return the nodes of variables; those of a frozenset are memoized."""
         known, kept = self._known[VARIABLE], isinstance(names, frozenset)
         found: Leaves | None = self.memoized.get((Leaves, names)) if kept else None
         if found is None or found.variables != len(known):
@@ -345,22 +357,25 @@ class Graph:
         return found
 
     def cost(self, nodes: Iterable[int], names: Collection[str]) -> int:
-        """Cost of `nodes`, in additions; what none of `names` moves is free."""
+        """Return the cost of `nodes` in additions.
+
+        Nodes that do not depend on `names` cost 0.
+        """
         rows = (OPERATIONS.get(self.ops[n]) for n in self.dependent(nodes, names))
         return sum(row.cost for row in rows if row is not None)
 
     def degree(self, node: int, names: Collection[str]) -> Degrees | None:
-        """Degrees of the terms of `node` as a polynomial in `names`.
+        """Return the degrees of the terms of `node` as a polynomial in `names`.
 
-        Bounds: terms that would cancel are counted. None where `node` is not (seen to
-        be) a polynomial in them.
+        They are bounds, which include terms that cancel. The result is None where
+        `node` is not a polynomial, or is not recognised as one.
         """
         return self.degrees([node], names)[0]
 
     def degrees(
         self, nodes: Iterable[int], names: Collection[str]
     ) -> list[Degrees | None]:
-        """Degrees of several, as `degree` gives them."""
+        """Return the degrees of several nodes, as `degree` does of one."""
         nodes = list(nodes)
         found = self.degrees_below(nodes, names)
         return [found.get(n, FLAT) for n in nodes]
@@ -398,10 +413,10 @@ class Graph:
 def memoized(
     function: Callable[Concatenate[Graph, Given], Found],
 ) -> Callable[Concatenate[Graph, Given], Found]:
-    """Let a function of a graph, and of what can be hashed, be computed once for each.
+    """Memoize a function of a graph and further hashable arguments.
 
-    Nodes never change: models that differ in the values of their parameters alone share
-    what it gives, which nobody may write into.
+    Nodes never change: models that differ only in the values of their parameters share
+    the results, which callers must not modify.
     """
 
     @wraps(function)
@@ -413,7 +428,7 @@ def memoized(
 
 
 def memoize(g: Graph, key: object, find: Callable[[], Found]) -> Found:
-    """Compute something that depends on the key alone, if it is not known yet."""
+    """Return the memoized result of `key`, computed by `find` on first use."""
     if key not in g.memoized:
         g.memoized[key] = find()
     found: Found = g.memoized[key]

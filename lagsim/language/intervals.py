@@ -1,9 +1,9 @@
-"""Interval arithmetic: enclosures of the values that expressions take.
+"""Interval arithmetic: enclosures of the values of expressions.
 
-An enclosure holds every value that an expression takes while its variable runs through
-an interval, those that double arithmetic gives included: what is rounded is rounded
-outward. Many intervals are taken at once, as arrays. Zeros have no sign here. The rows
-of the table of functions name their rules in this module.
+An enclosure contains every value of an expression while its variable runs through an
+interval, values in double precision included: bounds are rounded outward. Many
+intervals are evaluated together, as arrays. Zeros have no sign here. The rows of the
+table of functions name their rules in this module.
 
 Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis,
 SIAM 2009.
@@ -43,9 +43,9 @@ class Interval(NamedTuple):
     lo, hi : array
         The bounds; nan where the expression is nan throughout.
     partial : array of bool
-        The expression may be nan somewhere in the interval.
+        Whether the expression may be nan somewhere in the interval.
     jumps : array of bool
-        It may be discontinuous or unbounded there.
+        Whether the expression may be discontinuous or unbounded in the interval.
     """
 
     lo: Floats
@@ -84,13 +84,13 @@ class Interval(NamedTuple):
 
 
 def interval(lo: Any, hi: Any, partial: Any = False, jumps: Any = False) -> Interval:
-    """Interval of equal shapes."""
+    """Return enclosures from bounds and flags of equal shapes."""
     lo = np.atleast_1d(np.asarray(lo, np.float64))
     return Interval._make(np.broadcast_arrays(lo, hi, partial, jumps))
 
 
 def point(x: float) -> Interval:
-    """Interval of the one value `x`."""
+    """Return the enclosure of the single value `x`."""
     return interval(x, x)
 
 
@@ -100,9 +100,9 @@ def select(which: Flags, x: Interval, y: Interval) -> Interval:
 
 
 def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Floats]:
-    """Widen by what libraries differ in, but for exact `zeros`.
+    """Return bounds widened by the error of libraries, except for exact `zeros`.
 
-    An infinite overflow is undone.
+    An infinite bound due to overflow is replaced by the largest number.
     """
     low = np.minimum(lo, LARGEST)
     high = np.maximum(hi, -LARGEST)
@@ -115,12 +115,12 @@ def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Flo
 def _but(
     where: Flags, size: Floats | float, lo: Floats, hi: Floats
 ) -> tuple[Floats, Floats]:
-    """Bounds, which are those of this size instead `where` that holds."""
+    """Return bounds, replaced `where` a condition holds by -`size` and `size`."""
     return np.where(where, -size, lo), np.where(where, size, hi)
 
 
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    """Bound, moved to the next number where it is not exact."""
+    """Return a bound, moved to the next number where it is not exact."""
     return np.where(exact, bound, np.nextafter(bound, toward))
 
 
@@ -250,7 +250,7 @@ def _comparison(
     surely: Callable[[Interval, Interval], Flags],
     never: Callable[[Interval, Interval], Flags],
 ) -> Callable[[Interval, Interval], Interval]:
-    """Rule of a comparison; one with nan is false."""
+    """Return the rule of a comparison; one with nan is false."""
 
     def rule(x: Interval, y: Interval) -> Interval:
         true = surely(x, y) & ~(x.partial | y.partial)
@@ -282,7 +282,7 @@ def le(x: Interval, y: Interval) -> Interval:
 
 
 def ends(f: Any) -> Callable[..., Interval]:
-    """Rule of what increases in each argument, without rounding."""
+    """Return the rule of a function that increases in each argument, unrounded."""
     return lambda *x: interval(f(*(y.lo for y in x)), f(*(y.hi for y in x)))
 
 
@@ -308,7 +308,7 @@ def choice(c: Interval, x: Interval, y: Interval) -> Interval:
 def on(
     f: Any, least: float = -math.inf, most: float = math.inf, *, open_end: bool = False
 ) -> Callable[[Interval], Interval]:
-    """Rule of a monotone function defined from `least` to `most`, exact zeros."""
+    """Return the rule of a monotone function on [`least`, `most`], exact at zeros."""
 
     def rule(x: Interval) -> Interval:
         a, b = (f(np.clip(end, least, most)) for end in (x.lo, x.hi))
@@ -340,7 +340,7 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
 
 
 def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
-    """Rule of a wave between -1 and 1, with a crest and a trough there."""
+    """Return the rule of a wave in [-1, 1], with a crest and a trough there."""
 
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
@@ -391,7 +391,7 @@ def atan2(y: Interval, x: Interval) -> Interval:
 
 
 def step(f: Any) -> Callable[[Interval], Interval]:
-    """Rule of an increasing function of steps."""
+    """Return the rule of an increasing step function."""
 
     def rule(x: Interval) -> Interval:
         lo, hi = f(x.lo), f(x.hi)
@@ -401,7 +401,7 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 
 
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
-    """Rule of min or max: y where it wins, and x where either is nan."""
+    """Return the rule of min or max: y where it is selected, x where either is nan."""
 
     def rule(x: Interval, y: Interval) -> Interval:
         lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
@@ -417,12 +417,12 @@ def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
 
 
 def table_knot(axis: Data, x: Interval) -> Interval:
-    """Enclose the number of a knot, which increases and is computed so."""
+    """Enclose the knot number of a table, an increasing function."""
     return _strict(lambda x: interval(*_each("table.knot", axis, x)))(x)
 
 
 def table_rate(axis: Data, x: Interval) -> Interval:
-    """Enclose its slope: of one cell, or of two."""
+    """Enclose the slope of `table_knot`: of one cell, or of two."""
     (first, last), own = _cells(axis, x, None), _each("table.rate", axis, x)
     far = last - first > 1.0
     lo, hi = outward(
@@ -432,7 +432,7 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 
 
 def _each(op: str, axis: Data, x: Interval) -> Floats:
-    """Return values (2, k) at the lower ends and at the upper ones."""
+    """Return values (2, k) at the lower bounds and at the upper ones."""
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 
@@ -454,10 +454,7 @@ def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
 
 
 def table_piece(*args: Any) -> Interval:
-    """Enclose a piece: of its axes, pieces, orders, arguments and numbers.
-
-    The hull of the polynomials of up to two cells of each argument; of more, all.
-    """
+    """Enclose a piece of a table, from axes, pieces, orders, arguments and numbers."""
     *axes, pieces = (x for x in args if isinstance(x, Data))
     numbers = args[len(axes) + 1 :]
     n, p = len(axes), int(pieces.numbers[0])
@@ -511,7 +508,7 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 
 
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """Pass nan, doubt and jumps of any argument on to the value."""
+    """Return a value that is nan, partial or jumping where any argument is."""
 
     def whole(*args: Interval) -> Interval:
         lo, hi, partial, jumps = rule(*args)
@@ -535,10 +532,11 @@ SQUARE = _strict(_square)
 
 
 class Enclosures:
-    """Encloses nodes while variables run through intervals, all others fixed.
+    """Enclosures of nodes over intervals of one variable, with the others fixed.
 
-    The variables are t, or those of `names`, each anywhere in the same interval. What
-    does not depend on them is the one number that `evaluate` gives.
+    The variables in `names`, by default t, run through one common interval,
+    independently. A node that does not depend on these variables has the single value
+    of `evaluate`.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Names of columns made of those of coordinates, definitions and their members.
+"""Names of columns, derived from coordinates, definitions and their members.
 
 A member of a family or a component of a vector has a name with dots, `q.3`, `G.3.x`;
-what stands before the first dot gets the ending: `q_dot.3`, `G_ddot.3.x`.
+endings are inserted before the first dot: `q_dot.3`, `G_ddot.3.x`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,25 @@ ENDINGS = ("", "_dot", "_ddot")
 
 
 def rate_of(name: str, order: int = 1) -> str:
-    """Name of a rate (order 1), or of the second rate."""
+    """Return the name of a rate (order 1), or of the second rate.
+
+    Examples
+    --------
+    >>> rate_of("q.3")
+    'q_dot.3'
+    """
     head, dot, tail = name.partition(".")
     return f"{head}{ENDINGS[order]}{dot}{tail}"
 
 
 def rated(name: str) -> tuple[str, int]:
-    """Name of which this is the rate, and the order; the name itself, and 0."""
+    """Return the base of a rate's name, and the order; for other names, itself and 0.
+
+    Examples
+    --------
+    >>> rated("q_dot.3"), rated("q")
+    (('q.3', 1), ('q', 0))
+    """
     head, dot, tail = name.partition(".")
     for order in (2, 1):
         if head.endswith(ENDINGS[order]):
@@ -34,7 +46,7 @@ def rated(name: str) -> tuple[str, int]:
 
 
 def member_hint(name: str, columns: Collection[str]) -> str:
-    """Hint for a name that has a column, `q(3)`, or columns, `q`; else no hint."""
+    """Return a hint for a name with columns, `q(3)` or `q`; else an empty text."""
     for column in columns:
         if name == in_file(column):
             return f"its name outside of the file is `{column}`"
@@ -45,7 +57,13 @@ def member_hint(name: str, columns: Collection[str]) -> str:
 
 
 def in_file(name: str) -> str:
-    """Name of a member or a component as a file has it: `G(3).x` for `G.3.x`."""
+    """Return a member or a component in the file's notation: `G(3).x` for `G.3.x`.
+
+    Examples
+    --------
+    >>> in_file("G.3.x")
+    'G(3).x'
+    """
     head, *rest = name.split(".")
     numbers = [part for part in rest if part.isdecimal() or part[:1] == "-"]
     letters = [f".{part}" for part in rest if part not in numbers]

@@ -1,8 +1,8 @@
-"""Text of the expression language -> tokens -> graph, every fault with its place.
+"""Parser of the expression language: text, tokens, postfix, nodes; faults with place.
 
-A precedence parser with its own stack gives a `Parsed` (postfix, with the names used),
-so that definitions can be put in order before anything is built. Nothing recurses, and
-nothing is ever evaluated by Python or sympy.
+A precedence parser with an explicit stack returns a `Parsed` (postfix, with the names
+used), so that definitions can be sorted before they are built. There is no recursion,
+and Python or sympy never evaluate any text.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SILENT = "silent"
 
 
 class ExpressionError(Exception):
-    """A fault in an expression: where in the text, what, and what to write instead."""
+    """Fault in an expression: its place in the text, a message, and a hint."""
 
     def __init__(
         self, offset: int, length: int, text: str, hint: str = "", code: str = "syntax"
@@ -45,25 +45,25 @@ class ExpressionError(Exception):
         self.code = code
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        """Return what pickle makes it of; a model keeps faults of texts it tried."""
+        """Return constructor and arguments for pickle, used for stored models."""
         given = self.offset, self.length, self.text, self.hint, self.code
         return ExpressionError, given
 
 
 def silent() -> ExpressionError:
-    """Return what stands for a fault that is reported elsewhere."""
+    """Return the ExpressionError of a fault that is reported elsewhere."""
     return ExpressionError(0, 1, "", code=SILENT)
 
 
 class Token(NamedTuple):
-    """A piece of text: its kind, and where it begins."""
+    """Token of a text: its kind, and its offset."""
 
     kind: str  # number, name, function, operator, open, close, comma, relation, end
     text: str
     offset: int
 
     def fault(self, text: str, hint: str = "", code: str = "syntax") -> ExpressionError:
-        """Fault that stands here."""
+        """Return the fault at this token."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
@@ -116,7 +116,7 @@ _WRONG = {
 
 
 def tokens(text: str, pattern: re.Pattern[str] = TOKEN) -> Iterator[Token]:
-    """Tokens of `text`, then one of kind `end`."""
+    """Yield the tokens of `text`, then one of kind `end`."""
     offset = 0
     while offset < len(text):
         match = pattern.match(text, offset)
@@ -193,30 +193,37 @@ def _check_name(offset: int, word: str) -> None:
 
 
 class Name(NamedTuple):
-    """A variable used, and where."""
+    """Variable in an expression, with its offset."""
 
     text: str
     offset: int
 
 
 class Parsed(NamedTuple):
-    """An expression in postfix: numbers, names and operations with their arity."""
+    """Expression in postfix: numbers, names and operations with their arity."""
 
     text: str
     postfix: Steps
 
     @property
     def names(self) -> tuple[Name, ...]:
-        """The variables, in the order of the text."""
+        """Variables in the order of the text."""
         named = (step for step in self.postfix if step[0] == "name")
         return tuple(Name(name, token.offset) for _, name, token in named)
 
     def build(
         self, g: Graph, scope: Callable[[str], int], tables: Tables | None = None
     ) -> int:
-        """Node in `g`; `scope` gives the node of each name.
+        """Return the node in `g`; `scope` maps each name to its node.
 
-        tables : of the file, the functions that make their nodes.
+        Examples
+        --------
+        >>> from lagsim.language.evaluate import evaluate
+        >>> from lagsim.language.graph import Graph
+        >>> g = Graph()
+        >>> node = parse("2*x + 1").build(g, g.variable)
+        >>> evaluate(g, [node], {"x": 3.0})
+        [7.0]
         """
         stack: list[int] = []
         for kind, payload, _ in self.postfix:
@@ -245,7 +252,7 @@ class ParsedRelation(NamedTuple):
 
     @property
     def names(self) -> tuple[Name, ...]:
-        """The variables of both sides."""
+        """Variables of both sides."""
         return self.left.names + (self.right.names if self.right else ())
 
 
@@ -265,7 +272,7 @@ _NOT, _COMPARES, _UNARY, _POWER = (
 
 @dataclass(slots=True)
 class Pending:
-    """An operator, parenthesis or call whose end has not been seen."""
+    """Operator, parenthesis or call that is not complete yet."""
 
     op: str  # an operation, "(" or "+" (unary plus)
     power: int
@@ -287,7 +294,7 @@ class Parser:
         self.pending: list[Pending] = []
 
     def parse(self, *, conditional: bool = False) -> Parsed:
-        """Take all tokens; `conditional`: of a condition."""
+        """Parse all tokens; `conditional`: into a condition."""
         operand_next = True
         while self.at < len(self.part):
             token = self.part[self.at]
@@ -300,7 +307,7 @@ class Parser:
         return Parsed(self.text, tuple(self.output))
 
     def _operand(self, token: Token) -> bool:
-        """Take the beginning of an operand; return whether one is still expected."""
+        """Process a token of an operand; return whether one is still expected."""
         if token.kind == "number":
             self._value(token, "number", float(token.text))
             return False
@@ -354,7 +361,7 @@ class Parser:
         self.kinds.append((False, token))
 
     def _after_operand(self, token: Token) -> bool:
-        """Take what follows an operand; return whether an operand is expected next."""
+        """Process a token after an operand; return whether an operand follows."""
         if token.kind == "operator" and token.text in _BINARY:
             power, op = _BINARY[token.text]
             # `^` is right-associative; `2^-1` leaves its unary minus on the stack.
@@ -404,7 +411,7 @@ class Parser:
             self.output.append((top.op, top.arity, top.token))
 
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
-        """Take the arguments of an operation, which tells which are conditions."""
+        """Pop an operation's arguments; `wanted` marks which must be conditions."""
         args = self.kinds[-len(wanted) :]
         for (condition, at), conditional in zip(args, wanted, strict=True):
             if condition != conditional:
@@ -460,20 +467,25 @@ def _relation_inside(token: Token, text: str) -> ExpressionError:
 
 @functools.lru_cache(maxsize=1024)
 def parse(text: str, tables: Arities = ()) -> Parsed:
-    """Parse an expression, once: bindings do so again and again.
+    """Parse an expression; the result is cached.
 
-    tables : functions of the file, and how many arguments each takes.
+    tables : names of the file's tables, each with its number of arguments.
 
     Raises
     ------
     ExpressionError
         With the place of the first fault in `text`.
+
+    Examples
+    --------
+    >>> [name.text for name in parse("k*(x - l0)").names]
+    ['k', 'x', 'l0']
     """
     return Parser(text, list(tokens(text)), tables).parse()
 
 
 def parse_condition(text: str, tables: Arities = ()) -> Parsed:
-    """Parse a condition, as that of `if`; see `parse`."""
+    """Parse a condition, such as that of `if`; see `parse`."""
     return Parser(text, list(tokens(text)), tables).parse(conditional=True)
 
 
@@ -487,7 +499,7 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
 def relation(
     text: str, found: list[Token], parsed: Callable[[list[Token]], Parsed]
 ) -> ParsedRelation:
-    """Relation of the tokens of a text; several signs, or a strict one, are a fault."""
+    """Return the relation of a text's tokens; several or strict signs are faults."""
     left, right, sense = _sides(text, found)
     other = parsed(right) if right else None
     return ParsedRelation(parsed(left), other, sense, left[-1].offset)
@@ -496,7 +508,10 @@ def relation(
 def _sides(
     text: str, found: list[Token]
 ) -> tuple[list[Token], list[Token] | None, str]:
-    """Tokens of both sides of a relation (None for a bare expression) and its sign."""
+    """Return the tokens of both sides of a relation, and its sign.
+
+    The right side is None for a bare expression.
+    """
     depth, at = 0, []
     for i, token in enumerate(found):
         depth += (token.kind == "open") - (token.kind == "close")

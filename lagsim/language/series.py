@@ -2,13 +2,13 @@
 
 For y' = f(t, y) the k-th normalised coefficient y_k = y^(k)(t)/k! follows from the
 earlier ones, operation by operation. Sums, products, quotients, powers and roots have
-recurrences of their own; of anything else the chain rule f' = slope x' gives one, with
-the slope's series made the same way, so that a new function of the language needs
-nothing here. Functions that select or step keep the branch that they are on at t.
+recurrences of their own; other functions have that of the chain rule f' = slope x',
+with the slope's series computed alike, so that a new function of the language needs no
+code here. Functions that select or step keep their branch at t.
 
-`recurrence` gives what one order takes, of which a loop makes them all;
-`taylor_series` writes all coefficients out, whose operations grow with the square of
-the order.
+`recurrence` returns the nodes of one order, to be evaluated in a loop over the orders;
+`taylor_series` returns the nodes of all coefficients, whose number grows with the
+square of the order.
 
 Sources: R. E. Moore, Interval Analysis (1966); A. Griewank and A. Walther, Evaluating
 Derivatives, 2nd ed. (2008), chapter 13; A. Jorba and M. Zou, Experimental Mathematics
@@ -49,11 +49,11 @@ class Recurrence(NamedTuple):
     state, rates : tuple of node
         y and y'.
     carried, following : tuple of node
-        The variables of y_k, and y_(k+1).
+        The variables of y_k, and the nodes of y_(k+1).
     sums : tuple of node
         The variables of the sums of a_j b_(k-j), j from 1 to k - 1.
     factors : tuple of pair of node
-        a_k and b_k of each.
+        a_k and b_k of each sum.
     """
 
     state: tuple[int, ...]
@@ -65,30 +65,32 @@ class Recurrence(NamedTuple):
 
     @property
     def made(self) -> list[int]:
-        """Nodes that an order computes."""
+        """Nodes computed in each order."""
         return [*self.following, *(n for pair in self.factors for n in pair)]
 
     @property
     def variables(self) -> list[int]:
-        """Its variables, besides those of ORDERS."""
+        """Variables of the recurrence, besides those of ORDERS."""
         return [*self.carried, *self.sums]
 
     @property
     def nodes(self) -> tuple[list[int], list[int]]:
-        """Nodes of order 0, and nodes of an order."""
+        """Nodes of order 0, and nodes of a higher order."""
         order = [*self.variables, *self.made]
         return [*self.state, *self.rates], order
 
 
 class Coefficients:
-    """Taylor coefficients of an order k, a variable, along a motion.
+    """Taylor coefficients of order k, a variable, along a motion.
 
-    Those of order 0 are the nodes themselves.
+    The coefficients of order 0 are the nodes themselves.
 
     Parameters
     ----------
+    g
+        The graph.
     state
-        The variables that move, besides t.
+        The variables that change along the motion, besides t.
     """
 
     def __init__(self, g: Graph, state: Sequence[int]) -> None:
@@ -103,7 +105,7 @@ class Coefficients:
         self._extended: set[int] = set()  # they, and all below them
 
     def __call__(self, n: int) -> int:
-        """Coefficient of order k of node `n`."""
+        """Return the coefficient of order k of node `n`."""
         if not self.moves(n):
             return self.g.zero
         if n not in self._known:
@@ -111,11 +113,11 @@ class Coefficients:
         return self._known[n]
 
     def inner(self, a: int, b: int) -> int:
-        """Variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
+        """Return the variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
         return self._sum(min(a, b), max(a, b), rated=False)
 
     def inner_rate(self, a: int, b: int) -> int:
-        """Return that of j a_j b_(k-j), divided by k."""
+        """Return the variable of the sum of j a_j b_(k-j), divided by k."""
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
 
     def moves(self, n: int) -> bool:
@@ -128,13 +130,13 @@ class Coefficients:
         return self._moves[n]
 
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Expression with the series of `n`, made once; None if it has none."""
+        """Return an expression with the series of `n`, or None; `made` computes it."""
         if n not in self._twins:
             self._twins[n] = made()
         return self._twins[n]
 
     def extend(self, nodes: Iterable[int]) -> None:
-        """Make the coefficients of `nodes`, from the leaves upwards."""
+        """Compute the coefficients of `nodes`, from the leaves upwards."""
         cone = self.g.cone(nodes, self._extended)
         for n in cone:
             if self.g.ops[n] not in _CONDITIONS:
@@ -142,7 +144,7 @@ class Coefficients:
         self._extended.update(cone)
 
     def factors(self, variable: int) -> tuple[int, int]:
-        """Return a_k and b_k of a sum."""
+        """Return a_k and b_k of the sum of a variable."""
         a, b, rated = self.sums[variable]
         self.extend((a, b))
         k = self.g.variable(K)
@@ -159,7 +161,7 @@ class Coefficients:
         return self._variables[key]
 
     def _coefficient(self, n: int) -> int:
-        """Coefficient of an operation from its arguments'."""
+        """Return the coefficient of an operation from those of its arguments."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]
@@ -184,10 +186,10 @@ _CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.conditio
 
 
 def _mul(s: Coefficients, n: int) -> int:
-    """Sum of x_j y_(k-j).
+    """Return the sum of x_j y_(k-j).
 
-    The newest coefficients, those of order k, are added last: whatever does not wait
-    for them is ready by then.
+    The coefficients of order k, which are computed last, are added last, so that all
+    other terms can be computed before.
     """
     g = s.g
     x, y = g.args[n]
@@ -276,12 +278,14 @@ RECURRENCES = {
 
 
 def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurrence:
-    """Return what one order of the coefficients of the motion y' = rates takes.
+    """Return one order of the Taylor coefficients of the motion y' = rates.
 
     Parameters
     ----------
+    g
+        The graph.
     state, rates : sequence of node, shape (size,)
-        The variables of y, and y'. Time, if it is there, is the variable `t`.
+        The variables of y, and y'. Time, if present, is the variable `t`.
     """
     made = Coefficients(g, state)
     made.extend(rates)
@@ -302,7 +306,27 @@ def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurren
 def taylor_series(
     g: Graph, state: Sequence[int], rates: Sequence[int], order: int
 ) -> list[list[int]]:
-    """Coefficients y_0 ... y_order of the same, (order + 1, size)."""
+    """Return the Taylor coefficients y_0 ... y_order, shape (order + 1, size).
+
+    Parameters
+    ----------
+    g
+        The graph.
+    state, rates : sequence of node, shape (size,)
+        The variables of y, and y', as for `recurrence`.
+    order
+        The highest order.
+
+    Examples
+    --------
+    >>> from lagsim.language.evaluate import evaluate
+    >>> from lagsim.language.graph import Graph
+    >>> g = Graph()
+    >>> y = g.variable("y")  # y' = y
+    >>> rows = taylor_series(g, [y], [y], 2)
+    >>> [evaluate(g, row, {"y": 1.0}) for row in rows]
+    [[1.0], [1.0], [0.5]]
+    """
     r, size = recurrence(g, state, rates), len(state)
     rows, made = [list(state), list(rates)], list[list[int]]()
     names = [g.variable(name) for name in ORDERS]
@@ -320,7 +344,7 @@ def taylor_series(
 
 
 def _inner(g: Graph, a: Sequence[int], b: Sequence[int], *, same: bool) -> int:
-    """Sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
+    """Return the sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
     k = len(a) + 1
     if not same:
         js = sorted(range(1, k), key=lambda j: (-min(j, k - j), j))

@@ -1,18 +1,18 @@
 """Simpler forms of operations; None where there is none.
 
 A quotient by its own absolute value is a sign: u/abs(u), abs(u)/u, u/sqrt(u^2),
-u/abs(u)^q. That is how many write the direction of a velocity. At rest it would be 0/0,
-and no switch would be seen in it. Where 0 < q < 1, sign(u) |u|^(1 - q) is meant.
+u/abs(u)^q. Many models write the direction of a velocity so. At rest it would be 0/0,
+and no switch would be detected. For 0 < q < 1, the form is sign(u) |u|^(1 - q).
 
-A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5,
-hypot(u, 0), max(u, -u), u*sign(u). Written so its corner is seen, and is a switch as
-that of abs.
+A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5, hypot(u,
+0), max(u, -u), u*sign(u). Written as `abs`, its corner is a switch.
 
-A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
-slope at 0, where its power has one: the energy of a body at rest that is written with
-its speed. Only what is equal for all arguments is written otherwise: sqrt(e) has no
-value below 0, so that sqrt(e)^2 is e only where e is seen never to be negative;
-elsewhere its slopes are those of e all the same (`local_slopes`).
+A power of a root is written without the root: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3,
+abs(x)^2. A root has no slope at 0, where its power has one: the energy of a body at
+rest that is written with its speed. An expression is rewritten only where both forms
+are equal for all arguments: sqrt(e) has no value below 0, so that sqrt(e)^2 becomes e
+only where e is recognised as never negative; elsewhere its slopes are those of e
+(`local_slopes`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Builder(Protocol):
     one: int
 
     def constant(self, x: float) -> int:
-        """Node of a number."""
+        """Return the node of a number."""
 
     def value(self, node: int) -> float | None:
         """Return the number that a node is, or None."""
@@ -43,16 +43,16 @@ class Builder(Protocol):
         """Return the number, the name, the truth value or the array of a leaf."""
 
     def data(self, numbers: Any) -> int:
-        """Node of an array."""
+        """Return the node of an array."""
 
     def call(self, op: str, *args: int) -> int:
-        """Node of an operation, simplified."""
+        """Return the node of an operation, simplified."""
 
     def cone(self, nodes: Iterable[int]) -> Sequence[int]:
-        """Return all nodes that these depend on, and these, arguments first."""
+        """Return some nodes and all nodes they depend on, arguments first."""
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
-        """Node of an operation as it is."""
+        """Return the node of an operation, not simplified."""
 
 
 # Factors are looked for so far down: shared products would be walked through again and
@@ -70,7 +70,7 @@ MOST = 200
 
 
 def direction(g: Builder, x: int, y: int) -> int | None:
-    """Return x/y where y is a size of a factor of x, or x of y, else None."""
+    """Return x/y where one is a factor of the other's absolute value, else None."""
     if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
         return g.call("sign", y)
     part, size, q = _size_in(g, y)
@@ -85,7 +85,7 @@ def direction(g: Builder, x: int, y: int) -> int | None:
 
 
 def directed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y where one of them divides by a size of a factor of the other."""
+    """Return x y where one divides by the absolute value of the other's factor."""
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
         if op == "div":
@@ -114,7 +114,7 @@ def _signed(g: Builder, u: int, q: float) -> int:
 
 
 def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
-    """Return what else is a factor of y, u, and q where |u|^q is one."""
+    """Return f, u and q of y = f |u|^q; u is None where y has no such factor."""
     op, args = g.ops[y], g.args[y]
     if op == "mul" and depth:
         for other, a in (args, args[::-1]):
@@ -157,7 +157,7 @@ def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
 
 
 def raised(g: Builder, x: int, exponent: float) -> int | None:
-    """Return x^exponent without the root that x is or has for a factor, else None."""
+    """Return x^exponent without the root in x, else None."""
     op, args = g.ops[x], g.args[x]
     if exponent % 1.0 or exponent < 2.0:
         return None
@@ -178,7 +178,7 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def signed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y as a size where one is the sign of a multiple of the other."""
+    """Return x y as an absolute value where one is the sign of the other's multiple."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] != "sign":
             continue
@@ -206,7 +206,7 @@ def joined_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def rooted_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y where one is a root that is a factor of the other, too, else None."""
+    """Return x y where one is a root that is also a factor of the other, else None."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] not in UNDONE:
             continue
@@ -221,7 +221,7 @@ def rooted_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def never_negative(g: Builder, node: int) -> bool:
-    """Whether a node is seen to have no value below 0."""
+    """Whether a node is recognised to have no value below 0."""
     stack, left = [node], MOST
     while stack:
         n = stack.pop()
@@ -403,7 +403,7 @@ def maximum(g: Builder, x: int, y: int) -> int | None:
 
 
 def absolute(g: Builder, x: int) -> int | None:
-    """Simplify |x|: of numbers that are factors, and of what has one sign."""
+    """Simplify |x|: factor out numbers, and drop it for x of known sign."""
     op, args = g.ops[x], g.args[x]
     if op == "neg":
         return g.call("abs", args[0])
@@ -438,7 +438,7 @@ def cube_root(g: Builder, x: int) -> int | None:
 
 
 def _multiple(g: Builder, x: int) -> tuple[float, int]:
-    """Return c and u of x = c u; u is 1 where x is a number."""
+    """Return c and u of x = c u, with a number c; u is 1 where x is a number."""
     op, args, number = g.ops[x], g.args[x], g.value(x)
     if number is not None:
         return number, g.one
@@ -493,6 +493,6 @@ def _squared(g: Builder, x: int, depth: int = DEEP) -> tuple[int | None, int]:
 
 
 def remainder(g: Builder, x: int, y: int) -> int:
-    """Write mod(x, y), of the sign of y, with `floor`, which jumps where it does."""
+    """Return mod(x, y), with the sign of y, written with `floor` and its jumps."""
     whole = g.call("floor", g.call("div", x, y))
     return g.call("sub", x, g.call("mul", y, whole))

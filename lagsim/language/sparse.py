@@ -1,4 +1,4 @@
-"""Vectors and matrices of graph nodes, most of them zero; disjoint sets of indices."""
+"""Sparse vectors and matrices of graph nodes; disjoint sets of indices."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class SparseVector:
-    """Nodes of which only those are kept that do not vanish identically.
+    """Vector of nodes that stores only entries that do not vanish identically.
 
-    What must not take time in proportion to its length reads `entries`.
+    An algorithm whose cost must not grow with the length iterates over `entries`.
 
     Attributes
     ----------
@@ -42,27 +42,27 @@ class SparseVector:
 
 
 class TooLongError(Exception):
-    """The elimination would take more operations than it may."""
+    """The elimination would exceed its budget of operations."""
 
 
 class Budget:
-    """Counts multiplications and gives up when they pass a limit."""
+    """Counter of operations that raises TooLongError past a limit."""
 
     def __init__(self, limit: float = math.inf) -> None:
         self.operations = 0
         self.limit = limit
 
     def stop(self) -> None:
-        """Count on without a limit."""
+        """Remove the limit and continue to count."""
         self.limit = math.inf
 
     def add(self, operations: int) -> None:
-        """Count `operations` more."""
+        """Count further operations."""
         self.foresee(operations)
         self.operations += operations
 
     def foresee(self, operations: int) -> None:
-        """Give up if `operations` more, which are counted when they are made, pass."""
+        """Raise TooLongError if `operations` more would pass the limit; count none."""
         if self.operations + operations > self.limit:
             raise TooLongError
 
@@ -72,17 +72,19 @@ def minimum_degree(
     budget: Budget,
     after: Mapping[int, Collection[int]] | None = None,
 ) -> list[int]:
-    """Order of elimination that keeps fill small; counts its operations.
+    """Return an order of elimination with little fill; count its operations.
 
-    The row of fewest entries comes next; where there are several the first of them
-    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
+    The row with the fewest entries is next; of several such rows, the first (A. George
+    and J. W. H. Liu, SIAM Review 31 (1989), section 2).
 
     Parameters
     ----------
     rows
-        The columns of the entries of each row, symmetric; eliminated on the way.
+        The columns of the entries of each row, symmetric; modified by the elimination.
+    budget
+        Counter of the operations.
     after
-        Row -> those that come before it, neighbours of it.
+        Row -> its neighbours that must be eliminated before.
     """
     order: list[int] = []
     waits = {k: set(before) for k, before in (after or {}).items() if before}
@@ -109,16 +111,13 @@ def minimum_degree(
 
 
 def squares(Z: Sequence[Collection[int]]) -> int:
-    """Count of operations of the products Z^T D^-1 Z, from the pattern of Z."""
+    """Return the count of operations of Z^T D^-1 Z, from the pattern of Z."""
     holders = Counter(k for z in Z for k in z)
     return sum(count * (count + 1) for count in holders.values())
 
 
 def fill(Z: Sequence[Collection[int]]) -> int:
-    """Count of operations of the elimination in Z^T D^-1 Z.
-
-    From where its columns have entries; no two products of theirs cancel.
-    """
+    """Return the count of operations of the elimination in Z^T D^-1 Z."""
     holders: dict[int, set[int]] = {}
     for i, z in enumerate(Z):
         for k in z:
@@ -129,13 +128,21 @@ def fill(Z: Sequence[Collection[int]]) -> int:
 
 
 class DisjointSets:
-    """The indices below `size`, at first each in a set of its own."""
+    """Disjoint sets of the indices below `size`, initially one set for each.
+
+    Examples
+    --------
+    >>> sets = DisjointSets(4)
+    >>> sets.merge(0, 2)
+    >>> sets.sets()
+    [[0, 2], [1], [3]]
+    """
 
     def __init__(self, size: int) -> None:
         self._leader = list(range(size))
 
     def leader(self, i: int) -> int:
-        """Index that represents the set of `i`."""
+        """Return the index that represents the set of `i`."""
         above = self._leader
         while above[i] != i:
             above[i] = above[above[i]]
@@ -143,12 +150,12 @@ class DisjointSets:
         return i
 
     def merge(self, i: int, j: int) -> None:
-        """Make one set of those of `i` and `j`."""
+        """Merge the sets of `i` and `j`."""
         i, j = self.leader(i), self.leader(j)
         self._leader[max(i, j)] = min(i, j)
 
     def unite(self, some: Iterable[int | None]) -> int | None:
-        """Make one set of those of several, and return the first; None counts not."""
+        """Merge the sets of several indices, and return the first; None is skipped."""
         first = None
         for j in some:
             if first is None:
@@ -158,7 +165,7 @@ class DisjointSets:
         return first
 
     def sets(self) -> list[list[int]]:
-        """Return them, each in order, by their first indices."""
+        """Return the sets, each ascending, in the order of their first indices."""
         found: dict[int, list[int]] = defaultdict(list)
         for i in range(len(self._leader)):
             found[self.leader(i)].append(i)
@@ -166,7 +173,7 @@ class DisjointSets:
 
 
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
-    """Return for each of n coordinates the first one that `rows` join it with."""
+    """Return for each of n coordinates the first one coupled with it by `rows`."""
     sets = DisjointSets(n)
     for row in rows:
         for i, j in pairwise(row):

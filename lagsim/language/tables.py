@@ -1,18 +1,18 @@
-"""Functions given by points: piecewise polynomials, the data of operations of a graph.
+"""Functions given by points: piecewise polynomials as data of graph operations.
 
 A table has cells between its knots, and one beyond each end: the cells -1, 0, ... m.
-`axis` holds m, how many derivatives are continuous at its knots (below 0, as many: and
-its argument is a t + b), the period (0: none), 1 if a run ends with the table, and the
-m + 1 knots.
-`pieces` holds p, then c_0 ... c_(p - 1) of each cell from -1 on: the polynomial in the
-distance from the cell's lower knot (of the cell m, from the last one). With two
-arguments each cell has p*p of them, those of the second argument side by side.
+`axis` has m, the number of continuous derivatives at its knots (negative if its
+argument is a t + b and steps end at its knots), the period (0: none), 1 if a run ends
+with the table, and the m + 1 knots. `pieces` has p, then c_0 ... c_(p - 1) of each cell
+from -1 on: the polynomial in the distance from the cell's lower knot (in the cell m,
+from the last one). With two arguments each cell has p*p coefficients, the second
+argument's index running fastest.
 
-Pieces are chosen by a number apart, `floor(table.knot(axis, x))`, which is a switch as
-any other. Of a smooth table it tells only where the argument is, -1 below the first
-knot, 0 between the ends, 1 above, unless the time alone leads from knot to knot: there
-steps end, as no estimate sees that a high derivative jumps. Functions that begin with
-`table_` are kernels.
+Pieces are selected by a separate number, `floor(table.knot(axis, x))`, which is an
+ordinary switch. For a smooth table it only distinguishes -1 below the first knot, 0
+between the ends, and 1 above, unless the argument depends on time alone: then steps end
+at each knot, since no error estimate detects the jump of a high derivative. Functions
+whose names begin with `table_` are kernels.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ BELOW, TINY, FAR = 1.5 * 2.0**-53, 2.0**-1000, 1e300
 
 
 class Data:
-    """Numbers that operations read; equal to others of the same name and the same bits.
+    """Array of numbers that operations read; equal to one of equal name and bits.
 
     Attributes
     ----------
     name : str
-        That of the table.
+        Name of the table.
     numbers : ndarray, shape (k,)
+        The numbers.
     """
 
     def __init__(self, name: str, numbers: Floats) -> None:
@@ -51,7 +52,7 @@ class Data:
 
     @cached_property
     def values(self) -> list[float]:
-        """The numbers as Python has them."""
+        """The numbers as Python floats."""
         return list(self.numbers.tolist())
 
     def __eq__(self, other: object) -> bool:
@@ -65,7 +66,7 @@ class Data:
 
 
 def table_cell(axis: Floats, x: float) -> int:
-    """Cell that x lies in; of a periodic table they are counted on."""
+    """Return the cell of x; for a periodic table, counted on through the periods."""
     m = int(axis[0])
     before = 0
     if axis[2] > 0.0:
@@ -88,7 +89,7 @@ def table_cell(axis: Floats, x: float) -> int:
 
 
 def table_row(axis: Floats, cell: int) -> int:
-    """Return which row of coefficients is a cell's; that of a period, if it has one."""
+    """Return the row of a cell's coefficients; of a periodic table, within a period."""
     m = int(axis[0])
     if axis[2] > 0.0:  # past all digits of x a remainder is none
         return 1 + max(0, min(cell - floor(cell / m) * m, m - 1))
@@ -96,7 +97,7 @@ def table_row(axis: Floats, cell: int) -> int:
 
 
 def table_from(axis: Floats, x: float, cell: int) -> float:
-    """Distance of x from the knot that a cell's polynomial begins at."""
+    """Return the distance of x from the origin of a cell's polynomial, a knot."""
     m = int(axis[0])
     if axis[2] > 0.0:
         x = x - floor(cell / m) * axis[2]
@@ -104,9 +105,10 @@ def table_from(axis: Floats, x: float, cell: int) -> float:
 
 
 def table_knot(axis: Floats, x: float) -> float:
-    """Return what grows from k to k + 1 in cell k, and by less than 1 past the ends.
+    """Return a knot number in [k, k + 1) for x in cell k, increasing with x.
 
-    Its whole part is exact: a knot is passed at a double, however many there are.
+    Past the ends it changes by less than 1. Its whole part is exact: a knot is passed
+    at one double, whatever the number of knots.
     """
     m = int(axis[0])
     cell = table_cell(axis, x)
@@ -126,7 +128,7 @@ def table_knot(axis: Floats, x: float) -> float:
 
 
 def table_rate(axis: Floats, x: float) -> float:
-    """Slope of `table_knot`."""
+    """Return the slope of `table_knot`."""
     m = int(axis[0])
     cell = table_cell(axis, x)
     if axis[2] > 0.0 or (cell >= 0 and cell < m):
@@ -138,7 +140,7 @@ def table_rate(axis: Floats, x: float) -> float:
 
 
 def table_chosen(axis: Floats, x: float, piece: float) -> int:
-    """Cell of a piece, and of a smooth table the one that x lies in there."""
+    """Return the cell of a selected piece; in a smooth table, that of x within it."""
     m = int(axis[0])
     k = floor(piece)
     if axis[2] > 0.0:
@@ -150,7 +152,7 @@ def table_chosen(axis: Floats, x: float, piece: float) -> int:
 
 
 def table_power(j: int, order: float) -> float:
-    """Return j (j - 1) ... (j - order + 1), which a derivative multiplies by."""
+    """Return j (j - 1) ... (j - order + 1), the factor of a derivative of x^j."""
     found = 1.0
     for i in range(int(order)):
         found = found * (j - i)
@@ -183,7 +185,7 @@ def table_piece2(
     piece: float,
     piece2: float,
 ) -> float:
-    """Partial derivative of a piece of a table of two arguments."""
+    """Return a partial derivative of a piece of a table of two arguments."""
     p = int(pieces[0])
     cell = table_chosen(axis, x, piece)
     cell2 = table_chosen(other, y, piece2)
@@ -208,7 +210,7 @@ KERNELS = (table_knot, table_rate, table_piece, table_piece2)
 
 
 def functions() -> list[Callable[..., Any]]:
-    """Return the kernels and all that they call."""
+    """Return the kernels and all functions that they call."""
     return [f for name, f in globals().items() if name.startswith("table_")]
 
 
@@ -218,7 +220,7 @@ def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
 
 
 def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> int:
-    """Node of a piece's derivative in its argument `which`, 0 or 1."""
+    """Return the node of a piece's derivative in its argument `which`, 0 or 1."""
     data = 1 + (op == "table.piece2")
     pieces, at = g.payload(args[data]), data + 1 + which
     order = g.value(args[at])
@@ -229,7 +231,7 @@ def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> in
 
 
 def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
-    """Node of a table's value at `args`."""
+    """Return the node of a table's value at `args`."""
     chosen = []
     for axis, x in zip(axes, args, strict=True):
         smooth = axis.numbers[1] > 0.0
@@ -251,7 +253,7 @@ def met(axis: Data) -> Data:
 
 
 def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
-    """Axis and argument of which a discrete function is the cell, if it is one."""
+    """Return axis and argument if `discrete` is a cell number of a table, else None."""
     (inner,) = g.args[discrete][:1] or (discrete,)
     if g.ops[discrete] != "floor" or g.ops[inner] != "table.knot":
         return None
@@ -260,13 +262,13 @@ def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
 
 
 def at_ends(g: Builder, axis: Data, x: int) -> int:
-    """Discrete function that changes at the ends of a table alone."""
+    """Return the node of a step function that changes only at the ends of a table."""
     ends = _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
     return g.call("floor", g.call("table.knot", g.data(ends), x))
 
 
 def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
-    """Return the highest derivative of tables by each of the cells below `nodes`."""
+    """Return the highest order of derivative of tables below `nodes`, by cell node."""
     found: dict[int, int] = {}
     for n in g.cone(nodes):
         if g.ops[n] in PIECES:
@@ -277,7 +279,7 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 
 
 def continuous(axis: Data, order: int) -> tuple[float, float]:
-    """Numbers, excluded, between which are the knots that derivatives continue at."""
+    """Return the open range of knot numbers at which this derivative is continuous."""
     m, smooth, period, ends = axis.values[:FIRST]
     if order > abs(smooth):
         return 0.0, 0.0
@@ -287,7 +289,7 @@ def continuous(axis: Data, order: int) -> tuple[float, float]:
 
 
 class Written(NamedTuple):
-    """Meaning of a node: the table, the orders of its derivative, its arguments."""
+    """Table operation of a node: the table, its orders of derivative, its arguments."""
 
     name: str
     orders: tuple[int, ...]
@@ -295,7 +297,7 @@ class Written(NamedTuple):
 
 
 def written(g: Builder, n: int) -> Written:
-    """Return what a node of a table is; the number of a knot counts as its value."""
+    """Return the table operation of a node; a knot number counts as a value."""
     args = g.args[n]
     name = g.payload(args[0]).name
     if not g.ops[n].startswith("table.piece"):
@@ -307,12 +309,12 @@ def written(g: Builder, n: int) -> Written:
 
 
 def arguments(g: Builder, n: int) -> tuple[int, ...]:
-    """Return the arguments of a node as they may have been written."""
+    """Return the arguments of a node, without the data of a table."""
     return written(g, n).args if g.ops[n].startswith("table.") else g.args[n]
 
 
 def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, float]]:
-    """Knots on the way from `first` to `last`, in this order, each with its number."""
+    """Yield the knots from `first` to `last`, in this order, each with its number."""
     _, _, period, _, *knots = axis.values
     turns = [0.0, 0.0]
     if period:
@@ -327,7 +329,7 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table that a run ends with in a cell, and the knot where it does."""
+    """Return the table that ends a run in `cell`, and its last knot; else None."""
     if g.ops[knot] != "table.knot":
         return None
     axis = g.payload(g.args[knot][0]).values
@@ -352,16 +354,7 @@ def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Da
 def made(
     name: str, points: tuple[Floats, ...], values: Floats, how: str, outside: str
 ) -> tuple[tuple[Data, ...], Data]:
-    """Axes and pieces of a table.
-
-    Parameters
-    ----------
-    points
-        Of each argument (n,), in ascending order.
-    values : ndarray, shape (n,) or (n, n2)
-    how, outside
-        One of INTERPOLATIONS, of OUTSIDE.
-    """
+    """Return the axes and pieces of a table."""
     import numpy as np
 
     found = values
@@ -382,7 +375,7 @@ def made(
 
 
 def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
-    """Coefficients (p, m + 2, ...) of pieces through the points y (m + 1, ...)."""
+    """Return coefficients (p, m + 2, ...) of pieces through points y (m + 1, ...)."""
     import numpy as np
 
     if how == "linear":
@@ -401,7 +394,7 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 
 
 def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
-    """Coefficients (4, m, ...) of cubic pieces, the highest power first."""
+    """Return coefficients (4, m, ...) of cubic pieces, the highest power first."""
     import numpy as np
     from scipy.interpolate import CubicSpline, PchipInterpolator
 

@@ -1,4 +1,4 @@
-"""Units: powers of symbols, and what operations make of them."""
+"""Units as powers of symbols, and the units of operations."""
 
 from __future__ import annotations
 
@@ -45,7 +45,13 @@ _ROOTS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0}
 
 
 def parsed(text: str) -> Unit | None:
-    """Take a unit apart: `N s/m` into powers; None where it is none."""
+    """Return the powers of symbols in a unit such as `N s/m`; None if invalid.
+
+    Examples
+    --------
+    >>> parsed("N s/m")
+    {'kg': 1.0, 's': -1.0}
+    """
     found: Unit = PURE
     at = 0
     while at < len(text):
@@ -68,7 +74,7 @@ def times(one: Unit, other: Unit, power: float = 1.0) -> Unit:
 
 
 def written(unit: Unit | None, names: Iterable[str] = ("N", "J", "W")) -> str:
-    """Write a unit, by one of these names where one fits; "" for none."""
+    """Return the text of a unit, by one of `names` where it fits; "" for none."""
     if not unit:
         return ""
     for name in names:
@@ -86,10 +92,10 @@ def _power(symbol: str, exponent: float) -> str:
 
 
 class Quantity(NamedTuple):
-    """The unit of an expression: its powers, None where none follows, and its text.
+    """Unit of an expression: its powers, or None if unknown, and its text.
 
-    The text is the unit as it is written, which sums and numbers in front keep. What is
-    `free` is made of numbers alone, and fits everything in a sum.
+    The text is the unit in the file's notation; sums and numeric factors keep it.
+    `free` marks an expression of numbers alone, which fits any unit in a sum.
     """
 
     unit: Unit | None = None
@@ -100,7 +106,7 @@ class Quantity(NamedTuple):
 def combined(
     op: str, parts: Sequence[Quantity], power: float | None
 ) -> tuple[Unit | None, str]:
-    """Return unit and text of an operation; `power` is the number that comes last."""
+    """Return unit and text of an operation; `power` is its last, constant argument."""
     one, other = parts[0], parts[-1]
     if op in ("mul", "div"):
         if one.unit is None or other.unit is None:
@@ -128,7 +134,7 @@ def combined(
 
 
 def is_pure(value: float) -> bool:
-    """Return whether a number in a product is none that stands for a quantity."""
+    """Whether a numeric factor has no unit of its own, such as 1/2 or pi."""
     size = abs(value)
     return (
         any(value * k % 1 == 0.0 and size * k <= SMALL for k in range(1, SMALL + 1))
