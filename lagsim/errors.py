@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 # A source line longer than this is shown around the fault only.
 WINDOW = 160
-# What a terminal acts on, what turns the order of letters round, and what nobody sees:
+# Control characters of terminals, marks of the direction of text, invisible letters:
 # controls but for tab and line feed, marks of direction, blanks without width.
 UNSEEN = (
     r"\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f"

@@ -31,7 +31,7 @@ _NO_WAITING = getattr(os, "O_NONBLOCK", 0)
 
 IRREGULAR = "it is a pipe or a device, and no regular file"
 
-# What removes each file that is not to outlive this process.
+# Removals to carry out when this process ends, by key.
 _passing: dict[object, Callable[[], object]] = {}
 
 

@@ -10,7 +10,7 @@ import functools
 import re
 from typing import Any, NamedTuple
 
-# What the examples change: each replaces the sections that it names.
+# The model of the examples; each example replaces some of its sections.
 EXAMPLE = """\
 name: pendulum
 parameters: {m: 1, g: 9.81, l: 1}

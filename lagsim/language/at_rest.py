@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     Values = dict[str, tuple[float, float]]
 
 WHOLE = ("floor", "ceil")
-# Points with the parameters of the file, and with others; a value of irrational parts
-# gives each variable another number at each of them.
+# Number of points with the parameters of the file, and with others; multiples of an
+# irrational number give each variable a different value at each point.
 POINTS = 12
 GOLDEN, LEAST, SPAN = 0.618033988749895, 0.2, 1.6
 # Slips beside 0, and directions of a slip of two components; the least part of the
@@ -40,11 +40,11 @@ GOLDEN, LEAST, SPAN = 0.618033988749895, 0.2, 1.6
 SPEEDS = (1e-6, 1e-3, 0.3, 7.0)
 DIRECTIONS = 64
 BENT = 1e-7
-# So many errors are rounding; two bounds are the same up to this part of them; and a
-# continuous one changes by no more than that over a slip of STEP.
+# A value is 0 within CERTAIN error bounds; two bounds are equal within the relative
+# difference SAME; a continuous bound changes by at most CHANGE over a slip of STEP.
 CERTAIN, SAME = 8.0, 1e-9
 STEP, CHANGE = 1e-13, 1e-5
-# Equalities that are looked at; rows are dependent by this part of their slopes.
+# Largest number of equalities; relative size of the pivot of dependent rows.
 MOST_HELD, DEPENDENT = 32, 1e-9
 
 
@@ -110,7 +110,7 @@ def bounds_at_rest(
     held = _coupled(g, [node, *slips], held, velocities)
     names = g.depends([node, *slips, *held])
     found = [_points(g, slips, names, velocities, x, held) for x in (known, {})]
-    if not all(found):  # what equalities hold has no slip
+    if not all(found):  # equalities prevent any slip
         return Bounds(node, node) if held else None
     return _Beside(g, node, found[0], found[1]).bounds(slips)
 
@@ -251,8 +251,8 @@ class _UnclearError(Exception):
     """The value of a switch at slip 0 cannot be determined."""
 
 
-# Versions of an expression: at slip 0, beside it to either side, and with only those
-# switches decided that are the same on both sides.
+# Versions of an expression: at slip 0, on either side, and with only the switches
+# decided whose values are equal on both sides.
 REST, ABOVE, BELOW, EVEN = range(4)
 
 
@@ -339,7 +339,7 @@ class _Beside:
         return found.pop()
 
     def _refuse_jump(self, versions: list[int]) -> None:
-        """Refuse a whole number that steps at slip 0."""
+        """Raise _UnclearError where a whole number steps at slip 0."""
         for point in self.points:
             here = evaluate(self.g, [versions[REST]], _plain(point.values))
             for slip in (SPEEDS[0], -SPEEDS[0]):
@@ -348,7 +348,7 @@ class _Beside:
                     raise _UnclearError
 
     def _sign(self, part: int, way: float) -> float:
-        """Sign of an expression at slips of one sign."""
+        """Return the sign of an expression at slips of one sign."""
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:
@@ -361,7 +361,7 @@ class _Beside:
         return found.pop()
 
     def _sign_around(self, part: int) -> float:
-        """Sign of an expression at slips of two components in all directions."""
+        """Return the sign of an expression at slips in all directions of the plane."""
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:

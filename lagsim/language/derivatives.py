@@ -119,7 +119,7 @@ class _Reverse:
         return result
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
-        """Active nodes under `nodes`, last first, stopping at selections."""
+        """Return active nodes under `nodes`, last first, stopping at selections."""
         seen = set(nodes)
         stack = list(seen)
         while stack:

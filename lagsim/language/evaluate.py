@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-# Beside a look at each node, so many values take as long as an operation that is made;
-# so do values with their errors.
+# Number of evaluated nodes, without and with errors, whose time is that of creating
+# one node.
 VALUES = 7
 VALUES_WITH_ERRORS = 1.5
 

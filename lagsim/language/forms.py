@@ -36,9 +36,9 @@ Terms = dict[int, Any]
 
 
 class Products(Generic[Atom]):
-    """Powers of atoms encoded as integers: a product is the sum of codes, and 1 is 0.
+    """Powers of atoms encoded as integers: the code of a product is the sum of codes.
 
-    The caller keeps exponents within `largest`.
+    The code of 1 is 0. The caller keeps exponents within `largest`.
 
     Parameters
     ----------
@@ -194,13 +194,13 @@ class Turning(Products[Atom]):
         return None
 
 
-# Products of two terms, in all, or for each expression where there are many: where it
-# takes more, nothing is changed.
+# Largest number of products of two terms, in all, or for each expression if there are
+# many; beyond this number the expressions are left unchanged.
 MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
-# Bits of an exponent: those of a model's energies are small, and its factors many.
+# Bits of an exponent: energies have small exponents, and many factors.
 EXPONENT_BITS = 7
-# Operations of the graph that take as long as to write a node as a sum of products, and
-# to look for what joins a term.
+# Time of expanding a node into a sum of products, and of searching the partner of a
+# term, in operations of the graph.
 EXPANDED, JOINED = 7, 2
 
 
@@ -426,7 +426,7 @@ Monomial = tuple[tuple[int, Fraction], ...]
 Sum = dict[Monomial, int]
 
 LARGEST_POWER = 16
-# Operations of the graph that take as long as to divide a factor out of a sum.
+# Time of dividing a sum by a factor, in operations of the graph.
 FACTORED = 2
 
 
@@ -678,7 +678,7 @@ class Collected:
         g = self.g
         cone = g.cone(nodes)
         functions = {n for n in cone if g.ops[n] not in ARITHMETIC}
-        if any(g.args[n] for n in functions):  # below these, what is shared is kept
+        if any(g.args[n] for n in functions):  # shared nodes below functions are kept
             cone = g.cone(nodes, functions)
         linear = ("add", "sub", "neg")
         users = {a for n in cone if g.ops[n] not in linear for a in g.args[n]}

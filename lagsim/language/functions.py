@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Condition = Callable[[Builder, Arguments], int | None]
 
 
-# What a function of a library costs, in additions (measured: sin 18, exp 15).
+# Cost of a library function, in additions (measured: sin 18, exp 15).
 TRANSCENDENTAL = 16
 
 
@@ -562,7 +562,7 @@ def _piece(op: str, count: int) -> Partials:
     )
 
 
-# What a file's `tables` are made of; their names have a point, so no file can use them.
+# Operations of a file's `tables`; their names have a point, so no file can use them.
 TABLES = (
     _of_table(
         "knot", 1, 1,
@@ -585,7 +585,7 @@ FUNCTIONS = {
 }
 # Operators that join conditions, and are words.
 JOINING = tuple(name for name, row in OPERATIONS.items() if row.sign.strip() == name)
-# What selects among its arguments.
+# Functions that select among their arguments.
 CHOOSING = frozenset(name for name, row in OPERATIONS.items() if row.branches)
-# What is flat but for its jumps.
+# Functions that are constant between jumps.
 STEPS = frozenset(name for name, row in OPERATIONS.items() if row.step)

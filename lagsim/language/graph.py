@@ -1,8 +1,8 @@
-"""The hash-consed expression graph.
+"""Hash-consed expression graph.
 
-A node is an int; equal expressions are the same node, and arguments always have
-smaller numbers than what uses them, so ascending order is an order of evaluation and
-no algorithm on the graph recurses.
+A node is an int. Equal expressions are one node, and arguments have smaller numbers
+than the operations that use them, so that ascending order is an order of evaluation and
+no algorithm on the graph needs recursion.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ CONSTANT = "constant"
 VARIABLE = "variable"
 TRUTH = "truth"
 DATA = "data"
-# To look at so many nodes takes as long as to make one.
+# Number of nodes whose traversal takes as long as creating one.
 LOOKUPS = 7
-# Cones of so many nodes are kept, the last few: they are often asked for again.
+# Length from which cones are memoized, and the number of memoized cones.
 LONG, MOST_CONES, CONES = 1000, 8, "cones"
 
 
@@ -57,7 +57,7 @@ class Degrees(NamedTuple):
         return Degrees(min(self.least, other.least), max(self.most, other.most))
 
 
-FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # what is not named, and 0
+FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # other nodes, and 0
 
 
 @cache
@@ -90,7 +90,7 @@ class TooMuchError(InputError):
 
 
 class Leaves(NamedTuple):
-    """Nodes of some variables, and the first of them, for a count of variables.
+    """Nodes of some variables, and the least of them.
 
     `variables` is the count of variables in the graph when the nodes were collected.
     """
@@ -250,7 +250,7 @@ class Graph:
         return self.kept(VARIABLE, payload=name) if known is None else known
 
     def variables(self) -> Mapping[Any, int]:
-        """Node of each variable by name."""
+        """Return the node of each variable by name."""
         return self._known[VARIABLE]
 
     def value(self, node: int) -> float | None:
@@ -334,7 +334,7 @@ class Graph:
         """Return, for several sets of names, the nodes that depend on any of them."""
         args, leaves = self.args, [self._leaves(names) for names in several]
         first = min(some.first for some in leaves)
-        # What is older depends on none.
+        # Older nodes depend on none of the names.
         cone = self.cone(nodes, range(first) if first > LONG else ())
         made = []
         for some in leaves:
@@ -383,7 +383,7 @@ class Graph:
     def degrees_below(
         self, nodes: Iterable[int], names: Collection[str]
     ) -> dict[int, Degrees | None]:
-        """Degrees of 0, and of all nodes below `nodes` that depend on `names`."""
+        """Return the degrees of 0, and of nodes below `nodes` that use `names`."""
         one = Degrees(1, 1)
         found: dict[int, Degrees | None] = {self.zero: NOTHING}
         for n in sorted(self.dependent(nodes, names)):
@@ -394,7 +394,7 @@ class Graph:
         return found
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
-        """`nodes` with each key of `new` replaced by its value."""
+        """Return `nodes` with each key of `new` replaced by its value."""
         nodes = list(nodes)
         done: dict[int, int] = {}  # those that are not themselves
         cone = self.cone(nodes, range(min(new, default=len(self))))

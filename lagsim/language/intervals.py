@@ -65,7 +65,7 @@ class Interval(NamedTuple):
 
     @property
     def width(self) -> Floats:
-        """The distance of the bounds."""
+        """Difference of the bounds."""
         return np.asarray(self.hi - self.lo)
 
     @property
@@ -438,7 +438,7 @@ def _each(op: str, axis: Data, x: Interval) -> Floats:
 
 
 def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
-    """First and last cells (2, k) that x, or a piece of it, runs through."""
+    """Return first and last cells (2, k) of a table for x, or for a piece."""
     smooth, period = axis.numbers[1:3]
     if piece is not None and not smooth > 0.0:
         return np.floor([piece.lo, piece.hi])
@@ -564,7 +564,7 @@ class Enclosures:
                 self.program.append((n, RULES[op], args))
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
-        """Enclosure of each node over the intervals from `lo` to `hi`."""
+        """Return the enclosure of each node over the intervals from `lo` to `hi`."""
         found = dict(self.fixed)
         found |= dict.fromkeys(self.running, interval(lo, hi))
         with np.errstate(all="ignore"):

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-# What begins the names of definitions that are no columns; no name of a file does.
+# Prefix of the names of hidden definitions, which no name of a file has.
 HIDDEN = "~"
-# What begins the names of the constraints on the lengths of quaternions.
+# Prefix of the names of the constraints on the lengths of quaternions.
 UNIT_LENGTH = "unit."
 ENDINGS = ("", "_dot", "_ddot")
 

@@ -67,11 +67,11 @@ class Token(NamedTuple):
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
-# Operations on a stack: each with a number, a name or how many values it takes, and
-# with its token.
+# Operations on a stack: each with a number, a name or its number of operands, and with
+# its token.
 Steps: TypeAlias = tuple[tuple[str, Any, Token], ...]
 
-# Of the columns with a point in their names those that expressions may name.
+# Columns with a point in their names that are allowed in expressions.
 DOTTED = r"(?:reaction\.)?"
 TOKEN = re.compile(
     rf"""(?P<space>\s+)
@@ -257,7 +257,7 @@ class ParsedRelation(NamedTuple):
 
 
 # Binding powers. Unary minus binds weaker than `^` and tighter than `*`.
-# What stands before an operator that is missing.
+# End of the operand before a missing operator.
 _LAST = re.compile(r"[\w.]+$")
 _BINARY = {
     row.sign.strip(): (row.binds, name)

@@ -102,7 +102,7 @@ class Coefficients:
         self._known[g.variable("t")] = g.variable(TIME)
         self._moves = dict.fromkeys(self._known, True)
         self._twins: dict[int, int | None] = {}
-        self._extended: set[int] = set()  # they, and all below them
+        self._extended: set[int] = set()  # nodes with coefficients, as have all below
 
     def __call__(self, n: int) -> int:
         """Return the coefficient of order k of node `n`."""
@@ -201,7 +201,7 @@ def _mul(s: Coefficients, n: int) -> int:
 
 
 def _div(s: Coefficients, n: int) -> int:
-    """F y = x: y_0 f_k = x_k - sum of y_j f_(k-j), j from 1 to k."""
+    """Return f_k of f = x/y: y_0 f_k = x_k - sum of y_j f_(k-j), j from 1 to k."""
     g = s.g
     x, y = g.args[n]
     earlier = g.call("add", s.inner(y, n), g.call("mul", s(y), n))
@@ -209,14 +209,14 @@ def _div(s: Coefficients, n: int) -> int:
 
 
 def _sqrt(s: Coefficients, n: int) -> int:
-    """F f = x: 2 f_0 f_k = x_k - sum of f_j f_(k-j), j from 1 to k - 1."""
+    """Return f_k of f^2 = x: 2 f_0 f_k = x_k - sum of f_j f_(k-j), 0 < j < k."""
     g = s.g
     rest = g.call("sub", s(g.args[n][0]), s.inner(n, n))
     return g.call("mul", rest, g.call("div", g.constant(0.5), n))
 
 
 def _hypot(s: Coefficients, n: int) -> int:
-    """Root of x^2 + y^2."""
+    """Return the coefficient of sqrt(x^2 + y^2)."""
     g = s.g
 
     def root() -> int:
@@ -229,13 +229,16 @@ def _hypot(s: Coefficients, n: int) -> int:
 
 
 def _integral(s: Coefficients, x: int, slope: int) -> int:
-    """F' = slope x': f_k = sum of j/k x_j slope_(k-j), j from 1 to k."""
+    """Return f_k of f' = slope x': the sum of j/k x_j slope_(k-j), j from 1 to k."""
     g = s.g
     return g.call("add", s.inner_rate(x, slope), g.call("mul", slope, s(x)))
 
 
 def _power(s: Coefficients, n: int) -> int:
-    """X f' = p x' f: x_0 f_k = sum of ((p + 1) j/k - 1) x_j f_(k-j), j from 1 to k."""
+    """Return f_k of x f' = p x' f, that is of f = x^p.
+
+    x_0 f_k is the sum of ((p + 1) j/k - 1) x_j f_(k-j), j from 1 to k.
+    """
     g = s.g
     twin = s.twin(n, lambda: _as_products(s, n))
     if twin is not None:
@@ -247,7 +250,7 @@ def _power(s: Coefficients, n: int) -> int:
 
 
 def _as_products(s: Coefficients, n: int) -> int | None:
-    """Return x^p as products and a root, or as an exponential; None: the recurrence."""
+    """Return x^p as products and a root or as an exponential, or None."""
     g = s.g
     x, p = g.args[n]
     if s.moves(p):
@@ -293,7 +296,7 @@ def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurren
     following = [g.call("mul", over_next, made(rate)) for rate in rates]
     factors: dict[int, tuple[int, int]] = {}
     left = following
-    while left:  # what is only compared, or has a twin, is not wanted
+    while left:  # nodes only compared, or with a twin, are not needed
         wanted = [n for n in g.cone(left) if n in made.sums and n not in factors]
         factors |= {n: made.factors(n) for n in wanted}
         left = [x for n in wanted for x in factors[n]]

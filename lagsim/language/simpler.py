@@ -55,22 +55,24 @@ class Builder(Protocol):
         """Return the node of an operation, not simplified."""
 
 
-# Factors are looked for so far down: shared products would be walked through again and
-# again.
+# Depth of the search for factors: shared products would be searched repeatedly.
 DEEP = 5
-# The power that takes each away.
+# The power that cancels each function.
 UNDONE = {"sqrt": 2, "hypot": 2, "abs": 2, "cbrt": 3}
 # Factors of products that may have another form.
 REWRITTEN = frozenset(("mul", "div", "pow", *UNDONE))
 _NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
 # Mantissas of powers of two, products with which are exact.
 HALVES = (0.5, -0.5)
-# Nodes that are looked at for a sign: sums of squares of bodies are long.
+# Largest number of nodes in the search for a sign: sums of squares can be long.
 MOST = 200
 
 
 def direction(g: Builder, x: int, y: int) -> int | None:
-    """Return x/y where one is a factor of the other's absolute value, else None."""
+    """Return x/y where one contains the absolute value of a factor of the other.
+
+    The result is None elsewhere.
+    """
     if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
         return g.call("sign", y)
     part, size, q = _size_in(g, y)
@@ -85,7 +87,7 @@ def direction(g: Builder, x: int, y: int) -> int | None:
 
 
 def directed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y where one divides by the absolute value of the other's factor."""
+    """Return x y where one divides by the absolute value of a factor of the other."""
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
         if op == "div":

@@ -342,7 +342,7 @@ def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
 
 OUTSIDE = ("error", "hold", "extend", "repeat")
 INTERPOLATIONS = ("linear", "cubic", "monotone")
-CONTINUOUS = {"linear": 0.0, "monotone": 1.0, "cubic": 2.0}  # so many derivatives
+CONTINUOUS = {"linear": 0.0, "monotone": 1.0, "cubic": 2.0}  # continuous derivatives
 
 
 def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Data:

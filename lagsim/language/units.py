@@ -11,7 +11,7 @@ from lagsim.tolerances import COMPUTED_ZERO
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-# Powers of what is not taken apart any further: {"kg": 1, "m": 1, "s": -2}.
+# Powers of base symbols: {"kg": 1, "m": 1, "s": -2}.
 Unit: TypeAlias = dict[str, float]
 
 PURE: Unit = {}
@@ -32,11 +32,11 @@ KNOWN: dict[str, Unit] = {
 
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([^\W\d_]+|1)(?:\s*(?:\^|\*\*)\s*(-?\d+))?\s*")
 
-# A number in a product is taken for no more than one if it is a fraction of such
-# numbers; 9.8 may be metres per second squared.
+# A factor is a pure number if it is a fraction of whole numbers up to this size; 9.8
+# could be metres per second squared.
 SMALL = 12
 
-# A part of something that is written in so many hundredths is no conversion of units.
+# A fraction above this size, in whole hundredths, is a part and no unit conversion.
 LEAST_PART = 0.02
 
 SAME = frozenset(("neg", "abs", "floor", "ceil"))
@@ -119,7 +119,7 @@ def combined(
         return times(one.unit, other.unit, 1.0 if op == "mul" else -1.0), text
     if op in SAME:
         return one.unit, one.text
-    if op in ALIKE:  # a number has the unit of what it is added to
+    if op in ALIKE:  # a number has the unit of the other term
         terms = [part for part in parts[-2:] if not part.free]
         texts = {part.text for part in terms}
         units = [part.unit for part in terms if part.unit is not None]

@@ -1,1 +1,1 @@
-"""From YAML text (`loading`) to nodes, and from them (`reader`) to a Model."""
+"""Model files: YAML text (`loading`) to nodes, and nodes (`reader`) to a Model."""

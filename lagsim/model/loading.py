@@ -27,9 +27,9 @@ from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, Source
 
 STANDARD_INPUT = "-"
-# What it is called.
+# Its name in messages.
 STDIN = "<stdin>"
-# What a model is called that comes from no file, and so has no folder.
+# Name of a model that comes from no file, and so has no folder.
 TEXT = "<model>"
 
 # Where a shell's `<(command)` is: a pipe, and somebody writes into it.
@@ -73,7 +73,7 @@ def text_of(path: str) -> tuple[str, str]:
 
 
 class Document(NamedTuple):
-    """The nodes of a text (None: empty, or not YAML) and the faults found."""
+    """Nodes of a text (None: empty, or not YAML) and the faults found."""
 
     root: Node | None
     problems: tuple[Problem, ...]
@@ -125,7 +125,7 @@ def _span(event: yaml.Event) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class _Open:
-    """A collection whose end has not been seen."""
+    """Collection whose end is not reached yet."""
 
     mapping: bool
     flow: bool
@@ -334,7 +334,7 @@ def _left_open(part: Node) -> int:
     return part.text.count("(") - part.text.count(")")
 
 
-# --- Diagnosis of what is not YAML, and its repair
+# --- Diagnosis of texts that are not YAML, and their repair
 
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
@@ -349,7 +349,7 @@ _NO_SPACE = (
     r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:](?:\S| (?![#\s]|\w+:))*)"
 )
 _EQUALS = r"\s*(?:\w+\s+)*(?P<key>\w+)\s*:?=\s*(?P<value>[^:=;]+);?$"
-# What a sign begins in YAML; those without a name of theirs cannot begin a value.
+# Meaning of a sign at the beginning of a value; without one it is not allowed there.
 _BEGINS = {
     "|": "a block of text", ">": "a block of text", "*": "an alias", "&": "an anchor",
     "!": "a tag", "-": "an item of a list", "?": "a key",
@@ -388,21 +388,7 @@ def diagnose(source: Source, error: Exception) -> Diagnosis:
 
 
 class _Case:
-    """A syntax error: the parser's own words, and where it stopped.
-
-    Attributes
-    ----------
-    line, character : str
-        The line it stopped in, and the character before which it did.
-    indent : int
-        The blanks before the line.
-    above : int
-        The number of the line before, blank ones apart.
-    first_key : bool
-        Whether it stopped at the first colon of its line, which is not the first line.
-    entry : re.Match or None
-        The entry or item in whose value it stopped.
-    """
+    """Syntax error: the message of the YAML parser, and where it stopped."""
 
     def __init__(self, source: Source, error: Exception) -> None:
         self.source = source

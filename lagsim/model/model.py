@@ -1,11 +1,11 @@
 """Content of a model file: the model, and the settings of its integration.
 
-Both are frozen and complete, nothing half-built.
+Both are frozen and complete.
 
-Expressions are node numbers of `Model.graph`. Its variables are named as in the
-model file: `t`, a parameter, a coordinate `q`, a velocity `q_dot`, and for
-definitions of output also `q_ddot`, `lambda_<c>`, `Qc_<q>` and `energy`.
-Definitions are already written into the expressions that use them.
+Expressions are node numbers of `Model.graph`. Its variables are named as in the model
+file: `t`, a parameter, a coordinate `q`, a velocity `q_dot`, and for definitions of
+output also `q_ddot`, `lambda_<c>`, `Qc_<q>` and `energy`. Expressions contain the
+expressions of definitions, not their names.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from lagsim.model.nodes import Scalar
 
 
-# What holds where the file is silent.
+# Defaults of a model file.
 DEFAULT_RTOL = 1e-11
 DEFAULT_ROWS = 1000
-# With Baumgarte's formulation, what is off the constraints falls by e over this many
-# rows. A fast decay is resolved like a fast motion (the elastic pendulum on its curve
-# at 1e-11: 7,400 evaluations at a gain of 1, 9,600 at 5, 19,000 at 10 and 110,000 at
-# 50).
+# With Baumgarte's formulation, constraint residuals decrease by a factor e over this
+# many rows. A fast decay is resolved like a fast motion (the elastic pendulum on its
+# curve at 1e-11: 7,400 evaluations at a gain of 1, 9,600 at 5, 19,000 at 10 and 110,000
+# at 50).
 ROWS_TO_DECAY = 10
 
 
@@ -109,7 +109,7 @@ class Parameter(NamedTuple):
 
 
 class Coordinate(NamedTuple):
-    """A generalized coordinate."""
+    """Generalized coordinate."""
 
     name: str
     unit: str = ""
@@ -132,7 +132,7 @@ class Level(IntEnum):
 
 
 class Definition(NamedTuple):
-    """A named scalar expression."""
+    """Named scalar expression."""
 
     name: str
     node: int
@@ -164,7 +164,7 @@ class Relation(NamedTuple):
     multiple: bool = False
 
 
-# Names that may stand in a friction, and in a restitution, alone.
+# Names allowed only in a friction, and only in a restitution.
 SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
 
 

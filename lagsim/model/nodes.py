@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 _WORD = re.compile(r"\w+")
-# What stands at these keys is no expression.
+# Keys whose values are no expressions.
 _TEXTS = ("name", "description", "source", "title", "unit")
 
 # The letters after a backslash that need more than one character more (YAML 1.2, 5.7).
@@ -119,7 +119,7 @@ class Scalar(NamedTuple):
         return self.source.place(start, end - start)
 
 
-@functools.lru_cache(maxsize=1)  # each name of a long expression may be asked for
+@functools.lru_cache(maxsize=1)  # called for each name of a long expression
 def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
     """Return begin and end in the source of each character, and of the text's end."""
     source, begin = scalar.source, scalar.start
@@ -128,7 +128,7 @@ def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
     elif scalar.style in ("|", ">"):  # the text begins below its header
         line = source.position(begin)[0] + 1
         begin = source.starts[min(line, len(source.lines) - 1)]
-    # Blanks may have been folded: each stands just after the character before it.
+    # Blanks may have been folded: each is placed just after the character before it.
     found, end = list[tuple[int, int]](), begin
     for c in scalar.text:
         if c.isspace():
@@ -172,14 +172,14 @@ class Mapping(NamedTuple):
 
 
 class Sequence(NamedTuple):
-    """A list."""
+    """List of nodes."""
 
     items: tuple[Node, ...]
     place: Place
 
 
 class Broken(NamedTuple):
-    """A value that cannot be read; the fault is reported already."""
+    """Value that cannot be read; its fault is already reported."""
 
     place: Place
 
@@ -196,7 +196,7 @@ def argument(option: str, value: str) -> Scalar:
     >>> argument("--set g=", "9.8").text
     '9.8'
     """
-    # Bytes that are not UTF-8 reach us as lone surrogates, which nothing can print.
+    # Bytes that are not UTF-8 arrive as lone surrogates, which cannot be printed.
     value = value.encode(errors="replace").decode()
     source = Source(option + value, option + value)
     place = source.place(len(option), max(1, len(value)))

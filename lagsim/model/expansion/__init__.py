@@ -44,14 +44,14 @@ if TYPE_CHECKING:
     from lagsim.model.expansion.bodies import Drawn, Frames
     from lagsim.model.expansion.scope import Indices
 
-# Keys of the value in what an entry of a section is given by.
+# Keys of the value in an entry of each section.
 _VALUES = {
     "parameters": ("value",), "definitions": ("value",), "constraints": ("relation",),
     "initial": ("guess", "steady"), "states": ("rate",), "modes": ("value",),
 }  # fmt: skip
 # Sections that declare names, beside `parameters`.
 _DECLARING = ("modes", "coordinates", "states", "constraints", "definitions")
-# Those whose names have the size of their value.
+# Sections whose names have the size of their value.
 _SIZED = ("definitions", "parameters")
 _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
@@ -61,7 +61,7 @@ _NAME = re.compile(r"[^\W\d_]\w*")
 _COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 
 
-# What makes a node of another at some keys, or at each, `*`; or at once.
+# Function that expands a node, or such functions by key (`*`: each key).
 Rules: TypeAlias = "Callable[[Node, Reading], Node] | dict[str, Any] | None"
 Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
@@ -216,7 +216,7 @@ class Expansion:
         return found
 
     def _make_frames(self) -> None:
-        """Create the frames of the file, if any; each is evaluated on its first use."""
+        """Create the frames of the file, if any; each is built on its first use."""
         if "frames" in self._top:
             from lagsim.model.expansion.bodies import Frames
 
@@ -242,7 +242,7 @@ class Expansion:
         return found
 
     def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
-        """Name and members of a key of frames or bodies; a fault is reported."""
+        """Return name and members of a key of frames or bodies; report its faults."""
         try:
             parsed = parsed_key(key.text)
             if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
@@ -492,7 +492,9 @@ class Expansion:
         if size < 1 and section in _SIZED:
             fault, one.family.broken = self.scope.failed, True
             if fault and self.complete and self.scope.size(*text, first) < size:
-                self.fault(fault, node)  # of what refers to itself, and is passed over
+                self.fault(
+                    fault, node
+                )  # of an entry that refers to itself, and is skipped
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
@@ -626,7 +628,9 @@ class Expansion:
                 if other == ranged or section != "initial":
                     again = again or name * (name in found)
                 if not ranged or name not in found:
-                    found.pop(name, None)  # to stand where the one that wins does
+                    found.pop(
+                        name, None
+                    )  # to take the position of the entry with precedence
                     found[name] = entry, ranged
             if again and not _COLUMN.fullmatch(key.text):
                 self.report("duplicate-member", f"`{again}` is given twice", key)

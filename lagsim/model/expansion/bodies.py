@@ -344,7 +344,7 @@ class Frames(Section):
     # Rotations
 
     def _planar(self, given: _Given, parent: Frame, hidden: str) -> Frame:
-        """Frame of the plane, by the sum of the angles."""
+        """Return the frame in the plane, by the sum of the angles."""
         angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
         if parent.angle != ZERO:
@@ -445,13 +445,19 @@ class Solid(NamedTuple):
 
 
 def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
-    """Moment of inertia m (a x^2 + b y^2 + ...), from pairs of length and factor."""
+    """Return the moment of inertia m (a x^2 + b y^2 + ...).
+
+    terms : pairs of a factor a and a length x
+    """
     squares = (product(number(c), call("pow", x, number(2.0))) for c, x in terms)
     return product(m, total(squares))
 
 
 def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vector:
-    """Principal moments of a body of revolution about z with m r^2 of its own."""
+    """Return the principal moments of a body of revolution about z.
+
+    own : the factor of m r^2 in the moment about z; across : `_of`'s terms for x and y
+    """
     return (_of(m, *across),) * 2 + (_of(m, (own, r)),)
 
 
@@ -586,7 +592,7 @@ class Bodies(Section):
         )
 
     def _entry(self, key: Scalar, below: dict[str, Node]) -> None:
-        """Read the bodies of an entry of the file."""
+        """Add the bodies of an entry of the file."""
         found, what = self.x.members(key, "a body"), f"the body `{key.text}`"
         missing = [k for k in ("mass", "at") if k not in below]
         if "frame" in below and not below.keys() & {"inertia", "shape"}:

@@ -29,11 +29,11 @@ _MORE = re.compile(
     re.VERBOSE,
 )
 
-# What runs over a range, and what joins its terms.
+# Operations over a range, and the operation that joins two terms.
 OVER_RANGES = {"sum": "add", "min": "min", "max": "max"}
-# Functions of vectors, and how many arguments they take.
+# Functions of vectors, and their numbers of arguments.
 OF_VECTORS = {"vec": (2, 3), "dot": (2,), "cross": (2,), "norm": (1,), "unit": (1,)}
-# The same of frames, which are named first.
+# Functions of frames, whose first argument is a frame, and their numbers of arguments.
 OF_FRAMES = {"rotate": (2,), "unrotate": (2,), "omega": (1,), "omega_space": (1,)}
 OF_VECTORS |= {"spin": (2,), **OF_FRAMES}
 # All names that are called.
@@ -56,7 +56,7 @@ class Inner(NamedTuple):
 
 @dataclass(slots=True)
 class _Over(Pending):
-    """Sum that is not closed yet: its index, and the begin of its terms."""
+    """Sum that is not closed yet: its index, and the first step of its terms."""
 
     index: str = ""
     ranged: bool = False
@@ -184,7 +184,7 @@ def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Pa
 
 
 class Subscript(NamedTuple):
-    """A range `index = first..last`, or a single subscript."""
+    """Range `index = first..last`, or a single subscript."""
 
     runs: str
     first: Steps

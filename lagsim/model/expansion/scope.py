@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     Member = tuple[int, ...]
     Parser = Callable[[str], Any]
 
-# A file has so many for each operation.
+# Letters of a file's text that count for each operation.
 _LETTERS = 3
-# A subscript is whole to so many units in the last place.
+# Tolerance within which a subscript is a whole number, in units in the last place.
 _WHOLE = 4 * sys.float_info.epsilon
 
 
@@ -104,7 +104,7 @@ class Family:
 
 
 def dotted(name: str, member: Member = (), letter: str = "") -> str:
-    """Name of a member, or of its component, as columns have it: `G.3.x`."""
+    """Return the column name of a member, or of its component: `G.3.x`."""
     return ".".join([name, *map(str, member), *([letter] if letter else [])])
 
 
@@ -136,7 +136,7 @@ class Scope:
         self._asked: set[str] = set()
         self._terms = 0
         self._faulty: set[str] = set()
-        self.failed: ExpressionError | None = None  # what `size` has found
+        self.failed: ExpressionError | None = None  # fault found by `size`
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
         # The terms of sums are counted once for all components of a value.

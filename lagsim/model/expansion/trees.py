@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
 LETTERS = "xyz"
-# Entries of a symmetric matrix, in the order in which six numbers give them.
+# Entries of a symmetric matrix, in the order of a list of six numbers.
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
@@ -44,7 +44,7 @@ class UnfitError(Exception):
 
 
 class Tree(NamedTuple):
-    """A number, a name with its offset in the text, or an operation with arguments."""
+    """Number, name with its offset in the text, or operation with arguments."""
 
     op: str
     value: float | str = 0.0
@@ -215,10 +215,7 @@ ZERO, ONE = number(0.0), number(1.0)
 
 
 class Frame(NamedTuple):
-    """A frame: the rows of R, and its angular velocity in its own components.
-
-    The angle is that of a frame of the plane.
-    """
+    """Frame: the rows of R, and the angular velocity in its own components."""
 
     rows: tuple[Vector, ...]
     omega: Value
@@ -226,7 +223,7 @@ class Frame(NamedTuple):
 
 
 def space(n: int) -> Frame:
-    """Space of n dimensions, 2 or 3."""
+    """Return the frame of space of n dimensions, 2 or 3: R is the identity."""
     rows = (tuple(ONE if i == j else ZERO for j in range(n)) for i in range(n))
     return Frame(tuple(rows), ZERO if n < len(LETTERS) else (ZERO,) * n, ZERO)
 
@@ -270,25 +267,26 @@ def _turned(rows: Sequence[Vector], v: Value, what: str) -> Vector:
 
 
 def rotate(frame: Frame, v: Value) -> Vector:
-    """Components in space of a vector with the components v in the frame."""
+    """Return the components in space of a vector with the components v in the frame."""
     return _turned(frame.rows, v, "rotate")
 
 
 def unrotate(frame: Frame, v: Value) -> Vector:
-    """Components in the frame of a vector with the components v in space."""
+    """Return the components in the frame of a vector with the components v in space."""
     return _turned(_columns(frame.rows), v, "unrotate")
 
 
 def omega_space(frame: Frame) -> Value:
-    """Components in space of the angular velocity."""
+    """Return the components in space of the frame's angular velocity."""
     planar = len(frame.rows) == len("xy")
     return frame.omega if planar else rotate(frame, frame.omega)
 
 
 def spin(J: Value, w: Value) -> Tree:
-    """Energy of rotation w . J w/2: J is a number, three principal ones, or a matrix.
+    """Return the energy of rotation w . J w/2.
 
-    The six entries of a symmetric matrix are Jxx, Jyy, Jzz, Jxy, Jxz, Jyz.
+    J is a number, three principal moments, or the six entries Jxx, Jyy, Jzz, Jxy, Jxz,
+    Jyz of a symmetric matrix.
     """
     n = size(J)
     if isinstance(J, Tree):
@@ -329,7 +327,7 @@ class Chart(NamedTuple):
 
 
 def about(axis: Vector, angle: Tree, speed: Tree) -> Chart:
-    """Rotation by an angle about an axis of length 1 (Rodrigues)."""
+    """Return the rotation by an angle about an axis of length 1 (Rodrigues)."""
     c, s = call("cos", angle), call("sin", angle)
     rest = call("sub", ONE, c)
 
@@ -346,7 +344,7 @@ def about(axis: Vector, angle: Tree, speed: Tree) -> Chart:
 
 
 def by_quaternion(p: Vector, n: Tree, speeds: Vector) -> Chart:
-    """Rotation by a quaternion p, scalar first; n is p . p."""
+    """Return the rotation by a quaternion p, scalar first; n is p . p."""
     two, q, q_dot = call("div", number(2.0), n), p[1:], speeds[1:]
 
     def entry(i: int, j: int) -> Tree:

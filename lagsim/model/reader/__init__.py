@@ -215,7 +215,7 @@ class File:
             for key, kind in NAMED.items()
         )
         self.parameters, self.modes, self.coordinates, *others = sections
-        if broken:  # what is wrong with them
+        if broken:  # their faults
             given = entries(top.value("coordinates"), "`coordinates`", faults)
             values.read_coordinates([e for e in given if e[0].text in broken], x)
         self.states, self.definitions, self.tables = others
@@ -460,8 +460,8 @@ class File:
 
     # The model read again with some of its definitions as coordinates of their own
     #
-    # By their names, not by what they are: where the file writes `x` the separated
-    # model has `x`, and where it writes what `x` denotes, that.
+    # Definitions are separated by name: where the file has `x`, so has the separated
+    # model, and where it has the expression of `x`, so has the separated model.
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Return `model` in further coordinates, see `Stated.separated`."""
@@ -492,7 +492,7 @@ class File:
         return (found, {k: n for k, n in nodes if n is not None})
 
 
-# A range, a vector, or sections of them, wherever they stand in a file.
+# A range, a vector, or a section with families, anywhere in a file.
 _OF_MEMBERS = re.compile(
     r"[\w)]\s*\.\.\s*[\w(-]|\b(?:vec|spin)\s*\(|\bcomponents\s*:"
     r"|^(?:frames|bodies|gravity)\s*:",
@@ -538,10 +538,10 @@ def _check_roots(model: Model, found: Model) -> None:
 
 # --- Sections in sections, keys of sections beside them: wrong indentation
 #
-# What stands in a wrong place is reported once, and read as if it stood in the right
-# one, so that nothing of it is reported as missing or unknown, too.
+# A misplaced key is reported once, and read as if it were in its right place, so that
+# it is not also reported as missing or unknown.
 
-# Keys of what a name is given by, which may be that of a section.
+# Keys of the mapping of a name, whose name may be that of a section.
 _OWN = {"value", "unit", "description", "guess", "relation"}
 
 

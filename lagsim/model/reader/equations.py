@@ -267,7 +267,7 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
         hint = "`limit` bounds their Euclidean norm; others are two constraints"
         x.faults.add("missing-key", text, both, hint)
     else:
-        x.faults.once = x.faults.once or set()  # what both have is reported once
+        x.faults.once = x.faults.once or set()  # common faults are reported once
         return [(key._replace(text=f"{key.text}.{k}"), node) for k in (1, 2)]
     return []
 
@@ -694,7 +694,7 @@ def _factors(
     return still, powers, kinked
 
 
-# --- Events: when each acts, and what it sets
+# --- Events: the time of each, and its assignments
 
 _BY_IMPACTS = "velocities jump by impacts alone: an event sets a mode, with which a "
 _BY_IMPACTS += "constraint comes into force (`when: held > 0`), or a short force acts"

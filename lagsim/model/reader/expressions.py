@@ -43,16 +43,16 @@ if TYPE_CHECKING:
     from lagsim.model.nodes import Entry, Reading
     from lagsim.model.reader.fields import Faults
 
-    # Tells whether a name may stand in an expression; else that is reported.
+    # Predicate: whether a name is allowed in an expression; reports it if not.
     Rule = Callable[[Name, Scalar], bool]
 
 _P = TypeVar("_P", Parsed, ParsedRelation)
 
 # A value, and a bound of its rounding error.
 Value = tuple[float, float]
-# What stands before the name of a definition in the name of its reaction.
+# Prefix of the column of a definition's reaction.
 REACTION = "reaction."
-# A name with its unit or with what it is a function of, or with digits before it.
+# A name with its unit or its argument in brackets, or with digits before it.
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
 # Faults that no other spelling of the text mends.
@@ -65,7 +65,7 @@ class Kind(Enum):
 
     PI = "the number pi", Level.NUMBER
     PARAMETER = "a parameter", Level.NUMBER
-    MODE = "a mode", Level.POSITION  # for no number may be made of one
+    MODE = "a mode", Level.POSITION  # not a constant
     TIME = "the time", Level.POSITION
     COORDINATE = "a coordinate", Level.POSITION
     VELOCITY = "a velocity", Level.VELOCITY
@@ -86,7 +86,7 @@ class Kind(Enum):
         self.level = level
 
 
-# Names made of others: what stands before and after these, and kinds by those of these.
+# Derived names: prefix and suffix, and the derived kind for each kind of the base.
 _Kinds = dict[Kind | None, Kind]
 _DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
     ("", "_dot",
@@ -150,7 +150,7 @@ class Names:
 
     @property
     def complete(self) -> bool:
-        """False where an unknown name may have been in an unreadable part."""
+        """Whether all declared names are known, so that any other name is a fault."""
         return self.readable and bool(self.of(Kind.COORDINATE) or self.broken)
 
     def section(
@@ -736,7 +736,7 @@ class Expressions:
         elif level > most:
             code = "velocity-not-allowed"
             text += f" depends on velocities; {what} must not"
-        if code:  # of what is hidden, that is reported where it is given
+        if code:  # a fault of a hidden definition is reported at its own place
             silent = code == "no-rate" and base[:1] == HIDDEN
             return not silent and self.refuse(used, scalar, code, text, hint)
         return node is not None

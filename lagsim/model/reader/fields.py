@@ -28,9 +28,9 @@ MAX_CANDIDATES = 2000
 MAX_GUESSED_LENGTH = 80
 # Nobody reads more, and each carries its source line.
 MAX_FAULTS = 1000
-# Of what is not known where it is used one report is enough.
+# Faults that are reported once for all uses of an unknown name.
 UNKNOWN = ("expression-unknown-function", "unknown-name")
-# Of a list of names a message shows so many.
+# Largest number of names in a list of a message.
 LISTED = 12
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
@@ -385,7 +385,7 @@ STATE, EVENT = _keys_below("states"), _keys_below("events")
 FRAME, BODY = _keys_below("frames"), _keys_below("bodies")
 TABLE = _keys_below("tables")
 FRICTION, LIMIT = (_keys(CONSTRAINT[key]) for key in ("friction", "limit"))
-# What only contacts have.
+# Keys of contacts alone.
 CONTACT = ("restitution", "restitution_law", "friction", "slip")
 ENERGY, SCENE, OUTPUT_KEYS = (
     _keys(SECTIONS[section]) for section in ("energy", "scene", "output")

@@ -97,15 +97,15 @@ _KEYS = {
     "links": "lines rods edges bars", "points": "masses bodies",
 }  # fmt: skip
 KEYS = {name: keys.split() for keys, names in _KEYS.items() for name in names.split()}
-# Keys of counts, where a length is asked for here: no key has their values.
+# Keys of counts in other programs, in place of a length: no key has their values.
 COUNTS = (
     "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
     "samples", "points", "rows", "fps", "frames",
 )  # fmt: skip
 SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
-# What gives a rate, of its first argument.
+# Functions that denote a rate of their first argument.
 _RATES_OF = "(?i:d|der|deriv|derivative|diff|dot)"
-# Every name that stands for a function somewhere, the longest first.
+# Names of functions in any notation, the longest first.
 CALLED = "|".join(
     sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
 )
@@ -139,7 +139,7 @@ def spelt_call(name: str, arguments: str) -> str:
 
 _ARGUMENT = rf"(?:{NUMBER}(?:\s*\*\s*)?)?(?:[^\W\d]\w*|{NUMBER})"
 _POWER = r"(?:\^|\*\*)\s*(\d+)"
-# What stands in parentheses, with others in it.
+# Content of parentheses, with nested ones.
 _INSIDE = r"((?:[^()]|\([^()]*\))*)"
 _INVERSE = r"(?:(?:\^|\*\*)\s*(?:-1|\(\s*-1\s*\))|⁻¹)"
 _NAME = r"([^\W\d_]\w*)"
@@ -148,7 +148,7 @@ _EXACT = "numbers are compared by <, <=, > and >="
 _TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
 # A letter of one side of a comparison, or a call.
 _SIDE = r"(?:[^(),<>=?:]|\([^()]*\))"
-# What may be raised to a power, or be one.
+# Base or exponent of a power.
 _ATOM = r"(?:[\w.]*\((?:[^()]|\([^()]*\))*\)|[\w.]+)"
 _SECOND_QUOTIENT = (
     rf"(?:\bd|∂)(?:(?:\^|\*\*)?2|²)\s*{_NAME}\s*/\s*[d∂]\s*t(?:(?:\^|\*\*)?2|²)?"
@@ -188,7 +188,7 @@ def _fraction(found: re.Match[str]) -> str:
     return f"({plain[:-3]} + {plain[-3:]})" if plain[3:] else f"({plain})"
 
 
-# Each is looked for around the fault: what is matched, and what to write instead.
+# Each pattern is searched around the fault: the match, and its correction.
 _SPELLINGS: list[tuple[str, Meant]] = [
     (quantities.SEPARATED, lambda found: quantities.separated(found[0])),
     (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
@@ -266,8 +266,8 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"(?<!if)\(([^(),]+[<>][^(),]*)\)", "write if({0}, 1, 0)"),
     (rf"^({_SIDE}+[<>]=?{_SIDE}+)$", "write if({0}, 1, 0)"),
 ]  # fmt: skip
-# LaTeX and the signs of print, and what is typed for them: each row until it fits no
-# more, from the first on. Signs of products are put where the parser misses them.
+# LaTeX and signs of print, and their ASCII notation: each row is applied until it does
+# not match, from the first on. Signs of products are put where the parser misses them.
 _CALL = rf"\\({'|'.join(sorted(FUNCTIONS, key=len, reverse=True))})\b"
 _GROUP = r"\{([^{}]*)\}"
 _PART = r"\s*(?:\{([^{}]*)\}|(\d)|(\\\w+))"
@@ -293,13 +293,13 @@ _TYPED: list[tuple[str, Meant]] = [
     (r"√\s*(?=\()", "sqrt"), (r"√\s*([\w.]+)", "sqrt({0})"),
     (r"∛\s*(?=\()", "cbrt"), (r"∛\s*([\w.]+)", "cbrt({0})"), ("π", "pi"),
 ]  # fmt: skip
-# What parses as an expression and is meant otherwise.
+# Spellings that parse as an expression with another meaning.
 _PARSED = (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE, _EXPONENT)
 
-# --- Hints for expressions, from what stands around a fault
+# --- Hints for expressions, from the text around a fault
 
-# What is meant shows within so many letters of a fault; patterns that are tried at each
-# of a million would take for ever.
+# Number of letters around a fault that are searched: patterns tried at each of a
+# million letters would not end in a reasonable time.
 WINDOW = 100
 # Names that are tried as parts of a longer one.
 MOST_PARTS = 200
@@ -329,7 +329,7 @@ _NUMBERS = {word: hint for words, hint in {
     "none true false yes no on off": "write a number, such as 0",
 }.items() for word in words.split()}  # fmt: skip
 SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
-# What is written in a relation for signs of other languages.
+# Corrections of other languages' signs in a relation.
 _IN_RELATIONS = {
     "==": "write `=`",
     "=": "write 0",
@@ -346,9 +346,9 @@ def _filled(meant: Meant, found: re.Match[str]) -> str:
     return meant(found)
 
 
-# So many mistakes in one expression are mended.
+# Largest number of corrections in one expression.
 MOST_STEPS = 20
-# What a hint says to write, before a reason.
+# The correction in a hint, before its reason.
 _WRITTEN = (
     r"(?:leave `.*` out|delete it.*)()(: [a-z].*)?|"
     r"(?:write|(?:the|a) [a-z ]+ is written) `?(.+?)`?"
@@ -741,7 +741,7 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
     return f"write {{value: {number[1]}, unit: {unit}}}"
 
 
-# What may stand for a mapping: of what, its text or its parts, and what is written.
+# Values in the place of a mapping: its name, a pattern, and the correction.
 _INSTEAD = (
     ("a plot", rf"{_NAME} (?:vs\.?|versus|over|against) {_NAME}\Z",
      "write {{x: {1}, y: {0}}}"),

@@ -149,7 +149,7 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
 
 _MARKS = r"[ ',.\u00a0\u202f]"
 SEPARATED = rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?"
-# So many digits are between two marks of thousands.
+# Number of digits between two marks of thousands.
 _GROUP = 3
 
 

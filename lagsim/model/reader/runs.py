@@ -71,7 +71,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 10**8
 # Keys of one time.
 TIMES = ("duration", "end", "output_step", "step")
-# What the start is: what `initial` states, with guesses solved for it, or at rest.
+# Kinds of start: the values in `initial`, guesses solved for, or at rest.
 BEGIN = ("initial", "rest")
 
 # --- When to start and stop, how finely, and how to integrate
@@ -185,7 +185,7 @@ class _Simulation:
             self._fault("too-many-rows", text, "output_step", hint)
 
 
-# --- What to write
+# --- The section `output`
 
 
 def read_output(found: Fields, x: Expressions) -> Output:

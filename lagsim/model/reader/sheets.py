@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-# A comma stands in decimal numbers and in names, so it comes last.
+# A comma can be part of a decimal number or a name, so it is the last choice.
 SEPARATORS = (";", "\t", ",")
-# The separator is chosen by the header and so many rows.
+# Number of rows that decide the separator, with the header.
 SAMPLED = 20
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
 

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.model.nodes import Scalar
 
-# The power of ten by which a unit differs from those of the SI, among its powers.
+# Key, among the powers of a unit, of its power of ten relative to SI units.
 SCALE = "10"
-# Units that follow from others, beside those that pictures write.
+# Derived units, beside those in `language.units`.
 _OTHERS = {
     "Ohm": "V/A", "ohm": "V/A", "Ω": "V/A", "F": "C/V", "H": "V*s/A", "Wb": "V*s",
     "S": "A/V",
@@ -57,13 +57,13 @@ _PREFIXED = {
     ("Pa", 6): "MPa (N/mm^2)", ("Pa", 3): "kPa",
 }  # fmt: skip
 _TIME = Quantity({"s": 1.0}, "s")
-# An expression of t and numbers alone, such as 0.3 + 0.1*t, in which numbers may stand
-# for speeds and rates; and a sine or an exponential of it.
+# An expression of t and numbers alone, such as 0.3 + 0.1*t, in which numbers can have
+# the unit of a speed or a rate; and a sine or an exponential of it.
 _TIMED, _NUMBER = Quantity(free=True), Quantity(PURE, free=True)
 _TOGETHER = ALIKE | {"mod", "atan2"}
 _KEEPING = (_TOGETHER - {"atan2"}) | {"pow"}
 _ANGLES = ("sin", "cos", "tan")
-# What takes any unit.
+# Operations on operands of any unit.
 _ANY = (
     "mul", "div", "neg", "abs", "sign", "heaviside", "sqrt", "cbrt", "floor", "ceil",
 )  # fmt: skip
@@ -104,7 +104,7 @@ class _Check:
     ) -> None:
         self.model, self.found = model, dict[Place, Mismatch]()
         self.read: dict[str, tuple[Scalar, Parsed | ParsedRelation]] = {}
-        for what, scalar, x in read:  # some are called alike: components of a point
+        for what, scalar, x in read:  # components of a point have one name
             key = f"{what} {len(self.read)}" if what in self.read else what
             self.read[key] = scalar, x
         given = (*model.parameters, *model.variables, *model.definitions)
@@ -271,7 +271,7 @@ def _is_timed(args: Sequence[Quantity]) -> bool:
 
 
 def _text(of: Quantity) -> str:
-    """Write a unit as the file does, or by its powers and its scale."""
+    """Return a unit in the file's notation, or as powers and a scale."""
     unit = of.unit or PURE
     if of.text or not unit:
         return of.text or "a number"

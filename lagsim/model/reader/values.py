@@ -112,7 +112,7 @@ class Definitions:
 
     def _in_order(self) -> list[str]:
         """Return the definitions, each after the ones it uses, without cycles."""
-        # Those that are ready come in the order of the file.
+        # Definitions that are ready are in the order of the file.
         sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():
             sorter.add(name, *uses)
@@ -171,7 +171,7 @@ class Definitions:
 
 # --- Numbers from numbers: parameters and start values, and `--set`
 
-# What stands before values that replace those of the file.
+# Text before values on the command line, in messages.
 SET = "--set "
 
 
@@ -311,7 +311,7 @@ class Parameters(_Numbers):
         return self.x.refuse(used, scalar, "later-parameter", text, hint)
 
 
-# What a start value may be given to.
+# Kinds of names that can have a start value.
 STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE, Kind.DEFINITION, Kind.RATE)
 
 
@@ -400,7 +400,7 @@ class Initial(_Numbers):
         if not isinstance(node, Mapping):
             return node, False
         if "value" in {name.text for name, _ in node.entries}:
-            self.x.scalar(node, what)  # a fault, with what to write
+            self.x.scalar(node, what)  # a fault, with a hint
             return broken
         is_state = key.text in self.x.names.of(Kind.STATE)
         wanted, other = ("steady", "guess") if is_state else ("guess", "steady")
