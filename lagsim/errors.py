@@ -88,7 +88,7 @@ def counted(number: int, noun: str) -> str:
 
 
 class Place(NamedTuple):
-    """A stretch of a file: line and column count from 1, length in characters."""
+    """Stretch of a file: line and column counted from 1, length in characters."""
 
     file: str
     line: int
@@ -113,7 +113,7 @@ class Problem(NamedTuple):
 
     @property
     def number(self) -> str:
-        """The number that goes with the code, such as E104."""
+        """Number of the fault's code, such as E104."""
         return self._row.number
 
     @property
@@ -134,17 +134,17 @@ class Problem(NamedTuple):
 
     @property
     def file(self) -> str | None:
-        """The file it is in, where it is in one."""
+        """File of the fault, or None."""
         return self.place.file if self.place else None
 
     @property
     def line(self) -> int | None:
-        """Its line, from 1."""
+        """Line of the fault, from 1, or None."""
         return self.place.line if self.place else None
 
     @property
     def column(self) -> int | None:
-        """Its column, from 1."""
+        """Column of the fault, from 1, or None."""
         return self.place.column if self.place else None
 
     def __repr__(self) -> str:

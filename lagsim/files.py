@@ -142,7 +142,13 @@ def place(part: Path, path: Path) -> None:
 
 
 def drop(path: Path) -> None:
-    """Remove a temporary file of this process, or of one that was killed."""
+    """Remove a temporary file of this process, or of one that was killed.
+
+    Raises
+    ------
+    OSError
+        As `os.unlink` does, where the file exists.
+    """
     path.unlink(missing_ok=True)
     stays(path)
 

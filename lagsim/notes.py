@@ -1,4 +1,4 @@
-"""Choices, events and warnings of a run, as its documents list them."""
+"""Choices, events and warnings of a run, as documents list these."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 
 class Choice(NamedTuple):
-    """Choice, and its reason."""
+    """Choice with its reason."""
 
     choice: str
     reason: str
@@ -42,9 +42,9 @@ class Event(NamedTuple):
 
 
 class Caution(NamedTuple):
-    """A warning; `code` is stable.
+    """Warning; `code` is stable.
 
-    `place` is the `errors.Place` in the file, where it has one.
+    `place` is the `errors.Place` in the file, or None.
     """
 
     code: str
@@ -53,7 +53,7 @@ class Caution(NamedTuple):
 
     @property
     def number(self) -> str:
-        """The number that goes with the code, such as W104."""
+        """Number of the warning's code, such as W104."""
         from lagsim.codes import cautions
 
         return cautions()[self.code].number

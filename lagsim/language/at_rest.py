@@ -327,7 +327,13 @@ class _Beside:
             done[n][EVEN] = done[n][ABOVE]
 
     def _vanishes(self, part: int, *, whole: bool) -> bool:
-        """Whether an expression is 0, or a whole number, at slip 0."""
+        """Whether an expression is 0, or a whole number (`whole`), at slip 0.
+
+        Raises
+        ------
+        _UnclearError
+            Where the result differs between points or values of parameters.
+        """
         found = set()
         for point in (*self.points, *self.others):
             ((value, error),) = evaluate_with_error(self.g, [part], point.values)

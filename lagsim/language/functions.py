@@ -386,7 +386,10 @@ def _smooth(
     open_end: bool = False,
     **more: Any,
 ) -> Function:
-    """Return the row of a monotone library function, with bounds `within`, if any."""
+    """Return the row of a monotone library function, with bounds `within`, if any.
+
+    slopes : (graph, *arguments, itself) -> node, for each argument
+    """
     arity, own = len(slopes), numpy or name
     operands = ", ".join(f"{{{i}}}" for i in range(arity))
     usual = _by_llvm(name, arity) if llvm else _by_libm(name, arity)

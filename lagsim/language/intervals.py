@@ -36,7 +36,7 @@ LARGEST = np.finfo(np.float64).max
 
 
 class Interval(NamedTuple):
-    """Enclosures, one per element; truth values are 0 and 1.
+    """Enclosures, as arrays of shape (k,); truth values are 0 and 1.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Interval(NamedTuple):
 
     @property
     def has_zero(self) -> Flags:
-        """Whether zero is among the values."""
+        """Whether zero is within the bounds."""
         return np.asarray((self.lo <= 0.0) & (self.hi >= 0.0))
 
     @property
@@ -79,7 +79,7 @@ class Interval(NamedTuple):
         return np.isinf(self.lo) | np.isinf(self.hi)
 
     def part(self, where: slice) -> Interval:
-        """Return some of the elements."""
+        """Return the enclosures of some elements."""
         return Interval._make(x[where] for x in self)
 
 
@@ -173,7 +173,7 @@ def _whole(x: Interval) -> Flags:
 def _one_sided(
     lo: Floats, hi: Floats, x: Interval, y: Interval
 ) -> tuple[Floats, Floats]:
-    """Widen the bounds of a product or quotient, but never beyond a sure sign."""
+    """Return bounds of a product or quotient, widened, but with a certain sign kept."""
     alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
     nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
@@ -454,7 +454,11 @@ def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
 
 
 def table_piece(*args: Any) -> Interval:
-    """Enclose a piece of a table, from axes, pieces, orders, arguments and numbers."""
+    """Enclose a piece of a table, from axes, pieces, orders, arguments and numbers.
+
+    The enclosure is the hull of the polynomials of up to two cells of each argument,
+    and of all cells where an argument runs through more.
+    """
     *axes, pieces = (x for x in args if isinstance(x, Data))
     numbers = args[len(axes) + 1 :]
     n, p = len(axes), int(pieces.numbers[0])
@@ -483,7 +487,7 @@ table_piece2 = table_piece
 
 
 def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
-    """Return the rows (k,) of first or last cells, and distances in these."""
+    """Return coefficient rows (k,) of first or last cells, and distances in these."""
     m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
     cell = cells[end]
     turns = np.floor(cell / m) if period else np.zeros_like(cell)
@@ -496,7 +500,7 @@ def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interv
 
 
 def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
-    """Enclose derivatives of polynomials c (k, p) or (k, p, p), from the power 0 on."""
+    """Enclose derivatives of polynomials c (k, p) or (k, p, p), lowest power first."""
     found = interval(np.zeros(len(c)), 0.0)
     for j in reversed(range(orders[0], c.shape[1])):
         term = interval(c[:, j], c[:, j]) if c.ndim == 2 else point(0.0)
@@ -508,7 +512,7 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 
 
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """Return a value that is nan, partial or jumping where any argument is."""
+    """Return a rule whose value is nan, partial or jumping where an argument is."""
 
     def whole(*args: Interval) -> Interval:
         lo, hi, partial, jumps = rule(*args)

@@ -75,7 +75,7 @@ class Recurrence(NamedTuple):
 
     @property
     def nodes(self) -> tuple[list[int], list[int]]:
-        """Nodes of order 0, and nodes of a higher order."""
+        """Nodes to evaluate once for order 0, and nodes for each higher order."""
         order = [*self.variables, *self.made]
         return [*self.state, *self.rates], order
 

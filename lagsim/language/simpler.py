@@ -49,7 +49,7 @@ class Builder(Protocol):
         """Return the node of an operation, simplified."""
 
     def cone(self, nodes: Iterable[int]) -> Sequence[int]:
-        """Return some nodes and all nodes they depend on, arguments first."""
+        """Return some nodes and all nodes below, arguments first."""
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
         """Return the node of an operation, not simplified."""
@@ -140,7 +140,7 @@ def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, fl
 
 
 def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
-    """Return x/u where u is seen to be a factor of x."""
+    """Return x/u where u is recognised as a factor of x, else None."""
     if x == u:
         return g.one
     op, args = g.ops[x], g.args[x]
@@ -192,9 +192,9 @@ def signed_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def joined_product(g: Builder, x: int, y: int) -> int | None:
-    """Return (c u)(d v) as (c d)(u v), of variables u, v: exact for powers of two.
+    """Return (c u)(d v) as (c d)(u v) with variables u, v: exact for powers of two.
 
-    So the force of a spring, k q^2/2, is -k q and not (-k/2)(2 q).
+    The force of a spring with the energy k q^2/2 is then -k q and not (-k/2)(2 q).
     """
     if g.ops[x] != "mul" or g.ops[y] != "mul":
         return None
@@ -319,7 +319,7 @@ def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
 
 
 def is_normal(x: float) -> bool:
-    """Whether `x` has all its digits, neither overflown nor underflown."""
+    """Whether the number `x` has full precision: neither overflow nor underflow."""
     return sys.float_info.min <= abs(x) <= sys.float_info.max
 
 
@@ -455,7 +455,7 @@ def _multiple(g: Builder, x: int) -> tuple[float, int]:
 
 
 def _of_square(g: Builder, x: int, exponent: float) -> int | None:
-    """Return x^exponent, a whole number and a half, where u^2 is a factor of x."""
+    """Return x^exponent for a half-integer exponent where u^2 is a factor of x."""
     root, rest = _squared(g, x)
     if root is None:
         return None
@@ -466,9 +466,9 @@ def _of_square(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def _squared(g: Builder, x: int, depth: int = DEEP) -> tuple[int | None, int]:
-    """Return u and r of x = u^2 r, where u is no number; None and x if there is none.
+    """Return u and r of x = u^2 r; None and x where there is no such u.
 
-    A sum of multiples of one square is one.
+    u is no number. A sum of multiples of one square is such a multiple.
     """
     op, args = g.ops[x], g.args[x]
     if not depth:

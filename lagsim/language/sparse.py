@@ -117,7 +117,10 @@ def squares(Z: Sequence[Collection[int]]) -> int:
 
 
 def fill(Z: Sequence[Collection[int]]) -> int:
-    """Return the count of operations of the elimination in Z^T D^-1 Z."""
+    """Return the count of operations of the elimination in Z^T D^-1 Z.
+
+    It is computed from the pattern of Z, on the assumption that no products cancel.
+    """
     holders: dict[int, set[int]] = {}
     for i, z in enumerate(Z):
         for k in z:

@@ -329,7 +329,7 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table that ends a run in `cell`, and its last knot; else None."""
+    """Return the table that ends a run in `cell`, and the end knot; else None."""
     if g.ops[knot] != "table.knot":
         return None
     axis = g.payload(g.args[knot][0]).values
@@ -354,7 +354,19 @@ def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Da
 def made(
     name: str, points: tuple[Floats, ...], values: Floats, how: str, outside: str
 ) -> tuple[tuple[Data, ...], Data]:
-    """Return the axes and pieces of a table."""
+    """Return the axes and pieces of a table.
+
+    Parameters
+    ----------
+    name : str
+        Name of the table.
+    points
+        For each argument its values (n,), in ascending order.
+    values : ndarray, shape (n,) or (n, n2)
+        Values of the table at the points.
+    how, outside
+        One of INTERPOLATIONS, and of OUTSIDE.
+    """
     import numpy as np
 
     found = values

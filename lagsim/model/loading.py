@@ -388,7 +388,22 @@ def diagnose(source: Source, error: Exception) -> Diagnosis:
 
 
 class _Case:
-    """Syntax error: the message of the YAML parser, and where it stopped."""
+    """Syntax error: the message of the YAML parser, and where it stopped.
+
+    Attributes
+    ----------
+    line, character : str
+        The line in which the parser stopped, and the character before which it did.
+    indent : int
+        The count of blanks at the beginning of the line.
+    above : int
+        The number of the last non-blank line above.
+    first_key : bool
+        Whether the parser stopped at the first colon of its line, and the line is not
+        the first one.
+    entry : re.Match or None
+        The entry or item in whose value the parser stopped.
+    """
 
     def __init__(self, source: Source, error: Exception) -> None:
         self.source = source

@@ -98,7 +98,11 @@ class Settings(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """Parameter of the model; an input of every compiled function."""
+    """Parameter of the model; an input of every compiled function.
+
+    `follows`: its expression in the file uses other parameters. Events set a `mode`,
+    whose value here is that at the start.
+    """
 
     name: str
     value: float
@@ -126,7 +130,7 @@ class Level(IntEnum):
 
     @property
     def text(self) -> str:
-        """Description of these quantities, for messages."""
+        """Description of the quantities, for messages."""
         found = "positions and time", "velocities"
         return ("numbers", *found, "accelerations, multipliers or energies")[self]
 
@@ -142,7 +146,11 @@ class Definition(NamedTuple):
 
 
 class Force(NamedTuple):
-    """Generalized force `node` on a coordinate, or on a definition."""
+    """Generalized force `node` on a coordinate, or on a definition.
+
+    Q_j = node * d direction/d q_j for a direction of positions (and time), and node * d
+    direction/d q_j_dot for one that is affine in the velocities.
+    """
 
     on: str
     node: int
@@ -169,7 +177,13 @@ SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
 
 
 class OneSided(NamedTuple):
-    """Law of a one-sided relation, whose multiplier is never negative."""
+    """Law of a one-sided relation, whose multiplier is never negative.
+
+    It has Newton's or Poisson's restitution and Coulomb's friction: `friction` while
+    the contact slides, `static` while it sticks, both on the velocities `slips`. A
+    restitution that depends on the state, or on `APPROACH_SPEED`, is the node `bounce`.
+    A relation between velocities has restitution 0 and no friction.
+    """
 
     restitution: float
     friction: int | None = None
@@ -497,7 +511,10 @@ class State(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Event of the file that sets modes: `sets` has pairs of a mode and a node."""
+    """Event of the file that sets modes: `sets` has pairs of a mode and a node.
+
+    It acts when `at` becomes true, or at the start and at intervals `every`.
+    """
 
     name: str
     sets: tuple[tuple[str, int], ...]
@@ -508,7 +525,11 @@ class Transition(NamedTuple):
 
 
 class Gimbal(NamedTuple):
-    """Frame by three angles, whose nodes are `angles`."""
+    """Frame by three angles, whose nodes are `angles`.
+
+    `node`, the sine or the cosine of the second angle, is 0 at gimbal lock, where the
+    first and the last rotation have one axis.
+    """
 
     frame: str
     node: int

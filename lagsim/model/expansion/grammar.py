@@ -206,7 +206,13 @@ class Key(NamedTuple):
 
 
 def parsed_key(text: str) -> Key | None:
-    """Return the key of a text; None where the text is not of this form."""
+    """Return the key of a text; None where the text is not of this form.
+
+    Raises
+    ------
+    ExpressionError
+        Where a range has a fault.
+    """
     if not ("(" in text or "." in text):
         return Key(text)
     try:

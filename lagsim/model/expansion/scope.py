@@ -57,15 +57,20 @@ class Family:
 
     Attributes
     ----------
+    name : str
+        The name.
     section : str
-        That of the file which declares it.
+        Section of the file that declares it.
+    place : Place
+        Place of its first declaration.
     indexed : bool
         Whether it has subscripts; else it has one member, ().
     members : set of tuple of int
+        Subscripts of the members.
     letters : tuple of str
-        Names of components; none of numbers.
+        Names of components; empty for numbers.
     resolved : bool
-        Whether `letters` are known.
+        Whether `letters` are determined.
     broken : bool
         Whether a fault in its declaration is reported.
     """
@@ -363,7 +368,7 @@ class Scope:
     # Numbers
 
     def whole(self, value: Value, token: Token) -> int:
-        """Return value of a subscript or of an end of a range."""
+        """Return the whole number of a subscript or of an end of a range."""
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
             raise token.fault(text, "", "subscript")
@@ -495,7 +500,7 @@ _RULES: dict[str, Callable[..., Value]] = {
 
 
 def _operation(op: str, args: list[Value], token: Token) -> Value:
-    """Return value of an operation or a function."""
+    """Return the value of an operation or a function of values."""
     if op in _RULES:
         return _RULES[op](*args)
     if vectors := [a for a in args if trees.size(a) > 1]:
@@ -505,7 +510,10 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
 
 
 class Reading:
-    """Interpretation of an expanded scalar's text for a member and component."""
+    """Interpretation of an expanded scalar's text for a member and component.
+
+    `component` is the number of the component, of `size`; None for a number.
+    """
 
     __slots__ = ("_last", "component", "indices", "scope", "size")
 

@@ -81,7 +81,7 @@ def components(size: int) -> tuple[str, ...]:
 
 
 def size(value: Value) -> int:
-    """Return count of components; 1 for a number."""
+    """Return the number of components; 1 for a number."""
     return 1 if isinstance(value, Tree) else len(value)
 
 
@@ -158,14 +158,14 @@ def _sum(terms: Iterable[Tree]) -> Tree:
 
 
 def dot(a: Value, b: Value) -> Tree:
-    """Return scalar product."""
+    """Return the scalar product of two vectors."""
     _alike("`dot`", a, b)
     u, v = vector(a, "`dot`'s argument"), vector(b, "`dot`'s argument")
     return _sum(call("mul", *pair) for pair in _pairs(u, v))
 
 
 def cross(a: Value, b: Value) -> Value:
-    """Return vector product; a number in the plane."""
+    """Return the vector product; in the plane, the number a_x b_y - a_y b_x."""
     _alike("`cross`", a, b)
     u, v = vector(a, "`cross`'s argument"), vector(b, "`cross`'s argument")
 
@@ -178,13 +178,13 @@ def cross(a: Value, b: Value) -> Value:
 
 
 def norm(a: Value) -> Tree:
-    """Return length of a vector."""
+    """Return the length of a vector."""
     parts = vector(a, "`norm`'s argument")
     return call("sqrt", _sum(call("pow", x, number(2.0)) for x in parts))
 
 
 def unit(a: Value) -> Value:
-    """Return direction of a vector: `a/norm(a)`."""
+    """Return the direction of a vector: `a/norm(a)`."""
     return times("div", a, norm(a))
 
 
@@ -215,7 +215,10 @@ ZERO, ONE = number(0.0), number(1.0)
 
 
 class Frame(NamedTuple):
-    """Frame: the rows of R, and the angular velocity in its own components."""
+    """Frame: the rows of R, and the angular velocity in its own components.
+
+    `angle` is the angle of a frame in the plane.
+    """
 
     rows: tuple[Vector, ...]
     omega: Value

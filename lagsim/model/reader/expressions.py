@@ -61,7 +61,7 @@ _A_COLUMN = "it is in the table and in its pictures in any case: leave it out he
 
 
 class Kind(Enum):
-    """Kinds of names in expressions: a text for messages, and the level."""
+    """Kinds of names in expressions: a text for messages, and a level."""
 
     PI = "the number pi", Level.NUMBER
     PARAMETER = "a parameter", Level.NUMBER

@@ -577,7 +577,7 @@ def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
 def of_function(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return the call of an unknown function, begin and end, and its correction."""
+    """Return begin, end and correction of the call of an unknown function."""
     offset, end = fault.offset, fault.offset + fault.length
     name = text[offset:end]
     hint = f"name an expression in `definitions` and write `{name}` alone, or give a "

@@ -30,7 +30,15 @@ class Row(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """Rows of a file, the header first, and the notation of its numbers."""
+    """Rows of a file, the header first, and the notation of its numbers.
+
+    Attributes
+    ----------
+    separator : str
+        The separator of cells.
+    comma : bool
+        Whether numbers have decimal commas.
+    """
 
     rows: list[Row]
     separator: str
