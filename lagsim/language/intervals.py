@@ -432,7 +432,7 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 
 
 def _each(op: str, axis: Data, x: Interval) -> Floats:
-    """Return values (2, k) at the lower bounds and at the upper ones."""
+    """Return the values, shape (2, k), of a function at the lower and upper bounds."""
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 

@@ -282,7 +282,7 @@ class Pending:
 
 
 class Parser:
-    """Pass over the tokens: `output` is postfix, `kinds` has the kind of each value."""
+    """Parser of tokens: `output` is postfix, `kinds` has the kind of each value."""
 
     def __init__(self, text: str, part: list[Token], tables: Arities = ()) -> None:
         self.text = text

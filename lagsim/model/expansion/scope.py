@@ -150,7 +150,7 @@ class Scope:
 
     @property
     def structural(self) -> set[str]:
-        """Return parameters on which ranges and subscripts depend."""
+        """Return the parameters on which ranges and subscripts depend."""
         found, new = set[str](), set(self._asked)
         while new:
             found |= new
@@ -229,7 +229,7 @@ class Scope:
     # Steps
 
     def value(self, steps: Steps, indices: Indices) -> Value:
-        """Return value of steps for a member."""
+        """Return the value of steps for a member."""
         return self.run(steps, indices).pop()
 
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
@@ -299,7 +299,7 @@ class Scope:
         return self.constraints.get(base) if base != name else None
 
     def _named(self, token: Token) -> Value:
-        """Return value of a name without subscripts."""
+        """Return the value of a name without subscripts."""
         family = self.reference(token.text)
         if family is None:
             return trees.name(token.text, token.offset)
@@ -311,7 +311,7 @@ class Scope:
         return _of(family, token.text, (), token.offset)
 
     def _member(self, token: Token, args: list[Value]) -> Value:
-        """Return value of a name with subscripts."""
+        """Return the value of a name with subscripts."""
         name, family = token.text, self.reference(token.text)
         if family is None:
             known = [*CALLED, *(f.name for f in self.variables.values() if f.indexed)]
@@ -399,7 +399,7 @@ class Scope:
         self._asked |= {name.text for found in parsed for name in found.names}
 
     def number(self, found: Parsed) -> float:
-        """Return value of an expression of numbers and parameters."""
+        """Return the value of an expression of numbers and parameters."""
         for name in found.names:
             self._check_number(name.text, name.offset)
         stack: list[float] = []

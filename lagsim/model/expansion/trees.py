@@ -61,12 +61,12 @@ EMPTY = Tree("number", 0.0, -1)
 
 
 def number(x: float) -> Tree:
-    """Return tree of a number."""
+    """Return the tree of a number."""
     return Tree("number", float(x))
 
 
 def name(text: str, offset: int = 0) -> Tree:
-    """Return tree of a variable, by its name with dots."""
+    """Return the tree of a variable, by its name with dots."""
     return Tree("name", text, offset)
 
 
