@@ -1,4 +1,4 @@
-"""Corners of equalities that hold a motion at the start: both of their rows do."""
+"""Equality constraints at a corner of their residual: both branches act as rows."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def raised_by_corners(point: Point) -> int:
-    """Return by how much corners that hold the motion raise the rank of the rows.
+    """Return the rank that rows of corners add to the rank of the equality rows.
 
-    At rest across a corner the motion stays there unless one of its sides alone leads
-    away.
+    A motion at rest at a corner stays there unless the equations of one branch alone
+    lead away from the corner.
     """
     e, g = point.e, point.g
     moving = [*e.q, "t"]
@@ -44,7 +44,7 @@ def raised_by_corners(point: Point) -> int:
 
 
 def _holds(point: Point, row: Row, kink: Kink, across: Row) -> bool:
-    """Whether no side of a kink of a row leads away from it."""
+    """Whether the equations of neither branch of a kink lead away from it."""
     e, g = point.e, point.g
     for way, side in ((1.0, kink.above), (-1.0, kink.below)):
         (residual,) = g.substitute([row.residual], {kink.node: side})

@@ -1,8 +1,8 @@
-"""The initial state: guesses solved, residuals judged, the nearest state found.
+"""Examination of the initial state: guesses, residuals, nearest admissible state.
 
-A relation, or its rate, is satisfied when its residual is at most SATISFIED of the
-largest of its terms and of |q_i dg/dq_i|, wherever it stands (see `verdict`), or within
-the rounding error of the expressions that gave the start.
+A relation, or its rate, is satisfied if its residual is at most SATISFIED times the
+largest of its terms and of |q_i dg/dq_i|, independent of the origin (see `verdict`), or
+if it is within the rounding error of the expressions that state the start.
 """
 
 from __future__ import annotations
@@ -75,12 +75,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Start(Instant):
-    """A state, which rows depend on others there, and whether M needs them.
+    """A state with the ranks of its rows, and whether M is regular.
 
     Attributes
     ----------
+    ranks : RankReport
+        Rank and dependences of the equality rows.
     augmented : bool
-        M alone is singular, but with the constraints every acceleration is determined.
+        Whether M alone is singular, but with the constraints every acceleration is
+        determined.
     """
 
     ranks: RankReport
@@ -93,34 +96,38 @@ class StartReport(NamedTuple):
     Attributes
     ----------
     state : Instant
-        The nearest exact state where the start is admissible, else the stated one.
+        The nearest exact state if the start is admissible, else the stated one.
     verdicts : tuple of Verdict
         The constraints, then the start values of definitions that are not satisfied;
-        where rest is asked for, the velocities and accelerations that are not zero.
+        with `rest`, the velocities and accelerations that are not zero.
     ranks : RankReport
-        Which equalities in force depend on others; at the nearest admissible state
-        where the start is not admissible and one was found.
-    lasting : RankReport
-        The same of those that are always in force.
-    sticking : int
-        By how much the limited equalities that hold raise the rank.
-    rest : dict or None
-        The guesses at rest, where that was asked for and found: name -> value.
+        Rank and dependences of the equalities in force; at the nearest admissible state
+        if the start is not admissible and such a state was found.
     augmented : bool
-        M alone is singular, but with the constraints every acceleration is determined.
+        Whether M alone is singular, but with the constraints every acceleration is
+        determined.
     reach : Reach or None
-        What velocity constraints let the motion reach; None without any.
+        The configurations that velocity constraints let the motion reach; None without
+        velocity constraints.
     repair : dict or None
-        The initial names that would change, and to what, where the start is not
+        The initial names to change, with their new values, if the start is not
         admissible and a nearest admissible state was found.
     contradictions : tuple of Dependence
-        Rows that contradict others, at the state or, where no admissible one was found,
+        Rows that contradict others, at the state or, if no admissible state was found,
         at the point of least residuals.
     unsolved : str
-        Why no admissible state was found, where none was; or why the guesses alone
-        did not suffice.
+        The reason why no admissible state was found, or why the guesses alone did not
+        suffice; else empty.
     changes : dict
-        What the exact state changes by more than rounding: name -> (stated, exact).
+        Differences between the stated and the exact state beyond rounding: name ->
+        (stated, exact).
+    warnings : tuple of Caution
+    lasting : RankReport
+        Rank and dependences of the equalities that are always in force.
+    sticking : int
+        The rank added by limited equalities that hold.
+    rest : dict or None
+        The guesses at rest, if requested and found: name -> value.
     """
 
     state: Instant
@@ -145,21 +152,21 @@ class StartReport(NamedTuple):
 
     @property
     def thin(self) -> ThinSet | None:
-        """The rows that no multiplier keeps, where `ranks` are those of."""
+        """The rows without a finite multiplier at `ranks`, if any."""
         return self.ranks.thin
 
     @property
     def admissible(self) -> bool:
-        """Whether a run may begin here."""
+        """Whether a run may begin at the state."""
         if self.contradictions or self.thin is not None:
             return False
         return all(v.satisfied for v in self.verdicts)
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Coordinates minus the rank of the two-sided rows that hold.
+        """Number of coordinates minus the rank of the equality rows that hold.
 
-        On a set on which they lose their rank all over, its dimension, where known.
+        On a set on which all states lose rank, its dimension, if known.
         """
         if self.thin is not None and self.thin.degrees_of_freedom is not None:
             return self.thin.degrees_of_freedom
@@ -167,19 +174,19 @@ class StartReport(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """The rank of the two-sided rows that hold."""
+        """The rank of the equality rows that hold."""
         return self.ranks.rank + self.sticking
 
 
-# What differs from what was stated by less than so many rounding errors is not reported
-# as a change.
+# Changes of stated values below this multiple of the rounding error are not reported.
 REPORTED = 225.0
 FAR = "to find the nearest admissible start takes too many operations"
 SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
-# Other roots are looked for from this many starts around the guess, this far away.
+# Number of starts around the guess from which other roots are searched.
 OTHER_STARTS = 16
-# Of roots farther from the guess than so many times the nearest one nothing is said.
+# Roots farther from the guess than this multiple of the nearest are not reported.
 AS_NEAR = 1.5
+# Distance of the starts relative to the lengths of the relations.
 AROUND = 1.0
 # Whether a dense M (n, n) is positive takes n**3 / DECOMPOSED operations.
 DECOMPOSED = 2000.0
@@ -192,23 +199,40 @@ def examine(
     rest: bool = False,
     classify: bool = False,
 ) -> StartReport:
-    """Judge the initial state of a model.
+    """Examine the initial state of a model.
 
     Parameters
     ----------
-    time
-        When the run begins.
-    rest
-        Guesses are solved so that velocities and accelerations vanish, too.
-    classify
-        Also decide which velocity constraints are integrable, and what contacts,
-        freewheels and limited equalities do.
+    equations : Equations
+    time : float
+        The start of the run.
+    rest : bool
+        Whether to solve guesses so that velocities and accelerations vanish, too.
+    classify : bool
+        Whether to decide which velocity constraints are integrable, and the modes of
+        contacts, freewheels and limited equalities.
 
     Raises
     ------
     InputError
-        Where energies or forces are not finite, numbers lie too far apart to be
-        computed with, or a coordinate has no inertia that no constraint determines.
+        If energies or forces are not finite, numbers differ by too many orders of
+        magnitude, or a coordinate has no inertia and no constraint determines it.
+
+    Examples
+    --------
+    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.model.reader import read
+    >>> text = '''
+    ... coordinates: {x: {}, y: {}}
+    ... parameters: {m: 1, g: 9.81}
+    ... energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+    ... constraints: {rod: x^2 + y^2 = 1}
+    ... initial: {x: 0.6, y: -0.8, x_dot: 0, y_dot: 0}
+    ... simulation: {duration: 1, output_step: 0.1}
+    ... '''
+    >>> report = examine(derive(read(text, "bob.yaml")))
+    >>> report.admissible, report.rank, report.degrees_of_freedom
+    (True, 1, 1)
     """
     examiner = _Examiner(equations, time, rest=rest)
     try:
@@ -218,10 +242,7 @@ def examine(
 
 
 def start_at(equations: Equations, state: Instant) -> Start:
-    """Ranks of equations at a state that satisfies their constraints.
-
-    Plans are made from that.
-    """
+    """Return a start with the ranks at a state that satisfies the constraints."""
     point = Point(equations, state)
     point = point.at(errors=point.solved_errors())
     at = state.t, state.q, state.v, state.s
@@ -229,7 +250,7 @@ def start_at(equations: Equations, state: Instant) -> Start:
 
 
 class _Judged(NamedTuple):
-    """State at which the rows are analysed, their ranks there, contradictions."""
+    """State at which the rows are analysed, with ranks and contradictions there."""
 
     point: Point
     ranks: RankReport
@@ -239,21 +260,21 @@ class _Judged(NamedTuple):
 
 
 class _Examiner:
-    """Judges a start, and solves for values of it: guesses, exact ones, nearest ones.
+    """Examination of one start: solves guesses, exact values and the nearest state.
 
     Attributes
     ----------
     stated : Point
-        The state as the file gives it.
+        The state as in the file.
     free : list of list of int
-        The positions, and the velocities, that are guesses, and the first-order states
-        that begin where their rates vanish.
-    errors : dict
-        Of the values as they are stated, or solved for where they are guesses.
-    touching : dict
-        One-sided relations that are to be satisfied as equalities.
+        Indices of the positions, of the velocities, and of the first-order states that
+        are guesses; states are solved so that their rates vanish.
+    errors : dict of str to float
+        Error bounds of the values as stated or, for guesses, as solved.
+    touching : dict of str to Row
+        Contacts and freewheels to be satisfied as equalities.
     double : bool
-        Positions were found as a double root, and are known to half of the digits.
+        Whether positions are a double root, known to half of the digits.
     """
 
     def __init__(self, equations: Equations, time: float, *, rest: bool) -> None:
@@ -362,9 +383,9 @@ class _Examiner:
         velocities: bool,
         definitions: bool = True,
     ) -> Relations:
-        """Return what is asked of the values `free`, positions or velocities."""
+        """Return the relations between the values `free`, positions or velocities."""
         e = self.e
-        # What is touched has no rate to keep: an impact decides that.
+        # Contacts that touch imply no equation for the rate: an impact decides it.
         touching = self.touching.values()
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
         wanted = conditions(rows, velocities=velocities)
@@ -373,7 +394,7 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=velocities)
 
     def _defined(self, point: Point, *, velocities: bool) -> list[Condition]:
-        """Return what start values of definitions ask of positions, or velocities."""
+        """Return the equations that start values of definitions imply."""
         e, g, n = self.e, self.e.graph, self.n
         wanted = []
         for x in e.model.initial:
@@ -391,7 +412,7 @@ class _Examiner:
         return wanted
 
     def _metric(self, relations: Relations) -> Floats:
-        """Metric of least change on the values: M as it was stated; none of states."""
+        """Return the metric of least change (k, k): M as stated; unity for states."""
         k, free = len(relations.free), relations.free
         if relations.block > 1:
             return np.eye(k)
@@ -400,7 +421,7 @@ class _Examiner:
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Nearest values that satisfy the relations."""
+        """Return the nearest values that satisfy the relations."""
         free = relations.free
         if not relations.wanted:
             return Found(relations.x0, converged=True)
@@ -413,7 +434,7 @@ class _Examiner:
         return nearest(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> Found:
-        """Solve for the values, from where they are; return remarks on the solution."""
+        """Solve relations, and describe the failure or the peculiarity of the root."""
         found = self._nearest(relations)
         if not relations.wanted:
             return found
@@ -450,7 +471,7 @@ class _Examiner:
         return found._replace(reason=reason, least=least)
 
     def _exact_values(self, point: Point, *, velocities: bool) -> Point:
-        """Nearest exact state; values that are exact to rounding stay."""
+        """Return the nearest exact point; keep values exact to rounding."""
         relations = self._relations(
             point, range(self.n), velocities=velocities, definitions=False
         )
@@ -460,7 +481,7 @@ class _Examiner:
     # Guesses
 
     def _guessed(self) -> tuple[Point, str]:
-        """Solve guesses: positions, velocities, then states; say why they fail."""
+        """Solve guesses: positions, velocities, states; with the reason if it fails."""
         point, warnings = self.stated, self.warnings
         # Velocities that relations give may depend on states, and these on them.
         again = (1, 2) * OTHER_STARTS if all(self.free[1:]) else ()
@@ -487,7 +508,7 @@ class _Examiner:
         return point, ""
 
     def _at_rest(self) -> tuple[Point, str]:
-        """Solve guesses for a rest; say why that fails."""
+        """Solve guesses for a state of rest; return the reason of a failure."""
         found = self._rest(self.free[0], self.free[2])
         if found is None:
             return self._guessed()[0], "no rest was found near the guesses"
@@ -503,7 +524,7 @@ class _Examiner:
         return solved.at(v=rates, errors=self.errors), ""
 
     def _rest(self, positions: Sequence[int], states: Sequence[int]) -> AtRest | None:
-        """Find a rest by some values."""
+        """Find a state of rest with the given unknown positions and states."""
         from lagsim.admissibility.rest import find_rest
 
         still = self.stated.at(v=np.zeros(self.n))
@@ -511,7 +532,7 @@ class _Examiner:
         return find_rest(still, stated, (positions, states), self.off)
 
     def _asked(self, point: Point, block: int) -> Relations:
-        """Return what is asked of guesses; of states, that their rates vanish."""
+        """Return the relations for guesses; for states, that their rates vanish."""
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:
             return self._relations(point, free, velocities=block > 0)
@@ -525,9 +546,9 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=True, states=True)
 
     def _guesses(self, relations: Relations) -> Found:
-        """Solve for guesses: the nearest of several roots, and a hint that there are.
+        """Solve for guesses; of several roots select the nearest, and warn.
 
-        A guess that nothing determines stays as given.
+        A guess that no relation determines keeps its value.
         """
         found = self._solved(relations)
         if not found.converged:
@@ -593,10 +614,10 @@ class _Examiner:
             )
         return Found(roots[nearest], converged=True)
 
-    # The state that the rest of the report is about
+    # The state that is reported
 
     def _inexact(self, point: Point) -> Point:
-        """Point with the errors of its values: as stated, or solved for."""
+        """Return the point with error bounds of its values, as stated or as solved."""
         here = {x: point.values[x] for x in self.e.state}
         same = {name for name, x in here.items() if x == self.initial[name].value}
         if same == here.keys():
@@ -617,7 +638,7 @@ class _Examiner:
         return _Judged(point, ranks, against, unsolved=unsolved)
 
     def _exact(self, point: Point, laws: Sequence[Verdict]) -> _Judged:
-        """Judge the nearest exact state; one that is exact to rounding stays."""
+        """Judge the nearest exact state; values that are exact to rounding are kept."""
         passed = {
             x.name
             for x in laws
@@ -632,9 +653,9 @@ class _Examiner:
         return judged
 
     def _repaired(self, point: Point) -> _Judged:
-        """Judge the nearest admissible state over all values; name those to change.
+        """Judge the nearest admissible state over all values, and name the changes.
 
-        Where there is none, what contradicts at the point of least residuals.
+        Without such a state, report the contradictions at the point of least residuals.
         """
         near, everything = self.stated.at(errors=self.errors), range(self.n)
         if self.rest:
@@ -657,7 +678,7 @@ class _Examiner:
         return judged._replace(repair={name: new for name, (_, new) in changed.items()})
 
     def _at_other_rest(self, point: Point) -> _Judged:
-        """Judge a rest near the start over all values; name those to change."""
+        """Judge a rest near the start over all values, and name the changes."""
         near = self._rest(range(self.n), range(len(self.e.states)))
         if near is None:
             why = "no rest was found near the start, whatever may change"
@@ -669,9 +690,15 @@ class _Examiner:
     def _touch(
         self, point: Point, *, velocities: bool, free: Sequence[int] | None = None
     ) -> bool:
-        """Ask of what is violated that it just holds; tell if any of that is new.
+        """Add violated contacts as equalities; return whether any is new.
 
-        Of positions, or of velocities; with `free`, only where these values matter.
+        Parameters
+        ----------
+        point : Point
+        velocities : bool
+            Whether rows of velocities, or of positions, are added.
+        free : sequence of int, optional
+            If given, only rows that depend on these values are added.
         """
         if not self.e.laws:
             return False
@@ -688,7 +715,7 @@ class _Examiner:
         return bool(new)
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
-        """Return what changes by more than rounding: name -> (old, new)."""
+        """Return the changes beyond rounding: name -> (old, new)."""
         errors = new.solved_errors((old.q, old.v))
         pairs: Mapping[str, tuple[float, float]] = {
             name: (old.values[name], new.values[name]) for name in errors
@@ -701,7 +728,7 @@ class _Examiner:
 
 
 def _spread(relations: Relations, x: Floats) -> Floats:
-    """Radius, per unknown, of the search for further roots around x, found from x0."""
+    """Return the radius (k,) of the search for further roots around a root x."""
     if relations.velocities:  # 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)

@@ -1,10 +1,10 @@
-"""Integrability of velocity constraints, by brackets of motions.
+"""Integrability of velocity constraints, by Lie brackets of vector fields.
 
 The velocities that the constraints admit span a distribution in the space of (q, t).
-Its brackets, and theirs with it, span all directions that the motion can reach; what
-they leave out are hidden holonomic combinations (Frobenius; Chow and Rashevskii; see
-R. Montgomery, A Tour of Subriemannian Geometries, sections 1.6 and 2.2). Brackets are
-taken on the graph and evaluated at generic points.
+The distribution and its iterated brackets span all directions that the motion can
+reach; the forms that vanish on these directions are hidden holonomic combinations
+(Frobenius; Chow and Rashevskii; see R. Montgomery, A Tour of Subriemannian Geometries,
+sections 1.6 and 2.2). Brackets are formed on the graph and evaluated at generic points.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.constraints import Row
 
-# What has one form on one side of a switch and another on the other.
+# Functions whose expression differs on the two sides of a switch.
 BRANCHED = CHOOSING | STEPS | {"abs"}
-# The bounds of rounding errors are to first order; this keeps them bounds.
+# Safety factor of bounds of rounding errors, which are of first order.
 CAUTION = 10.0
 SPREAD = 0.3
-# So many of so many points must agree.
+# Number of generic points that must agree, of at most so many trials.
 AGREE = 2
 TRIALS = 8
 NONE_NEARBY = "no admissible states were found nearby"
-# Brackets swell; when they have taken this many nodes the question is left open.
+# Largest number of nodes of the graph for brackets; beyond it the result is undecided.
 MOST_NODES = 40_000
 
 
@@ -46,12 +46,14 @@ class Reach(NamedTuple):
     Attributes
     ----------
     dimension : int or None
-        Dimension of the set of configurations that it can reach; None where that
-        cannot be decided, with the `reason`.
+        Dimension of the set of reachable configurations; None if undecided.
     hidden : int or None
-        How many independent combinations of the velocity constraints are holonomic.
+        Number of independent holonomic combinations of the velocity constraints; None
+        if undecided.
     entering : tuple of str
-        The velocity constraints that enter these combinations.
+        The velocity constraints in these combinations.
+    reason : str
+        Why the result is undecided.
     """
 
     dimension: int | None
@@ -63,7 +65,10 @@ class Reach(NamedTuple):
 def classified(
     point: Point, verdicts: Sequence[Verdict]
 ) -> tuple[list[Verdict], Reach]:
-    """Say which Pfaffian relations alone are integrable, and what all let it reach."""
+    """Return verdicts with `integrable` for each Pfaffian relation; common reach.
+
+    Each relation is examined alone; the reach is that of all rows.
+    """
     rows = {row.name: row for row in point.e.rows}
     whole = reach_of(point, point.e.rows)
     found = list(verdicts)
@@ -77,7 +82,7 @@ def classified(
 
 
 def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
-    """Decide what the motions that `rows` admit can reach from near the point."""
+    """Return the reach of motions that `rows` admit near the point."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
     # Brackets are those of one branch, and the motion may leave it.
@@ -94,7 +99,7 @@ def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
-    """Decide at random points, of which two must agree."""
+    """Return the reach on which two random points near the point agree."""
     random = np.random.default_rng(2)  # the same points each time
     q, weights = point.q, point.sizes
     spread = of_rows(point, rows).spread
@@ -122,8 +127,8 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
 class _Distribution:
     """The admissible directions around a point, as vector fields on the graph.
 
-    A field is a node for each of (q, t). Near the point, the constraints determine the
-    `bound` directions by the `free` ones.
+    A field is a list of nodes, one for each of (q, t). Near the point, the components
+    in `bound` follow from the free ones.
     """
 
     def __init__(self, point: Point, rows: Sequence[Row]) -> None:
@@ -145,7 +150,7 @@ class _Distribution:
         self.scaled /= np.where(lengths > 0, lengths, 1.0)
 
     def reach(self) -> Reach:
-        """Close the distribution under brackets."""
+        """Complete the distribution under brackets, and return the reach."""
         if not np.all(np.isfinite(self.numbers)):
             return Reach(None, None, reason="the forms are not finite near the start")
         fields = self._fields()
@@ -165,7 +170,7 @@ class _Distribution:
         return self._judged(span)
 
     def _extends(self, span: Span, field: Sequence[int]) -> bool:
-        """Add a field to the span if it leaves it by more than rounding."""
+        """Whether a field adds a direction to the span, beyond rounding; add it."""
         vector = self.point.array(field) * self.weights
         length = np.linalg.norm(vector)
         if not np.isfinite(length) or length == 0:
@@ -177,7 +182,7 @@ class _Distribution:
         return span.extend(rest, CAUTION * float(rounding / length))
 
     def _fields(self) -> list[list[int]]:
-        """Fields that span the kernel of the forms around the point."""
+        """Return fields that span the kernel of the forms around the point."""
         g = self.g
         table = [list(form) for form in self.forms]
         numbers = self.scaled.copy()
@@ -208,7 +213,7 @@ class _Distribution:
         return fields
 
     def _bracket(self, a: list[int], b: list[int]) -> list[int]:
-        """Return [a, b] = Db a - Da b."""
+        """Return the Lie bracket [a, b] = Db a - Da b, as nodes."""
         g = self.g
         along_a = dict(zip(self.variables, a, strict=True))
         along_b = dict(zip(self.variables, b, strict=True))
@@ -216,9 +221,9 @@ class _Distribution:
         return [g.call("sub", x, y) for x, y in zip(first, second, strict=True)]
 
     def _judged(self, span: Span) -> Reach:
-        """Read the hidden holonomic combinations off what is reached."""
-        # What vanishes on everything reached is a combination of the forms; the
-        # holonomic rows are no news.
+        """Return the reach of a complete span, with hidden holonomic relations."""
+        # A form that vanishes on the span is a combination of the forms; the holonomic
+        # rows are known to be such forms.
         known = Span(len(self.names))
         for row, form in zip(self.rows, self.scaled, strict=True):
             if row.holonomic:

@@ -1,11 +1,11 @@
-"""The nearest point that satisfies relations: damped Newton, then a true minimum.
+"""The nearest point that satisfies relations: damped Newton, then minimisation.
 
 `nearest` minimises |x - x0| in a metric subject to r(x) = 0. Damped Newton steps of
-least change reach the relations; then Newton's method on the Lagrange function, along
+least change solve the relations; then Newton's method on the Lagrange function, along
 the relations and with a return to them after each step (J. Nocedal and S. J. Wright,
-Numerical Optimization, 2nd ed., chapters 15 and 18), goes down to the minimum, which is
-not in general where the first iteration ends. Where the relations cannot be reached it
-says why.
+Numerical Optimization, 2nd ed., chapters 15 and 18), descends to the minimum, which
+differs in general from the end of the first iteration. If the relations cannot be
+solved, the result contains the reason.
 """
 
 from __future__ import annotations
@@ -50,14 +50,20 @@ STEP = 350.0
 
 
 class Relations:
-    """Residuals r (m,) as a function of values x (k,) of a state, the others given.
+    """Residuals r (m,) as a function of some values x (k,) of a state.
 
     Parameters
     ----------
-    wanted
-        What is asked of positions, or of `velocities`; or, with them, of `states`.
-    free
-        The indices of these values among them.
+    point : Point
+        The state, whose other values are fixed.
+    wanted : sequence of Condition
+        Equations for positions or, with `velocities`, for velocities.
+    free : sequence of int
+        Indices of the unknowns among positions, velocities or first-order states.
+    velocities : bool
+        Whether the unknowns are velocities.
+    states : bool
+        With `velocities`: whether the unknowns are first-order states.
     """
 
     def __init__(
@@ -87,7 +93,7 @@ class Relations:
         self.point, self.wanted, self.velocities = point, wanted, velocities
         self.nodes = [x.node for x in wanted]
         self.targets = np.array([x.target for x in wanted])
-        # Of each node by the values: index among these -> node.
+        # Derivatives of each node: index of an unknown -> node.
         self.slopes = [
             {place[j]: s for j, s in x.A.items() if j in place} for x in wanted
         ]
@@ -98,16 +104,16 @@ class Relations:
 
     @property
     def angles(self) -> int:
-        """So many values, the first ones, may be angles."""
+        """Number of values, from the first on, that may be angles."""
         return 0 if self.velocities else len(self.names)
 
     @property
     def x0(self) -> Floats:
-        """The values as they are at the point, (k,)."""
+        """The values at the point, shape (k,)."""
         return self._state[self.block][self.free]
 
     def at(self, x: Floats, errors: Floats | None = None) -> Point:
-        """Point with these values, which may have other errors."""
+        """Return the point with values x (k,), optionally with error bounds (k,)."""
         q, v, s = state = [part.copy() for part in self._state]
         state[self.block][self.free] = x
         if errors is None:
@@ -117,7 +123,7 @@ class Relations:
 
     @cached_property
     def _second(self) -> list[tuple[int, int, int, int]]:
-        """The second derivatives that do not vanish: row, two values, node."""
+        """The second derivatives that do not vanish: row, two unknowns, node."""
         g, found = self.point.g, []
         place = {g.variable(x): k for k, x in enumerate(self.names)}
         for i, row in enumerate(self.slopes):
@@ -131,7 +137,7 @@ class Relations:
         return found
 
     def curvature(self, x: Floats, multipliers: Floats) -> Floats:
-        """Sum of multiplier_i d2r_i/dx dx, (k, k)."""
+        """Return the sum of multipliers[i] d2r_i/dx dx, shape (k, k)."""
         found = np.zeros((len(self.names), len(self.names)))
         values = self.at(x).array([entry[3] for entry in self._second])
         for (i, j, k, _), value in zip(self._second, values, strict=True):
@@ -139,13 +145,13 @@ class Relations:
         return (found + found.T) / 2
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return r (m,) and dr/dx (m, k)."""
+        """Return r (m,) and dr/dx (m, k), and count the operations of a dense step."""
         m, k = len(self.targets), len(self.names)
         self.point.g.count(m * k * min(m, k) / STEP)
         return self.looked_at(x)
 
     def looked_at(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the same where no equations are solved with it."""
+        """Return r (m,) and dr/dx (m, k) for a check, without a dense step."""
         r, entries = self._with_entries(x)
         return r, entries.dense(len(r), len(self.names))
 
@@ -163,11 +169,11 @@ class Relations:
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
     def hold(self, x: Floats, errors: Floats) -> bool:
-        """Whether r is small against its terms, or rounding for these errors."""
+        """Whether r is small against its terms, or within rounding for `errors`."""
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Whether each of r is more than that, (m,)."""
+        """Mark residuals that exceed their terms' and their rounding bounds (m,)."""
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
         far = np.flatnonzero(found).tolist()
@@ -175,28 +181,28 @@ class Relations:
         return found
 
     def exact(self, x: Floats) -> bool:
-        """Whether r is within the rounding errors of x as it was stated."""
+        """Whether r is within the rounding errors of x as stated in the file."""
         point, residual, _ = self._against_terms(x)
         return bool(np.all(residual <= self.rounding(point)))
 
     def _against_terms(
         self, x: Floats, errors: Floats | None = None
     ) -> tuple[Point, Floats, Floats]:
-        """Point, |r| (m,), and what of it is small against its terms, (m,)."""
+        """Return the point, |r| (m,), and bounds of |r| relative to its terms (m,)."""
         point = self.at(x, errors)
         scale = np.abs(point.array([x.scale for x in self.wanted]))
         small = CONVERGED * np.maximum(scale, np.abs(self.targets))
         return point, np.abs(point.array(self.nodes) - self.targets), small
 
     def rounding(self, point: Point, rows: Sequence[int] | None = None) -> Floats:
-        """Bounds of what rounding and stated errors leave of r, or of some `rows`."""
+        """Return bounds of the error of r (or of `rows`): rounding, stated errors."""
         rows = range(len(self.nodes)) if rows is None else rows
         found = point.rounding([self.nodes[i] for i in rows])
         return np.asarray(found + [self.wanted[i].error for i in rows])
 
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
-    """Return what `rows` ask of all positions, or of all velocities."""
+    """Return the relations between all positions, or velocities, by `rows`."""
     wanted = conditions(rows, velocities=velocities)
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
@@ -208,12 +214,11 @@ def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Rela
 # begins to be satisfied: on the path to it, it is not. There its slope tells the root
 # from its neighbours.
 
-# Not a root: that part of the distance before it, the relation is satisfied as well.
+# A point is no root if the relation is also satisfied this part of the distance before,
 BACKWARD = 0.03
-# And what its slope there makes of the whole distance is no more than so many times its
-# residual, or than its rounding, or that of its slopes on the path: as many as there
-# are steps, which do not become shorter where it falls as exp(-x) does. It began with
-# more than that.
+# and if slope times distance is at most this multiple of its residual, of its rounding,
+# or of that of its slopes on the path, while the first residual was more. The multiple
+# is about the number of steps, which do not become shorter where r falls as exp(-x).
 LEVEL = 64.0
 
 
@@ -226,7 +231,15 @@ def diverges(
 ) -> bool:
     """Whether a relation that x0 violates is satisfied at x by rounding alone.
 
-    at : x -> r (m,) and dr/dx (m, k), dense or sparse.
+    Parameters
+    ----------
+    relations : Relations
+    at : function
+        x (k,) -> r (m,) and dr/dx (m, k), dense or sparse.
+    x0, x : ndarray, shape (k,)
+        First and last iterate.
+    errors : ndarray, shape (k,)
+        Error bounds of x.
     """
     moved = x - x0
     if not np.any(moved):
@@ -251,21 +264,20 @@ def diverges(
 # --- Newton's method, and the minimum
 
 MOST_STEPS = 60
-# So often the iteration goes on once relations hold.
+# Number of further steps once the relations hold.
 POLISHING = 3
 SMALLEST_DAMPING = 1e-6
-# Newton's method leaves (k - 1)/k of the distance to a k-fold root: such a part, steady
-# to so much, that many times in a row.
+# Newton's method reduces the distance to a k-fold root by the factor (k - 1)/k. A root
+# is multiple if the factor is in SLOW, constant to STEADY, HALVINGS times in a row.
 HALVINGS = 5
 SLOW = (0.4, 0.85)
 STEADY = 0.05
 ARRIVED = 2
-# Other starts, and the sizes at which they are looked for; with more unknowns than
-# these the nearest point is a minimum among its neighbours only.
+# Number of other starts; with more unknowns than FEW there are none if a root is found,
+# and the nearest point is a local minimum.
 OTHER_STARTS = 6
 FEW = 8
-# A step of a sparse iteration that is no shorter than this part of the one before is
-# the last.
+# A sparse iteration ends with a step whose length exceeds this part of the last one's.
 SHORTER = 0.9
 # A whole turn of an angle.
 TURN = 2.0 * math.pi
@@ -282,9 +294,17 @@ class Trouble(Enum):
 
 
 class Found(NamedTuple):
-    """End of the iteration, and whether the relations hold there.
+    """Result of the iteration.
 
-    Where they are not, also in words: why, and the least residual.
+    Attributes
+    ----------
+    x : ndarray, shape (k,)
+        The last iterate.
+    converged : bool
+        Whether the relations hold at x.
+    trouble : Trouble
+    reason, least : str
+        If not converged: the reason, and the least residual, in words.
     """
 
     x: Floats
@@ -296,10 +316,16 @@ class Found(NamedTuple):
 
 @np.errstate(over="ignore", invalid="ignore")  # starts of any size
 def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
-    """Point nearest to x0 in `metric` (k, k) that satisfies `relations`.
+    """Return the point nearest to x0 in a metric that satisfies `relations`.
 
-    Where none is found, the point of least |r| near there. `far`: other starts are
-    tried, too, for a nearer point or where the first fails.
+    If none is found, the result is a point of least |r| nearby.
+
+    Parameters
+    ----------
+    relations : Relations
+    metric : ndarray, shape (k, k)
+    far : bool
+        Whether to try other starts, for a nearer point or if the first one fails.
     """
     x0 = relations.x0
     if relations.exact(x0):
@@ -330,9 +356,9 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
 
 
 def nearest_sparse(relations: Relations, M: Any) -> Found | None:
-    """Return the same in the sparse metric M (n, n); None where that does not settle.
+    """Return the nearest point in a sparse metric M (n, n); None without convergence.
 
-    Each step goes to the nearest point that satisfies the relations to first order.
+    Each step solves for the nearest point that satisfies the linearised relations.
     """
     x0 = relations.x0
     if relations.exact(x0):
@@ -368,7 +394,7 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
 def _others(
     relations: Relations, x0: Floats, best: Floats | None, metric: Floats
 ) -> Iterator[Floats]:
-    """Other starts around x0, as far as the point found; the same each time."""
+    """Yield reproducible starts around x0, as far away as the point found."""
     random = np.random.default_rng(3)
     L = cholesky(metric)
     near = far = float(np.sqrt(_square(x0 if best is None else best - x0, metric)))
@@ -382,7 +408,7 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """Distance, to second order, at which the relations hold; 0: not known."""
+    """Return the distance at which second-order expansions hold; 0 if unknown."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):
@@ -398,9 +424,16 @@ def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
 def reach(
     relations: Relations, start: Floats, metric: Floats, guess: Floats | None = None
 ) -> Found:
-    """Take damped steps of least change until the relations hold.
+    """Solve the relations by damped Newton steps of least change.
 
-    `guess`: what was to be solved for, if `start` is another start.
+    Parameters
+    ----------
+    relations : Relations
+    start : ndarray, shape (k,)
+        First iterate.
+    metric : ndarray, shape (k, k)
+    guess : ndarray, shape (k,), optional
+        The original guess, if `start` is another start.
     """
     try:
         return _reached(relations, start, metric, start if guess is None else guess)
@@ -461,7 +494,10 @@ def _damped(
     *,
     once: bool,
 ) -> tuple[Floats, Floats, Floats] | None:
-    """Take as much of the step as lowers |r|; None where no part of it does."""
+    """Return x, r, dr/dx after the largest part of a step that lowers |r|, or None.
+
+    The parts are 1, 1/2, 1/4 ...; with `once` 1 alone.
+    """
     before = np.linalg.norm(r / weights)
     damping = 1.0
     while damping > (0.6 if once else SMALLEST_DAMPING):
@@ -474,14 +510,17 @@ def _damped(
 
 
 def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
-    """Rows of J in the metric L L^T to length 1, and their lengths or 1."""
+    """Return J with rows of length 1 in the metric L L^T (m, n), and the lengths (m,).
+
+    The length of a row of zeros is given as 1.
+    """
     Y, lengths = scaled(J, L)
     lengths[lengths == 0] = 1.0
     return Y, lengths
 
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
-    """Say why the relations were not reached; return the point of least |r|."""
+    """Return the point of least |r| with the reason why relations were not solved."""
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
@@ -513,7 +552,15 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
 
 
 class _Slope:
-    """|x - x0|^2 / 2 along the relations: its gradient and a step down."""
+    """|x - x0|^2 / 2 along the relations: its gradient and a descent step.
+
+    Parameters
+    ----------
+    relations : Relations
+    x0, x : ndarray, shape (k,)
+        Centre, and a point that satisfies the relations.
+    metric : ndarray, shape (k, k)
+    """
 
     def __init__(
         self, relations: Relations, x0: Floats, x: Floats, metric: Floats
@@ -529,7 +576,7 @@ class _Slope:
         self.steepness = float(np.linalg.norm(self.gradient))
 
     def step(self) -> Floats:
-        """Newton's step along the relations; one downwards where that is not."""
+        """Return Newton's step along the relations, or a descent step."""
         # The Hessian of the Lagrange function.
         H = self.metric - self.relations.curvature(self.x, self.multipliers)
         H = H if np.all(np.isfinite(H)) else self.metric
@@ -545,7 +592,7 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def lower(self) -> _Slope | None:
-        """Take as much of a step as comes nearer; None where no part of it does."""
+        """Return the point after the largest part of a step that is nearer, or None."""
         if not self.kernel.shape[1] or self.change == 0:
             return None  # isolated: there is nothing to choose
         step, damping = self.step(), 1.0
@@ -570,7 +617,7 @@ class _Slope:
 
 
 def descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
-    """Go along the relations from a point that satisfies them to the nearest one."""
+    """Minimise the distance from x0 along the relations, starting from a solution x."""
     try:
         here = _Slope(relations, x0, x, metric)
         for _ in range(MOST_STEPS):
@@ -588,7 +635,7 @@ def _square(x: Floats, metric: Floats) -> float:
 
 
 def unwound(relations: Relations, x: Floats) -> Floats:
-    """Root without the whole periods that lead away from a guess.
+    """Return the root x shifted by whole periods so that it is nearest to the guess.
 
     A component has a period if adding it changes no relation, at the root and beside
     it: a turn of an angle, or half a turn, as of tan.

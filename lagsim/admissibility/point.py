@@ -1,17 +1,15 @@
-"""The equations in numbers at a state, from the graph in plain Python; lengths.
+"""Numerical values of the equations at a state, by the graph; lengths of relations.
 
-One state is all that is asked, so nothing is compiled. From LARGE coordinates on
-matrices are sparse: what is decided then is decided as for small scenes, as long as M
-is safely positive and the rows are safely independent; where they are not, dense
-matrices are used, which take time proportional to the cube of the number of
-coordinates.
+Only one state is evaluated, so no code is compiled. From LARGE coordinates on matrices
+are sparse: decisions are equal to those of small models as long as M is safely positive
+and the rows are safely independent; otherwise dense matrices are used, at a cost
+proportional to the cube of the number of coordinates.
 
 The length of a relation is the distance along a coordinate over which its gradient
 changes by its own length: of a rod its length, of a curve its radius, of a sine one
-radian. Moved elsewhere, or measured in other units, it has the same length, while its
-terms and |q_i dg/dq_i| grow with the distance from the origin. An affine relation has
-no length of its own; its coordinates have those of the other relations in which they
-stand.
+radian. It does not change with origin or units, while the terms of the relation and
+|q_i dg/dq_i| grow with the distance from the origin. An affine relation has no length
+of its own; its coordinates have the lengths of their other relations.
 """
 
 from __future__ import annotations
@@ -50,18 +48,20 @@ if TYPE_CHECKING:
 
 
 class Point:
-    """The equations in numbers at a state (t, q, v).
+    """Numerical values of the equations at a state (t, q, v, s).
 
     Parameters
     ----------
-    errors
-        Bounds of the rounding errors of values, by name. Without one a parameter that
-        is no whole number has been rounded, and all else is exact.
+    equations : Equations
+    state : Instant
+    errors : mapping of str to float
+        Bounds of the rounding errors of values. Other parameters that are not integers
+        have been rounded to doubles, and other values are exact.
 
     Attributes
     ----------
     multipliers : mapping of str to float
-        Those that are variables of an expression, by name; else none.
+        Multipliers that are variables of an expression; else empty.
     """
 
     # Coordinates from which on a dense decomposition takes longer than loading scipy.
@@ -88,7 +88,7 @@ class Point:
         t: float | None = None,
         s: Floats | None = None,
     ) -> Point:
-        """Equations at another state, or with other errors, sizes kept."""
+        """Return the equations at another state or errors, with equal `sizes`."""
         state = Instant(
             self.t if t is None else t,
             self.q if q is None else q,
@@ -129,18 +129,18 @@ class Point:
         return {name: (x, errors.get(name, 0.0)) for name, x in self.values.items()}
 
     def rounding(self, nodes: Sequence[int]) -> Floats:
-        """Bounds of the rounding errors of `nodes`, from those of the values."""
+        """Return bounds of the rounding errors of `nodes`, by errors of values."""
         found = evaluate_with_error(self.g, nodes, self._inexact)
         return np.array([error for _, error in found])
 
     def solved_errors(
         self, origin: tuple[Floats, Floats] | None = None
     ) -> dict[str, float]:
-        """Errors of values that were solved for.
+        """Return error bounds of values that were solved for, by name.
 
-        Their own rounding; that of the distance that all went from `origin`; and
-        what the rounding of the relations in which they stand makes of them: one that
-        should be zero is left with that of its neighbours.
+        They add the rounding of a value, the rounding of the distance of all values
+        from `origin`, and the effect of the rounding of its relations: a value that
+        should be zero has the error of its neighbours.
         """
         rows, weights, state = self.e.rows, self.sizes, (self.q, self.v)
         names = self.e.state
@@ -166,7 +166,7 @@ class Point:
 
     @property
     def sizes(self) -> Floats:
-        """sqrt(M_jj) (n,), or what stands in its place, where it was first asked."""
+        """sqrt(M_jj) (n,), or a substitute for 0, at the first state evaluated."""
         if not self._sizes:
             roots = np.sqrt(np.abs(self.array(self.e.inertias)))
             if not roots.all():
@@ -187,7 +187,7 @@ class Point:
         return self.jacobian(self.e.rows)
 
     def mass_entries(self, among: Sequence[int] | None = None) -> Entries:
-        """Entries of M, or of rows and columns `among`, that are not zero."""
+        """Return nonzero entries of M, or of its rows and columns `among`."""
         chosen = range(self.n) if among is None else among
         place = {j: k for k, j in enumerate(chosen)}
         rows = (self.e.M[j].entries for j in chosen)
@@ -196,14 +196,14 @@ class Point:
         )
 
     def jacobian(self, rows: Sequence[Row], *, rounded: bool = False) -> Floats:
-        """Return A (m, n) of `rows`; with `rounded` what is only rounding is zero."""
+        """Return A (m, n) of `rows`; if `rounded`, entries within rounding are 0."""
         found = self.jacobian_entries(rows, rounded=rounded)
         return found.dense(len(rows), self.n)
 
     def jacobian_entries(
         self, rows: Sequence[Row], *, rounded: bool = False
     ) -> Entries:
-        """Entries of A that do not vanish identically."""
+        """Return the entries of A that do not vanish identically."""
         return self._entries([row.A.entries for row in rows], rounded=rounded)
 
     def _entries(
@@ -219,7 +219,7 @@ class Point:
 
     @cached_property
     def is_safely_positive(self) -> bool:
-        """Whether M is safely positive definite; False where it is not safe to tell."""
+        """Whether M is positive definite beyond rounding; False if undecided."""
         if self.e.chains is not None:  # by pivots, against the diagonal
             pivots = self.e.chains.factorisation(self.g, Budget()).pivots
             own = self.array([pivots[k][0] for k in range(self.n)])
@@ -248,25 +248,27 @@ class Point:
 
 # --- Lengths
 
-# Through so many affine relations a length is handed on.
+# Number of affine relations through which a length propagates.
 LINKS = 3
-# A length is not handed on if it is more than so many of the form's shortest.
+# A length that exceeds this multiple of the form's shortest does not propagate.
 LONG = 1e3
 # A least-squares problem takes rows * columns * rank / FITTED operations made.
 FITTED = 1000.0
 
 
 class Condition(NamedTuple):
-    """Equation for positions, or for velocities: a node and the value it should have.
+    """Equation for positions, or for velocities: a node and its target value.
 
     Attributes
     ----------
+    name : str
+    node : int
     A : mapping of int to int
         The gradient of the node: index of a coordinate, or of its velocity -> node.
     scale : int
-        The size of its terms: a node.
+        Node of the size of the terms.
     target, error : float
-        The value, and a bound of its rounding error.
+        The target value, and a bound of its rounding error.
     """
 
     name: str
@@ -278,7 +280,7 @@ class Condition(NamedTuple):
 
 
 def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
-    """Return what rows ask of velocities, or those that are holonomic of positions."""
+    """Return the equations of rows for velocities, or (holonomic) for positions."""
     if velocities:
         return [Condition(r.name, r.rate, r.A.entries, r.rate_scale) for r in rows]
     return [
@@ -289,7 +291,7 @@ def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
 
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
-    """Slopes of a node: index among positions, then velocities -> node."""
+    """Return derivatives of a node: index among positions, then velocities -> node."""
     names = (*point.e.q, *point.e.velocities)
     places = {point.g.variable(name): j for j, name in enumerate(names)}
     found = slopes(point.g, node, frozenset(places))
@@ -297,16 +299,18 @@ def gradient_of(point: Point, node: int) -> dict[int, int]:
 
 
 class _Form(NamedTuple):
-    """A condition's gradient where coordinate j counts as sqrt(M_jj) q_j.
+    """Gradient of a condition with respect to the scaled coordinates sqrt(M_jj) q_j.
 
     Attributes
     ----------
-    table : (2 k + 1, columns)
-        The gradient, then its first and second derivative by each of the positions
+    columns : list of int
+        Coordinates in the gradient.
+    table : ndarray, shape (2 k + 1, columns)
+        The gradient, then its first and second derivative by each of the k positions
         that it depends on.
     lengths : dict of int to float
-        Each of these: the distance along it over which the gradient changes by its own
-        length; 0 where it vanishes, inf where it does not change.
+        For each of these positions: the distance over which the gradient changes by its
+        own length; 0 if the gradient vanishes, inf if it is constant.
     """
 
     columns: list[int]
@@ -315,11 +319,11 @@ class _Form(NamedTuple):
 
     @property
     def shortest(self) -> float:
-        """The shortest of the lengths; inf where the condition is affine."""
+        """The shortest length; inf if the condition is affine."""
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
-        """Return the greatest slope * length of those that have one; -inf without."""
+        """Return the greatest slope * length of coordinates; -inf without any."""
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)
         return float(np.max(slopes[known] * own[known], initial=-np.inf))
@@ -376,11 +380,11 @@ class Lengths:
         return forms
 
     def _shortest(self, least: float, most: float) -> Floats:
-        """Shortest lengths (n,) that are more than `least`, handed on.
+        """Return the shortest lengths (n,) that exceed `least`, with propagation.
 
-        One that is more than `most` of a form's shortest is only that of a special
-        direction, as along a rod: the shortest takes its place. Affine forms hand
-        lengths on, from those of their coordinates that have one.
+        A length that exceeds `most` times the form's shortest belongs to a special
+        direction, as along a rod, and is replaced by the shortest. Affine forms
+        propagate the lengths of their coordinates.
         """
         found = np.full(self.point.n, np.inf)
         for form in self.forms:
@@ -402,9 +406,9 @@ class Lengths:
     def spread(self) -> Floats:
         """Variation of each coordinate around the state, shape (n,).
 
-        Its length; 0 where no gradient depends on it. Where one does whose length
-        cannot be told here (at a double root) it is the others', in the metric of M;
-        without any it is the coordinate's own size.
+        It is the coordinate's length, or 0 if no gradient depends on it. If a length is
+        undetermined at the state (at a double root), it is the greatest of the others
+        in the metric of M; without any, the coordinate's own size.
         """
         own = [item for form in self.forms for item in form.lengths.items()]
         known = [length for _, length in own if 0.0 < length < np.inf]
@@ -419,7 +423,7 @@ class Lengths:
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:
-        """Size of each form by its lengths, (m,); inf where it has none."""
+        """Return the size of each form by its lengths (m,); inf if unknown."""
         values = self.point.array([x.node for x in self.asked])
         missed = values - np.array([x.target for x in self.asked])
         pairs = zip(self.forms, missed, strict=True)
@@ -427,7 +431,7 @@ class Lengths:
 
     @cached_property
     def _lengths(self) -> Floats:
-        """The shortest length at each coordinate, (n,); inf where there is none."""
+        """The shortest length at each coordinate (n,); inf if unknown."""
         return self._shortest(0.0, LONG)
 
     def _scale(self, form: _Form, value: float) -> float:
@@ -446,11 +450,11 @@ class Lengths:
         return np.inf if constant <= SURFACE_ROUNDOFF * terms else max(constant, moved)
 
     def motions(self) -> Floats:
-        """Size of the motion that each form sees, shape (m,); inf: not known.
+        """Return the size of the motion in each form (m,); inf if unknown.
 
-        That is |A| in the metric of M^-1 times |v| in that of M, of the coordinates
-        that stand in the form; velocities to which it is blind, here and nearby (both
-        ends of a rod alike), do not count.
+        It is |A| in the metric of M^-1 times |v| in that of M, over the coordinates of
+        the form. Velocities that do not change the form or its derivatives (of both
+        ends of a rod alike) are projected out.
         """
         return np.array([self._motion(form) for form in self.forms])
 
@@ -468,13 +472,13 @@ class Lengths:
 
 
 def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
-    """Lengths of constraint rows."""
+    """Return the lengths of constraint rows."""
     asked = [Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows]
     return Lengths(point, asked)
 
 
 def _length(size: float, first: float, second: float) -> float:
-    """Distance within which a gradient of this size, with these derivatives, holds."""
+    """Return the distance over which a gradient with these derivatives is constant."""
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf
     linear = size / first if first > 0.0 else np.inf

@@ -1,17 +1,17 @@
 """Rank of the constraint Jacobian: dependent rows, contradictions, and thin sets.
 
-Rows are compared in the metric of M and scaled to length 1, so that neither units nor
-the scale of a relation count. A nearly parallel row is a real constraint: only what
-vanishes against DEPENDENT_ROWS is dependent. A gradient that is nothing but rounding is
-zero.
+Rows are compared in the metric of M and scaled to length 1, so that units and scales of
+relations have no influence. A nearly parallel row is a real constraint: a row is
+dependent only if its remainder is below DEPENDENT_ROWS. A gradient within its rounding
+error is zero.
 
-A row that others span may be one relation too many: then all states that the others
-admit satisfy it, too. It may be dependent only at a singular configuration, where
-motions branch. Or it is dependent all over the set that it makes, as that of x^2 + y^2
-= 0, of two spheres that touch, or of a plane and a cylinder that touch along a line:
-the relation holds there as a multiple root. No multiplier keeps a motion on such a thin
-set. The first is tried on states that the other rows admit, the second on generic
-states nearby.
+A row in the span of others may be redundant: then all states that the others admit
+satisfy it, too. It may be dependent only at a singular configuration, where motions
+branch. Or it is dependent on the whole set of its solutions, as that of x^2 + y^2 = 0,
+of two spheres that touch, or of a plane and a cylinder that touch along a line: the
+relation has a multiple root there. No finite multiplier keeps a motion on such a thin
+set. Redundancy is tested at states that the other rows admit, dependence on the whole
+set at generic states nearby.
 """
 
 from __future__ import annotations
@@ -50,29 +50,31 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 
-# Bounds of rounding errors are to first order; this keeps them bounds.
+# Safety factor of bounds of rounding errors, which are of first order.
 CAUTION = 100.0
 LEVELS = ("position", "velocity", "acceleration")
-# How far, against the state, and how often generic states are looked for nearby.
+# Relative distance of generic states nearby, their number, and the number of trials.
 NEARBY = 0.05
 SAMPLES = 3
 TRIALS = 8
-# Rank that is won on the path to such a state is more than this part of the distance.
+# Least singular value of a row that is independent at such a state, over the distance.
 TRACE = 1e-4
 
 
 class Dependence(NamedTuple):
-    """A row that others span: row = sum of coefficient times row.
+    """A row in the span of others: row = sum of coefficient times row.
 
     Attributes
     ----------
+    name : str
     combination : tuple of (name, coefficient)
-        Empty where the row itself vanishes.
+        Empty if the row itself vanishes.
     everywhere : bool or None
-        Whether it is so at generic admissible states nearby, or only here; None where
-        no such state was found.
+        Whether the dependence holds at generic admissible states nearby, or at the
+        state only; None if no generic state was found.
     contradictions : dict
-        Level -> by how much what the row asks for differs from what the others imply.
+        Level -> difference between the row's right-hand side and the one that the
+        others imply.
     """
 
     name: str
@@ -91,7 +93,7 @@ class Dependence(NamedTuple):
         return f"{self.name} = {text.removeprefix(' + ') or '0'}"
 
     def contradiction(self) -> str:
-        """Name what contradicts what, on the first level that does; empty if none."""
+        """Return a text on the first level with a contradiction; "" without one."""
         for level, size in self.contradictions.items():
             if not self.combination:
                 return (
@@ -111,16 +113,17 @@ class RankReport(NamedTuple):
 
     Attributes
     ----------
+    rank : int
     smallest : float
-        The smallest singular value of the scaled rows that is not zero (1 if none).
+        The smallest nonzero singular value of the scaled rows (1 if there is none).
     generic_rank, generic_smallest : int, float
-        The same at generic admissible states nearby.
+        Rank and smallest singular value at generic admissible states nearby.
     dependences : tuple of Dependence
-        One for each row that the earlier ones span, in the order of the file.
+        One for each row in the span of earlier rows, in the order of the file.
     not_unique : tuple of str
         The constraints whose multipliers are not determined.
     thin : ThinSet or None
-        The rows that no multiplier keeps.
+        The rows without finite multipliers.
     """
 
     rank: int
@@ -139,18 +142,19 @@ def analyse(
     *,
     double: bool = False,
 ) -> RankReport:
-    """Find the rank of the constraint rows, and the dependent ones by name.
+    """Return the rank of the constraint rows, and the dependent rows by name.
 
     Parameters
     ----------
-    levels
-        Those on which contradictions are looked for: what the state satisfies, and the
-        first one that it does not.
-    moved
-        How far positions and velocities moved to get to the state, (n,) each: where it
-        satisfies all levels, thin sets are looked for around it.
-    double
-        It was found as a double root, and is known to half of the digits of that.
+    point : Point
+    levels : sequence of str
+        Levels on which contradictions are searched: those that the state satisfies, and
+        the first one that it violates.
+    moved : sequence of ndarray, shape (n,), optional
+        Change of positions and of velocities on the way to the state. If given, and the
+        state satisfies all levels, thin sets are searched around it.
+    double : bool
+        Whether the state is a double root, known to half of the digits of `moved`.
     """
     rows = point.e.rows
     if not rows:
@@ -207,18 +211,24 @@ def scaled_rows(
     *,
     rounded: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Rows (m, n) in a metric made of M and A, to length 1, and their lengths.
+    """Return rows (m, n) scaled to length 1 in a metric of M and A, and their lengths.
 
-    With `rounded`, entries that are only rounding are zero.
+    Parameters
+    ----------
+    point : Point
+    metric : function
+        M (n, n), A (m, n) -> metric (n, n).
+    rounded : bool
+        Whether entries within rounding count as zero.
     """
     A = np.nan_to_num(point.jacobian(point.e.rows, rounded=rounded))
     return scaled(A, cholesky(metric(point.mass_matrix, A)))
 
 
 def row_lengths(point: Point) -> Floats:
-    """Lengths (m,) of the rows as the motion is solved for, 0 of what is rounding.
+    """Return lengths (m,) of the rows in the metric of the solver; 0 within rounding.
 
-    nan where M is not finite.
+    They are nan if M is not finite.
     """
     if point.is_large and point.is_safely_positive:
         found = lengths_in(*_sparse(point))
@@ -234,8 +244,13 @@ def weakest_rows(
 ) -> tuple[Floats, float]:
     """Return the combination (m,) of rows that is closest to zero, and its length.
 
-    The last of `rank` singular values; rows count as not shorter than they are as a
-    rule, `usual`.
+    Parameters
+    ----------
+    point : Point
+    rank : int
+        The combination belongs to the singular value of this number.
+    usual : sequence of float
+        Usual lengths of the rows: a row counts as at least this long.
     """
     if point.is_large:
         smallest, weakest = _smallest_of_sparse(point, usual)
@@ -250,7 +265,7 @@ def weakest_rows(
 
 
 def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
-    """M (n, n) and A (m, n) as sparse matrices."""
+    """Return M (n, n) and A (m, n) as sparse matrices."""
     rows, n = point.e.rows, point.n
     A = point.jacobian_entries(rows, rounded=rounded).sparse(len(rows), n)
     return point.mass_entries().sparse(n, n), A
@@ -261,7 +276,8 @@ def _smallest_of_sparse(
 ) -> tuple[float, Floats]:
     """Return the smallest singular value of sparse rows, and its combination (m,).
 
-    Each row is divided by its length, or by `usual`; 0 where it is not safe to tell.
+    Each row is divided by its length or, if given, by `usual`. The value is 0 if it
+    cannot be computed safely.
     """
     from scipy.sparse import diags
 
@@ -285,7 +301,14 @@ def _smallest_of_sparse(
 
 
 def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
-    """Whether the earlier ones span each scaled row, (m,)."""
+    """Mark the scaled rows in the span of earlier rows (m,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> dependent_rows(np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.8]]))
+    [False, False, True]
+    """
     span = Span(Y.shape[1])
     return [not span.extend(row, cutoff) for row in Y]
 
@@ -293,7 +316,7 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Each dependent row as a combination of the independent rows before it."""
+    """Return each dependent row as a combination of the independent rows before it."""
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
     K = least_squares(Y[independent].T, Y[dependent].T, None)
@@ -308,7 +331,7 @@ def _combinations(
 
 
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
-    """Return what each row asks for on each level, and what of that is none (m,)."""
+    """Return right-hand sides (m,) of the rows on each level, and error bounds (m,)."""
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
     lengths = of_rows(point, rows)
@@ -332,7 +355,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
 def _contradictions(
     demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
 ) -> dict[str, float]:
-    """Levels on which row i differs from the combination of others."""
+    """Return the levels on which row i differs from the combination of others."""
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
     for level, (values, small) in demands.items():
@@ -350,20 +373,21 @@ def _contradictions(
 
 
 class Neighbourhood:
-    """Random states around a point, as far from it as its rows are long.
+    """Random states around a point, at distances of the lengths of its rows.
 
     Parameters
     ----------
-    moved
-        How far positions and velocities were moved to get to the point, (n,) each: that
-        far around a double root lengths are not known.
+    point : Point
+    moved : sequence of ndarray, shape (n,), or None
+        Change of positions and of velocities on the way to the point: within this
+        distance of a double root, lengths are unknown.
 
     Attributes
     ----------
-    metric : (n, n)
-        In which states are brought back to the rows.
-    spreads
-        How far positions and velocities are varied, (n,) each.
+    metric : ndarray, shape (n, n)
+        Metric of projections onto the rows.
+    spreads : list of ndarray, shape (n,)
+        Variation of positions and of velocities.
     """
 
     def __init__(
@@ -381,7 +405,7 @@ class Neighbourhood:
     def varied(
         self, size: float, random: np.random.Generator, *, velocities: bool
     ) -> Floats:
-        """Positions or velocities that are varied by a part of the spread."""
+        """Return positions or velocities (n,), varied by `size` times the spread."""
         x = self.point.v if velocities else self.point.q
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
         return np.asarray(x + size * self.spreads[velocities] * kick)
@@ -389,9 +413,9 @@ class Neighbourhood:
     def admissible(
         self, size: float, random: np.random.Generator
     ) -> tuple[Point, bool] | None:
-        """State that all rows admit, and whether it is a double root.
+        """Return a state that all rows admit, and whether it is a double root.
 
-        None if it was not found.
+        None if no such state is found.
         """
         if not np.all(np.isfinite(self.metric)):
             return None
@@ -412,7 +436,7 @@ class Neighbourhood:
         return near, double
 
     def states(self, relations: Relations, count: int) -> list[Floats]:
-        """Pick those of `count` states around that satisfy relations of all values."""
+        """Return the values of at most `count` states that satisfy relations."""
         random = np.random.default_rng(7)  # the same each time
         found = []
         for _ in range(count):
@@ -424,7 +448,7 @@ class Neighbourhood:
         return found
 
     def dimension(self, relations: Relations) -> int | None:
-        """Dimension of the set that relations make; None: not found."""
+        """Return the dimension of the solution set of relations, if found."""
         n, k = self.point.n, relations.velocities
         if n > MOST:
             return None
@@ -447,10 +471,15 @@ class _Generic(NamedTuple):
 
 
 def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None:
-    """Return what the rows are like at generic admissible states nearby.
+    """Return rank and dependent rows at generic admissible states nearby, or None.
 
-    least
-        Their rank at the state, which is not lost around it.
+    Parameters
+    ----------
+    point : Point
+    least : int
+        The rank at the state, a lower bound of the generic rank.
+    double : ndarray, shape (n,), or None
+        Change of positions on the way to a double root.
     """
     random = np.random.default_rng(1)  # the same states each time
     around = Neighbourhood(point, (double, None))
@@ -480,7 +509,10 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
 
 
 def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> Floats:
-    """Take rows of Y for zero that nearly vanish here, and not so far; give lengths."""
+    """Set to zero the rows of Y that nearly vanish here, but not at distance `moved`.
+
+    Return the lengths (m,), with 0 for these rows.
+    """
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)
     for _ in range(SAMPLES):
@@ -493,28 +525,28 @@ def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> 
 
 # --- Thin sets
 
-# How far, against their lengths, states are varied, and how often.
+# Variation of states relative to their lengths, and number of states.
 FAINT = 1e-2
 THIN_SAMPLES = 8
-# What a state misses a row by is rounding below this part of what moving changes.
+# A residual below this part of its change along the way to a state is rounding.
 MISSED = 1e-10
-# Coordinates up to which the dimension of a set is measured; points that lie apart by
-# less than this part of the distance that they were sent do not span it.
+# Most coordinates with which the dimension of a set is measured; least relative
+# distance of points of the set along a direction that it contains.
 MOST = 60
 THIN = 0.05
 
 
 class ThinSet(NamedTuple):
-    """A set of admissible positions on which rows lose their rank all over.
+    """A set of admissible positions on which rows lose their rank at all points.
 
     Attributes
     ----------
     names : tuple of str
-        The rows that are dependent there, and hold nowhere around it.
+        The rows that are dependent on the set, and violated at all points around it.
     dimension : int or None
-        Of the set; None where it was not found.
+        Of the set; None if it was not found.
     degrees_of_freedom : int or None
-        The dimension less the independent relations between velocities.
+        The dimension minus the number of independent relations between velocities.
     """
 
     names: tuple[str, ...]
@@ -537,11 +569,13 @@ class ThinSet(NamedTuple):
 def thin_set(
     point: Point, dependences: Sequence[Dependence], moved: tuple[Floats, Floats]
 ) -> tuple[ThinSet | None, tuple[str, ...]]:
-    """Find the rows that hold as multiple roots on the whole set through the point.
+    """Return the rows with a multiple root on the whole solution set through the point.
 
     Parameters
     ----------
-    moved
+    point : Point
+    dependences : sequence of Dependence
+    moved : tuple of ndarray, shape (n,)
         See `Neighbourhood`.
 
     Returns
@@ -589,7 +623,7 @@ def _violated(
     *,
     velocities: bool,
 ) -> list[Dependence]:
-    """Dependent rows that states violate which all others admit."""
+    """Return the dependent rows that states violate which all other rows admit."""
     known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]

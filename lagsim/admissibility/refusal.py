@@ -1,6 +1,7 @@
-"""Starts that are refused, not finite or without inertia, and advice on others.
+"""Refusal of starts that are not finite or lack inertia, and warnings about others.
 
-Many starts at once are told apart from those that need a closer examination.
+Many starts of one scene are separated into admissible starts and starts that need a
+closer examination.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ if TYPE_CHECKING:
 
 # --- Energies, forces, masses and constraints must be finite
 
-# A slip is 0 within so many bounds of its rounding.
+# A slip below this multiple of its rounding bound is 0.
 STILL = 4.0
-# So many of what is not finite by one expression are named.
+# Largest number of names in a message.
 MOST_NAMES = 4
 NO_VALUE = (
     "check the initial values against what it divides by and the arguments of its "
@@ -73,8 +74,13 @@ DIRECTION = (
 def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     """Refuse a state at which energies, forces or constraints are not finite.
 
-    The `rows` of constraints need not be where they are only guessed, nor those of
-    constraints that are `off`.
+    Parameters
+    ----------
+    point : Point
+    off : collection of str
+        Constraints out of force, which are not checked.
+    rows : bool
+        Whether rows of constraints are checked; not at a guess.
 
     Raises
     ------
@@ -122,7 +128,15 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
 
 
 class _Source(NamedTuple):
-    """Expression of the file that has no value, or no slope, at the start."""
+    """Expression of the file whose value or slope is not finite at the start.
+
+    Attributes
+    ----------
+    what : str
+        Name of the expression in messages.
+    node : int
+    place : Place or None
+    """
 
     what: str
     node: int
@@ -130,7 +144,7 @@ class _Source(NamedTuple):
 
 
 def _sources(point: Point) -> list[_Source]:
-    """Return these, each definition and energy before what uses it."""
+    """Return the expressions of the file that are not finite, in order of use."""
     e, model = point.e, point.e.model
     energies = {
         "kinetic": model.kinetic,
@@ -170,12 +184,12 @@ def _sources(point: Point) -> list[_Source]:
     return [s for s, sound in zip(stated, finite, strict=True) if not sound]
 
 
-# Its multiples are far from each other, less whole numbers (H. Weyl, 1916).
+# The fractional parts of its multiples are well distributed (H. Weyl, 1916).
 GOLDEN = (5**0.5 - 1) / 2
 
 
 def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
-    """Values and slopes (2, k) of nodes, in a direction in which none vanishes."""
+    """Return values and slopes (2, k) of nodes, along a direction without zeros."""
     g = point.g
     moving = [g.variable(name) for name in point.e.state]
     along = {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
@@ -183,7 +197,7 @@ def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
 
 
 def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
-    """By what of the file `node` is not finite, where that is clear."""
+    """Return the expression that makes `node` infinite or nan; None if ambiguous."""
     if not sources:
         return None
     inside = set(point.e.graph.cone([node]))
@@ -200,7 +214,7 @@ def _problem(
     faulty: list[tuple[str, int, float]],
     home: Place | None,
 ) -> Problem:
-    """Fault of what the file says, and of all that is not finite by it."""
+    """Return the fault of a source, with all quantities that it makes not finite."""
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
     place = source.place if source else home
@@ -217,9 +231,9 @@ def _problem(
 
 
 def _innermost(point: Point, node: int) -> tuple[int, str]:
-    """Return the first expression of a node without a value or a slope.
+    """Return the innermost expression without finite value or slope, and a text on it.
 
-    And what it has instead: its arguments have both.
+    Its arguments have finite values and slopes.
     """
     cone = [n for n in point.g.cone([node]) if point.g.ops[n] != DATA]
     values, slopes = np.isfinite(_values_and_slopes(point, cone))
@@ -247,10 +261,10 @@ def _hint(point: Point, node: int) -> str:
 
 
 def refuse_negative(point: Point, active: Collection[str]) -> None:
-    """Refuse frictions and limits of laws that act which are out of their range.
+    """Refuse frictions and limits of active laws that are out of their range.
 
-    Those that are negative, and static ones that are less than those of what slides:
-    these at slip 0 alone, since friction may grow with the slip.
+    They must not be negative, and static values must not be less than dynamic ones. The
+    latter is checked at slip 0 only, since friction may increase with the slip.
 
     Raises
     ------
@@ -285,16 +299,16 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
 
 
 def _is_at_rest(point: Point, law: Law) -> bool:
-    """Whether a row has no slip, nor the other one of its disc."""
+    """Whether a row, and the other row of its disc, have no slip."""
     pair = [point.e.laws[law.pair]] if law.pair >= 0 else []
     nodes = [x.row.rate for x in (law, *pair)]
     return bool((np.abs(point.array(nodes)) <= STILL * point.rounding(nodes)).all())
 
 
 def out_of_scale(equations: Equations) -> InputError:
-    """Return what tells that doubles do not hold what the start asks for.
+    """Return the error that the numbers of the start exceed the range of doubles.
 
-    LAPACK fails for nothing else: what it is given has overflowed on the way. Named are
+    It is the only cause of LAPACK failures: arguments overflow. The message contains
     the least and the largest number in energies, forces and constraints.
     """
     g, model = equations.graph, equations.model
@@ -322,13 +336,12 @@ def out_of_scale(equations: Equations) -> InputError:
 
 
 def needs_constraints(point: Point) -> bool:
-    """Whether M is singular alone but positive where the constraints let it move.
+    """Whether M is singular alone, but positive definite on admissible velocities.
 
     Raises
     ------
     InputError
-        Where a direction that the constraints admit has no inertia, or any direction a
-        negative one.
+        If an admissible direction has no inertia, or any direction a negative one.
     """
     if (point.is_large or point.e.chains) and point.is_safely_positive:
         return False
@@ -356,9 +369,9 @@ def needs_constraints(point: Point) -> bool:
 
 
 def admitted_inertia(point: Point, i: int) -> float:
-    """Inertia that a force on coordinate i acts on; inf: constraints hold it.
+    """Return the effective inertia of coordinate i; inf if constraints fix it.
 
-    That is 1 over its acceleration by a unit force along the admissible directions.
+    It is 1 over the acceleration by a unit force along the admissible directions.
     """
     size, scaled, rows = _scaled(point)
     kernel = _admissible(rows)
@@ -368,12 +381,12 @@ def admitted_inertia(point: Point, i: int) -> float:
     return float(size[i] ** 2 / moved) if moved > 0.0 else math.inf
 
 
-# A gimbal is as good as locked where the sine between its outer axes is below this.
+# A gimbal counts as locked if the sine between its outer axes is below this.
 LOCKED = 3e-3
 
 
 def gimbal_lock(point: Point, names: Collection[str]) -> str:
-    """Name of the frame in gimbal lock whose angles these coordinates are, or none."""
+    """Return the frame in gimbal lock whose angles depend on `names`; "" if none."""
     g = point.g
     for gimbal in point.e.model.gimbals:
         if not g.depends(gimbal.angles) & {*names}:
@@ -385,9 +398,9 @@ def gimbal_lock(point: Point, names: Collection[str]) -> str:
 
 
 def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
-    """Sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
+    """Return sizes of coordinates (n,), and M (n, n) and A (m, n) scaled by them.
 
-    What is only rounding in A is zero.
+    Entries of A within rounding are zero.
     """
     M, A = point.mass_matrix, point.jacobian(point.e.rows, rounded=True)
     size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
@@ -395,7 +408,7 @@ def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
 
 
 def _admissible(rows: Floats) -> Floats:
-    """Directions (n, k) that rows (m, n) leave."""
+    """Return directions (n, k) that span the null space of rows (m, n)."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return null_space(rows / np.where(lengths > 0, lengths, 1.0))
 
@@ -449,12 +462,12 @@ def _of_inertia(
 # finite there and every direction has inertia. What may fail that is left to `examine`,
 # which says why.
 
-# More than any bound asks for: what is closer to one is looked at by itself.
+# Larger than any bound: starts with less inertia are examined one by one.
 CLEAR = 2.0 * DEPENDENT_ROWS
 
 
 def needs_no_solve(equations: Equations) -> bool:
-    """Whether a start is what it is stated to be, and has nothing to satisfy."""
+    """Whether a start has no guesses and no constraints or start values to satisfy."""
     values = equations.model.initial
     return not (
         equations.rows
@@ -466,12 +479,14 @@ def needs_no_solve(equations: Equations) -> bool:
 def clear_starts(
     equations: Equations, values: Mapping[str, float | Floats], count: int
 ) -> Flags:
-    """Whether each of `count` starts is clearly admissible, shape (count,).
+    """Mark the starts that are admissible without closer examination, shape (count,).
 
     Parameters
     ----------
-    values
-        t, parameters, coordinates and velocities: numbers, or arrays (count,).
+    equations : Equations
+    values : mapping of str to float or ndarray, shape (count,)
+        t, parameters, coordinates and velocities.
+    count : int
     """
     e, model, n = equations, equations.model, len(equations.q)
     energies = (model.kinetic, model.potential, e.energy)
@@ -501,17 +516,24 @@ DEGREES = ("deg", "degree", "degrees", "°")
 RADIANS = ("", "1", "rad", "radian", "radians")
 _OF_ANGLES = ("sin", "cos", "tan")
 _NAMED = re.compile("|".join(_OF_ANGLES))
-# Values of angles that are written in degrees: multiples of these, from the least to a
-# turn. Angles in radians as large as that are those of what has turned several times,
-# and seldom whole numbers of these.
+# Typical values of angles in degrees: multiples of these, from the least to a turn.
+# Angles in radians of this size are of bodies that have turned several times, and are
+# seldom such multiples.
 _WHOLE = (5.0, 12.0, 22.5)
 _LEAST, _TURN = 10.0, 360.0
 
 
 class _Term(NamedTuple):
-    """A term of a sum that seems to be in degrees; `value` is None where its unit is.
+    """A term of a sum that seems to be in degrees.
 
-    `sure`: its unit is that of an angle.
+    Attributes
+    ----------
+    name, subject : str
+        The term, and the beginning of a sentence on it.
+    value : float or None
+        None if its unit shows that it is in degrees.
+    sure : bool
+        Whether its unit is that of an angle.
     """
 
     name: str
@@ -520,7 +542,7 @@ class _Term(NamedTuple):
     sure: bool = False
 
     def text(self, op: str) -> str:
-        """Say what is wrong with it in a function."""
+        """Return the warning on the term as an argument of function `op`."""
         if self.value is None:
             return (
                 f"`{self.name}` has the unit deg and enters {op}, which takes radians: "
@@ -534,10 +556,10 @@ class _Term(NamedTuple):
 
 
 def about_angles(model: Model) -> Iterator[Caution]:
-    """Say which angles enter sin, cos or tan in degrees, each once.
+    """Yield a warning for each angle in degrees in sin, cos or tan, once per name.
 
-    Those of the model, and those of the numbers that parameters and starts are given
-    by: these are evaluated, and stand in no graph.
+    Expressions of the model are examined, and expressions that give numbers of
+    parameters and starts, which are evaluated at once and are in no graph.
     """
     numbers, reported = Graph(), set[str]()
     given = list(model.stated.numbers())
@@ -564,7 +586,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
 
 
 def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
-    """Expressions, and sides of relations, with functions of angles."""
+    """Yield parsed expressions, and sides of relations, with functions of angles."""
     for text in texts:
         for side in re.split("[<>]?=", text) if _NAMED.search(text) else ():
             with suppress(ExpressionError):  # what is given instead is none
@@ -577,9 +599,9 @@ def _terms(
     model: Model,
     defined: Mapping[int, tuple[str, str]],
 ) -> dict[int, _Term]:
-    """Term in degrees of each of these sums, and of each sum below, if any.
+    """Return the term in degrees of each sum in `arguments` or below, by node.
 
-    A number that is added to a time or a length is none of degrees.
+    A number that is added to a time or a length is not in degrees.
     """
     units = {p.name: p.unit for p in model.parameters}
     units |= {q.name: q.unit for q in model.coordinates} | {"t": "s"}
@@ -609,13 +631,13 @@ def _terms(
 
 
 def _is_of_degrees(value: float) -> bool:
-    """Whether a number looks like one of degrees."""
+    """Whether a number is a typical value in degrees."""
     size = abs(value)
     return _LEAST <= size <= _TURN and not all(size % whole for whole in _WHOLE)
 
 
 def _summed(g: Graph, node: int) -> Sequence[int]:
-    """Terms of a sum; of a multiple by a whole number what is multiplied."""
+    """Return the terms of a sum, or the other factor of an integer multiple."""
     op, args = g.ops[node], g.args[node]
     if op == "mul":
         factors = [g.value(a) for a in args]
@@ -626,14 +648,14 @@ def _summed(g: Graph, node: int) -> Sequence[int]:
 
 # --- Digits, multiple roots, dependent rows
 
-# As many names are listed of which one could be a guess.
+# Largest number of listed names of possible guesses.
 MOST_GUESSES = 4
 
 
 def rough_starts(
     equations: Equations, verdicts: Sequence[Verdict], starts: Sequence[Verdict]
 ) -> Iterator[Caution]:
-    """Say of relations that are satisfied only roughly how the start could be exact."""
+    """Yield warnings on relations that are satisfied to a few digits, with advice."""
     rows = {row.name: row for row in equations.rows}
     relations = {c.name: c.relation.text for c in equations.model.constraints}
     for verdict in verdicts:
@@ -661,7 +683,7 @@ def _rough(what: str, residual: Residual, advice: str) -> Caution:
 
 
 def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
-    """Name the values of which one could be a guess."""
+    """Return the advice to mark a value of the row as a guess."""
     names = equations.velocities if velocities else equations.q
     free = [in_file(names[j]) for j in row.A.entries]
     if len(free) == 1:
@@ -672,10 +694,10 @@ def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
 
 
 def suggestion(model: Model, relation: str) -> str:
-    """Line of `initial` that would make a relation exact, where one is plain.
+    """Return a line of `initial` that makes a relation exact; "" if there is none.
 
-    That is where one side of `=` is a coordinate or a velocity, and the other can stand
-    in `initial`: it uses parameters and the start values above that line.
+    There is one if one side of `=` is a coordinate or a velocity, and the other side
+    uses only parameters and the start values above that line.
     """
     left, equals, right = relation.partition("=")
     if not equals:
@@ -700,11 +722,10 @@ def suggestion(model: Model, relation: str) -> str:
 
 
 def beyond_state(equations: Equations) -> Iterator[Caution]:
-    """Say what is odd about the model whatever the state.
+    """Yield warnings on the model that do not depend on the state.
 
-    Parameters that nothing names, angles in degrees, units that do not fit, relations
-    that are satisfied as simple roots of what they are written as, and reactions that
-    are 0.
+    On unused parameters, angles in degrees, inconsistent units, relations that are
+    powers and are replaced by their simple roots, and reactions that are 0.
     """
     model, g = equations.model, equations.graph
     for stem, found in groupby(model.unused, lambda name: name.partition(".")[0]):
@@ -742,9 +763,9 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
 def about_ranks(
     equations: Equations, ranks: RankReport, thin: Collection[str], *, sound: bool
 ) -> Iterator[Caution]:
-    """Say which rows depend on others and, of `sound` ones, which lambda are unique.
+    """Yield warnings on dependent rows and, if `sound`, on nonunique multipliers.
 
-    Of rows that make a thin set more is reported elsewhere.
+    Rows of a thin set are reported elsewhere.
     """
     for d in ranks.dependences:
         if d.name not in thin:

@@ -1,16 +1,16 @@
-"""A start at rest: guesses for which velocities and accelerations vanish.
+"""Starts at rest: guesses for which velocities and accelerations vanish.
 
 Unknowns are the positions and first-order states that are guesses, and the multipliers
-of all rows that hold, of f + A^T lambda = 0 beside the relations of the positions, at
-q' = 0 and the time of the start. Newton's method is taken from the guess where each of
-its steps is clearly shorter than the one before: a rest this near may be an unstable
-one. Elsewhere the way goes downhill in the energy, as far as there is one, and damped
-steps of least change end it.
+of all active rows. The equations are f + A^T lambda = 0 and the relations between
+positions, at q' = 0 and the time of the start. Newton's method starts from the guess
+and is accepted if each step is clearly shorter than the one before: a rest this near
+may be unstable. Otherwise the energy, if there is one, is minimised, and damped steps
+of least change follow.
 
-Contacts that touch at the guess hold, with their friction. One that would be passed is
-added, one that would pull is left, friction that would slide is left out, and the next
-contact is tried where nothing is found, at last each beside those before. What these do
-in the end is decided elsewhere, by their laws.
+Contacts that are closed at the guess are active, with their friction. A contact that is
+penetrated is added, one whose force pulls is removed, and friction beyond its limit is
+removed. If no rest is found, the next contact is tried, finally each beside the earlier
+ones. The laws of the contacts decide elsewhere whether they hold.
 """
 
 from __future__ import annotations
@@ -58,34 +58,34 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.constraints import Law, Row
 
-# Newton's method converges at once where slopes change by at most this part along each
-# step, and the next step is at most this part of it.
+# Newton's method is accepted if slopes change by at most this part along each step, and
+# the next step is at most this part of it.
 CONTRACTION = 0.5
-# The distance that a multiplier moves counts as this part of what its force would move.
+# Weight of changes of multipliers, relative to the displacement by their forces.
 LIGHT = 1e-2
-# A step is taken as far as it gains this part of what the slopes at its beginning say.
+# Least decrease of the merit function, relative to its linear prediction.
 FAITHFUL = 0.25
-# A curvature of the energy counts as this part of the greatest at least.
+# Least curvature of the energy, relative to the greatest.
 FLAT = 1e-6
-# So many combinations of contacts are tried for each of them.
+# Number of combinations that are tried for each contact.
 TRIES = 4
-# A step is at most so many times as long as the relations.
+# Longest step relative to the lengths of the relations.
 FAR = 1e3
 
 
 class Rest(Relations):
-    """Residuals of a state at rest, by its guesses and the multipliers of its rows.
+    """Residuals of a state at rest, as functions of guesses and multipliers.
 
     Parameters
     ----------
-    point
+    point : Point
         With velocities of zero.
-    stated
-        What else is asked of the positions.
-    held
-        The rows of the laws that hold.
-    free
-        The positions, and the states, that are guesses, by their numbers.
+    stated : sequence of Condition
+        Further equations for positions.
+    held : sequence of Row
+        The rows of the active laws.
+    free : tuple of sequence of int
+        Indices of the positions, and of the states, that are guesses.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Rest(Relations):
         self._x0 = self.first(point)
 
     def first(self, point: Point) -> Floats:
-        """Return the guesses, and the multipliers that come closest to rest there."""
+        """Return guesses, and multipliers that minimise the accelerations (k,)."""
         A, lam = point.jacobian(self.rows), np.zeros(len(self.rows))
         if len(A):
             sizes = self.point.sizes
@@ -135,16 +135,16 @@ class Rest(Relations):
 
     @property
     def angles(self) -> int:
-        """So many values, the first ones, may be angles."""
+        """Number of values, from the first on, that may be angles."""
         return len(self.positions)
 
     @property
     def x0(self) -> Floats:
-        """Guesses and multipliers as they are at the point, (k,)."""
+        """Guesses and multipliers at the point, shape (k,)."""
         return self._x0
 
     def at(self, x: Floats, errors: Floats | None = None) -> Point:
-        """Point with these values, which may have other errors."""
+        """Return the point with values x (k,), optionally with error bounds (k,)."""
         q, s = self.point.q.copy(), self.point.state.s.copy()
         k, own = len(self.positions), None
         n = k + len(self.states)
@@ -157,9 +157,10 @@ class Rest(Relations):
         return point
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Whether each residual is more than rounding, (m,).
+        """Mark the residuals beyond rounding (m,).
 
-        That of all multipliers, and of the way from the guess, is in each.
+        Each residual includes the rounding of all multipliers, and of the distance from
+        the guess.
         """
         guesses = len(self.positions) + len(self.states)
         weights = np.sqrt(np.diag(self.metric))
@@ -170,9 +171,9 @@ class Rest(Relations):
 
     @cached_property
     def metric(self) -> Floats:
-        """Metric of changes (k, k): M of positions, other unknowns by what they move.
+        """Metric of changes (k, k): M for positions, displacement for the others.
 
-        Their forces move positions as far as the stiffness around the start lets them.
+        The displacement by a force is estimated from the stiffness at the start.
         """
         point, k = self.point, len(self.positions)
         M = point.mass_entries(self.positions).dense(k, k)
@@ -189,20 +190,20 @@ class Rest(Relations):
         return found
 
     def errors(self, x: Floats) -> dict[str, float]:
-        """Return the errors of guesses that were solved for."""
+        """Return error bounds of the guesses that were solved for, by name."""
         point = self.at(x)
         found = point.solved_errors((self.point.q, self.point.v))
         return {**self.point.errors, **{n: found[n] for n in self.names if n in found}}
 
     def pulls(self, x: Floats) -> Floats:
-        """Return with what force each row pulls, (rows,); 0 where it does not."""
+        """Return the scaled force of each row that pulls (rows,); 0 if it pushes."""
         own = np.linalg.norm(self.at(x).jacobian(self.rows) / self.point.sizes, axis=1)
         pushes = x[len(x) - len(self.rows) :] * own
         small = COMPUTED_ZERO * np.max(np.abs(pushes), initial=0.0)
         return np.where(pushes < -small, -pushes, 0.0)
 
     def undetermined(self, x: Floats) -> list[str]:
-        """Return the guesses that nothing determines, there or where they were."""
+        """Return the guesses on which no residual depends, at x0 and at x."""
         flat = np.all([
             np.all(np.nan_to_num(self(at)[1]) == 0.0, axis=0) for at in (self.x0, x)
         ], axis=0)  # fmt: skip
@@ -211,10 +212,11 @@ class Rest(Relations):
 
 
 def _contracted(rest: Rest, metric: Floats) -> Floats | None:
-    """Return where Newton's method converges at once; None where it does not.
+    """Return the limit of Newton's method if it contracts from the start, else None.
 
-    Along each step the slopes change by no more than half of what they are, and the
-    next step is no longer than half (L. V. Kantorovich's conditions, where they count).
+    Along each step the slopes change by no more than half of their size, and the next
+    step is no longer than half (L. V. Kantorovich's conditions, checked where
+    evaluated).
     """
     x, L = rest.x0, cholesky(metric)
     r, J = rest(x)
@@ -238,11 +240,12 @@ def _contracted(rest: Rest, metric: Floats) -> Floats | None:
 
 
 def _downhill(rest: Rest) -> Floats | None:
-    """Return a minimum of the energy below the guess; None where there is no energy.
+    """Return a minimum of the energy below the guess; None if forces have no energy.
 
-    Newton's method with each curvature by its size, along the relations and back onto
-    them. How far to go decides the energy, with a penalty for what is missed of the
-    relations (Nocedal and Wright, chapter 18), whose gradients must not turn by much.
+    Newton's method with absolute curvatures, along the relations and back onto them. A
+    merit function, energy plus penalty for residuals of relations (Nocedal and Wright,
+    chapter 18), determines the step length, along which gradients of relations must not
+    turn by much.
     """
     point, k, m, x = rest.point, len(rest.positions), rest.relations, rest.x0
     e, g, weights, moved = point.e, point.g, np.zeros(rest.relations), 0.0
@@ -287,9 +290,16 @@ def _downhill(rest: Rest) -> Floats | None:
 
 
 def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> float:
-    """Return how much of a step is taken; 0 where no part of it gains enough.
+    """Return the fraction of a step to go; 0 if no fraction gains enough.
 
-    gain : what the slopes at its beginning say.
+    Parameters
+    ----------
+    rest : Rest
+    x, step : ndarray, shape (k,)
+    weights : ndarray, shape (relations,)
+        Penalties.
+    gain : float
+        Decrease of the merit function predicted by the slopes at x.
     """
     m, part, (r, J) = rest.relations, 1.0, rest.looked_at(x)
     lengths = np.linalg.norm(J[:m] / np.sqrt(np.diag(rest.metric)), axis=1)
@@ -312,7 +322,10 @@ def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> 
 
 
 def _solved(rest: Rest, *, far: bool = False, down: bool = False) -> Found:
-    """Find a rest from the guess; with `far` from other starts; or only `down`."""
+    """Return a rest near the guess.
+
+    With `far` other starts are tried, too; with `down` Newton's method is omitted.
+    """
     x0 = rest.x0
     if rest.exact(x0) or not len(x0):
         return Found(x0, converged=rest.exact(x0))
@@ -329,9 +342,9 @@ def _solved(rest: Rest, *, far: bool = False, down: bool = False) -> Found:
 
 
 def lowest(point: Point) -> Floats | None:
-    """Positions (n,) of a minimum of the energy below a state; itself if it rests.
+    """Return positions (n,) of a minimum of the energy below a state (or itself).
 
-    Where forces have no energy, of a rest near it; None where there is none.
+    Without an energy, positions of a rest nearby; None if there is none.
     """
     rest = Rest(point.at(v=np.zeros(point.n)), (), (), (range(point.n), ()))
     found = _solved(rest, down=True)
@@ -345,9 +358,9 @@ class AtRest(NamedTuple):
     ----------
     point : Point
     touching : set of str
-        The contacts that hold there.
+        The contacts that are active there.
     undetermined : list of str
-        Guesses that stay as given, for nothing determines them.
+        Guesses that keep their values, since no equation determines them.
     """
 
     point: Point
@@ -361,17 +374,17 @@ def find_rest(
     free: tuple[Sequence[int], Sequence[int]],
     off: Collection[str],
 ) -> AtRest | None:
-    """Find a state at rest; None where there is none near the guess.
+    """Return a state at rest; None if there is none near the guess.
 
     Parameters
     ----------
-    point
+    point : Point
         The guess, with velocities of zero.
-    stated
-        What is asked of the positions beside the rows.
-    free
-        The positions, and the first-order states, that are guesses.
-    off
+    stated : sequence of Condition
+        Equations for positions beside the rows.
+    free : tuple of sequence of int
+        Indices of the positions, and of the first-order states, that are guesses.
+    off : collection of str
         Constraints that are out of force.
     """
     laws = point.e.laws
@@ -414,7 +427,7 @@ def find_rest(
 def _changes(
     rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
 ) -> set[int]:
-    """Return the laws that begin to hold, or no longer do, at a rest of those held."""
+    """Return the indices of laws to activate or deactivate at a rest with `held`."""
     laws, verdicts = there.e.laws, judge_laws(there, off)
     if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):
         return passed - held
@@ -430,12 +443,12 @@ def _changes(
 
 
 def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
-    """Return the laws of these constraints, by their numbers."""
+    """Return the indices of the laws of the named constraints."""
     return {k for k, law in enumerate(laws) if law.constraint in names}
 
 
 def _by_gap(point: Point) -> list[int]:
-    """Return the contacts by how far they are from closing."""
+    """Return the indices of contacts, ordered by their scaled gaps."""
     contacts = [k for k, x in enumerate(point.e.laws) if x.kind is Kind.CONTACT]
     rows = [point.e.laws[k].row for k in contacts]
     lengths = np.linalg.norm(point.jacobian(rows) / point.sizes, axis=1)

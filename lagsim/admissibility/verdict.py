@@ -1,14 +1,14 @@
-"""Verdicts on the relations at the start, and what contacts and other laws do there.
+"""Verdicts on the relations at the start, and modes of contacts and other laws.
 
-A residual is compared with the largest of its terms and of |q_i dg/dq_i|, but not with
-more than the relation's own size (`lengths`): far from the origin the terms are large,
-and the relation is what it was. A rate is compared with its terms, but not with more
-than the motion that the relation sees, nor with less than a tenth of it: a relation
+A residual is compared with the largest of its terms and of |q_i dg/dq_i|, but at most
+with the relation's own size (`Lengths.scales`): far from the origin the terms grow,
+though the relation does not change. A rate is compared with its terms, but at most with
+the motion in the relation, and at least with a tenth of this motion: so a relation
 whose coefficients vanish at the start is judged like its neighbours.
 
-Of contacts, what touches and approaches is struck at once; of what then touches and
-rests, the accelerations decide which rows hold, slide or let go. An equality with a
-time is judged like any other where it is in force, and not elsewhere.
+Contacts that are closed and approach have an impact at once; for contacts that are
+closed and at rest, the accelerations decide which rows hold, slide or open. A timed
+equality is judged like any other while it is in force.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 ONE_SIDED = "one-sided"
 START_VALUE = "start value"
 AT_REST = "at rest"
-# The bound of rounding errors is to first order; this keeps it a bound.
+# Safety factor of bounds of rounding errors, which are of first order.
 CAUTION = 4.0
-# The part of the motion that a rate counts as at least.
+# Least scale of a rate, relative to the motion in the relation.
 MOTION = 0.1
 _HELD = (Mode.HELD, Mode.REDUNDANT)
 
@@ -65,11 +65,11 @@ class Residual(NamedTuple):
     value, scale : float
         The residual, and the size that it is compared with.
     rounding : float
-        A bound of the error that the expressions of the start leave in the residual.
+        Bound of the error that the expressions of the start leave in the residual.
     size : str
-        What `scale` is.
+        Description of `scale` in messages.
     floor : float
-        What numbers of all digits leave, by the sizes around the relation.
+        Rounding of values in full precision, by the sizes around the relation.
     """
 
     value: float
@@ -80,7 +80,7 @@ class Residual(NamedTuple):
 
     @property
     def bound(self) -> float:
-        """Upper bound of |value| where the relation is satisfied."""
+        """Upper bound of |value| of a satisfied relation."""
         return max(SATISFIED * self.scale, self.rounding, self.floor)
 
     @property
@@ -104,7 +104,7 @@ class Residual(NamedTuple):
 
     @property
     def digits(self) -> int | None:
-        """With how many digits the start seems typed; None where it is exact."""
+        """Number of digits with which the start seems to be typed; None if exact."""
         exact = self.exact or abs(self.value) <= RESIDUAL_ROUNDOFF * self.scale
         if not self.satisfied or exact:
             return None
@@ -116,27 +116,31 @@ class Verdict(NamedTuple):
 
     Attributes
     ----------
+    name, kind : str
+    scleronomic, pfaffian : bool
+        `pfaffian` is None for holonomic relations.
     position : Residual
-        Of g, or of the relation itself between velocities.
+        Of g, or of a relation between velocities itself.
     velocity : Residual or None
         Of A q' + g_t for holonomic relations.
+    redundant : bool
     integrable : bool or None
-        Of a Pfaffian relation alone; None where it is undecided, or is no question.
+        Of a Pfaffian relation alone; None if undecided, or for other relations.
     undecided : str
-        Why `integrable` is None, where it is a question.
+        Why `integrable` is undecided, for a Pfaffian relation.
     judged : bool
-        Whether a start has to satisfy it.
+        Whether a start has to satisfy the relation.
     rate : Residual or None
-        Of what holds only at times: the rate of a gap, a slip.
+        For laws: the rate of a gap, or a slip.
     active : bool or None
-        Whether a contact touches, a freewheel may engage, another one is in force; None
-        of equalities that always are.
+        Whether a contact touches, a freewheel may engage, another law is in force; None
+        for permanent equalities.
     holds : bool or None
-        Whether it acts there; None where that was not decided.
+        Whether the law acts at the start; None if undecided.
     mode : str
-        What it does.
+        Mode of the law in words.
     limit : Residual or None
-        Of a slider without mass: what its force is below its limit by.
+        Of a slider without mass: its limit minus its force.
     """
 
     name: str
@@ -173,11 +177,11 @@ class Verdict(NamedTuple):
 
 
 def judge(point: Point) -> list[Verdict]:
-    """Judge the two-sided constraints."""
+    """Return verdicts on the equality rows."""
     rows = point.e.rows
     held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
     moving = _against_terms(point, [(r.rate, r.rate_scale) for r in rows])
-    # What is only rounding is satisfied, whatever it is compared with.
+    # A residual within rounding is satisfied independent of its scale.
     pairs = enumerate(zip(held, moving, strict=True))
     asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
     near = _neighbours(point, asked)
@@ -202,7 +206,7 @@ def _of_row(row: Row, position: Residual, velocity: Residual) -> Verdict:
 
 
 def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Residual]:
-    """Residuals of nodes, each with the node of its scale."""
+    """Return residuals of pairs (node, node of its scale)."""
     nodes = [node for node, _ in pairs]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found = (values, point.array([scale for _, scale in pairs]), rounding)
@@ -210,7 +214,7 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
-    """Return the other rows that can hand their lengths on to these."""
+    """Return the indices of other rows whose lengths propagate to rows `asked`."""
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
     for _ in range(LINKS):
@@ -220,7 +224,7 @@ def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
 
 
 def _of_size(residual: Residual, own: float) -> Residual:
-    """Compare with the relation's own size where that is less than its terms."""
+    """Return a residual whose scale is at most the relation's own size."""
     if not np.isfinite(own):
         return residual
     residual = residual._replace(floor=float(RESIDUAL_ROUNDOFF * own))
@@ -230,7 +234,7 @@ def _of_size(residual: Residual, own: float) -> Residual:
 
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
-    """Compare with the motion that a relation sees, and with that of its body."""
+    """Return a residual scaled by the motion in a relation, with its body's floor."""
     scale, size = residual.scale, residual.size
     if motion < residual.scale:
         scale, size = float(motion), "the velocities that it relates"
@@ -241,9 +245,9 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
 
 
 def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]:
-    """Return |A| |v| of rows A, of the coordinates whose inertia each shares.
+    """Return |A| |v| of rows A, over all coordinates with coupled inertia.
 
-    To CONVERGED of that a rate is known at best.
+    The relative accuracy of a rate with this scale is CONVERGED at best.
     """
     if not rows:
         return []
@@ -263,10 +267,10 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
 
 
 def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
-    """Judge the constraints that are no rows of `point`.
+    """Return verdicts on the constraints that are no rows of `point`.
 
     A gap and the rate of a freewheel must not be negative; a limited equality may slip;
-    those that are `off`, out of force, are not judged.
+    constraints in `off`, out of force, are not judged.
     """
     held = {row.name for row in point.e.rows}
     laws = [
@@ -289,7 +293,7 @@ def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
 
 
 def _of_limit(point: Point, law: Law) -> Residual | None:
-    """Judge the force of a slider that hangs on springs, as its state gives it."""
+    """Return the residual of the limit of a slider whose state determines its force."""
     if not (law.slider and law.slider.first and law.solved.holonomic):
         return None
     limit = [law.slider.limit]
@@ -318,7 +322,7 @@ def _of_law(
 
 
 def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Verdicts with one on each gap for those on its pieces: on what is least."""
+    """Return verdicts with one per gap: of its pieces, the verdict on the least."""
     found: dict[str, list[Verdict]] = {}
     for x in verdicts:
         found.setdefault(whole(x.name), []).append(x)
@@ -328,14 +332,14 @@ def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
 
 
 def _of_gap(name: str, own: Sequence[Verdict]) -> Verdict:
-    """Verdict on a gap; what one of its pieces does that is closed, it does."""
+    """Return the verdict on a gap by its pieces, of which closed ones come first."""
     least = min(own, key=lambda x: (not x.holds, not x.active, x.position.value))
     position = min((x.position for x in own), key=lambda x: x.value)
     return least._replace(name=name, position=position)
 
 
 def judge_starts(point: Point) -> list[Verdict]:
-    """Judge the start values of definitions, and the rates of steady states."""
+    """Return verdicts on start values of definitions, and on rates of steady states."""
     starts = [(x.node, x) for x in point.e.model.initial if x.node is not None]
     rates = {x.name: x.rate for x in point.e.states}
     starts += [
@@ -356,7 +360,7 @@ def judge_starts(point: Point) -> list[Verdict]:
 def _against_levers(
     point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Return what nodes miss their targets by, against values and |q_i dg/dq_i|."""
+    """Return differences of nodes from targets, scaled by values and |q_i dg/dq_i|."""
     sizes, nodes = np.abs([*point.q, *point.v]), [node for node, _ in targets]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found, forms = [], []
@@ -372,9 +376,13 @@ def _against_levers(
 
 
 def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
-    """Judge velocities, or, where these vanish, accelerations: all are to be zero.
+    """Return verdicts on velocities or, if these vanish, accelerations, all to be zero.
 
-    laws : the verdicts on these, of which those that are active act.
+    Parameters
+    ----------
+    point : Point
+    laws : sequence of Verdict
+        Verdicts on the laws; active ones act.
     """
     e = point.e
     own = acting(point, laws)
@@ -397,7 +405,7 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
     place = np.repeat(np.arange(point.n), [len(row) for row in sums])
     bounds = SATISFIED * np.bincount(place, values, point.n)
     bounds += CAUTION * point.rounding(e.f)
-    # Of the constraint forces A^T lambda, their size and the rounding of A.
+    # Bounds for the constraint forces A^T lambda: their size and the rounding of A.
     for row, multiplier in zip(
         (*e.rows, *own.rows), np.abs([*lam, *own.multipliers]), strict=True
     ):
@@ -420,7 +428,7 @@ def _at_rest(name: str, value: float, bound: float) -> Verdict:
 
 
 def out_of_force(equations: Equations, time: float) -> frozenset[str]:
-    """Constraints that are not in force at a time."""
+    """Return the constraints that are not in force at a time."""
     whens = {law.constraint: x for law in equations.laws if (x := law.when) is not None}
     values = {p.name: p.value for p in equations.model.parameters} | {"t": time}
     found = evaluate(equations.graph, whens.values(), values)
@@ -428,7 +436,7 @@ def out_of_force(equations: Equations, time: float) -> frozenset[str]:
 
 
 def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
-    """Equations with the equalities that are in force now among the rows."""
+    """Return equations in which equalities in force now are among the rows."""
     timed = [
         law.row
         for law in equations.laws
@@ -442,7 +450,7 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
 
 
 def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
-    """Rows of those contacts and freewheels, and of sliders at their limits."""
+    """Return rows of named contacts and freewheels, and of sliders at their limits."""
     e, found = point.e, {}
     for law in e.laws:
         if law.constraint in names and law.kind.one_sided:
@@ -455,7 +463,7 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
 
 
 def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]:
-    """Say of the equalities with a time that are judged that they are in force."""
+    """Return verdicts in which judged timed equalities are marked as in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
         v._replace(active=True, holds=v.satisfied, mode="in force")
@@ -475,23 +483,25 @@ _PARADOX = Caution(
 def contact_status(
     point: Point, verdicts: Sequence[Verdict], rank: int, *, sound: bool
 ) -> tuple[list[Verdict], int, list[Caution]]:
-    """Decide what the laws of constraints do, where the state is `sound`.
-
-    Else the limited equalities that do not slip count as held.
+    """Decide the modes of laws at the start.
 
     Parameters
     ----------
-    verdicts
+    point : Point
+    verdicts : sequence of Verdict
         Of the laws.
-    rank
+    rank : int
         Of the equalities in force.
+    sound : bool
+        Whether the state is admissible. If not, modes are undecided, and limited
+        equalities without slip count as held.
 
     Returns
     -------
     verdicts : list of Verdict
         With `holds` and `mode`.
     raised : int
-        By how much the limited equalities that hold raise the rank.
+        The rank added by limited equalities that hold.
     warnings : list of Caution
     """
     found, paradox = list(verdicts), False
@@ -514,16 +524,21 @@ def contact_status(
 
 
 class Acting(NamedTuple):
-    """Acts of laws: their modes by number, and contacts that are struck.
+    """Modes of laws at the start, and impacts.
 
     Attributes
     ----------
+    modes : mapping of int to Mode
+        Modes by index of the law.
+    struck : collection of str
+        Contacts with an impact.
+    paradox : bool
+        Whether the friction laws have no solution (Painlevé).
     rows : sequence of Row
-        Those that may act.
-    multipliers : ndarray
-        One for each of these.
+        Rows that may act.
+    multipliers : ndarray, shape (rows,)
     v : ndarray, shape (n,)
-        The velocities after the impact of what is struck.
+        The velocities after the impact.
     """
 
     modes: Mapping[int, Mode]
@@ -535,12 +550,12 @@ class Acting(NamedTuple):
 
     @property
     def holding(self) -> set[int]:
-        """The laws whose rows hold, by their numbers."""
+        """The indices of the laws whose rows hold."""
         return {k for k, mode in self.modes.items() if mode in _HELD}
 
 
 def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
-    """Decide what laws do, of which those whose verdicts are active act."""
+    """Decide the modes of the laws with active verdicts."""
     laws, sliders = point.e.laws, _sliders(point)
     active = {v.name for v in verdicts if v.active}
     chosen = [
@@ -573,7 +588,7 @@ def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
-    """Whether sliders without mass stick, or are at their limits and led outside."""
+    """Return the modes of sliders without mass: held, or sliding at their limits."""
     own = {k: x.slider for k, x in enumerate(point.e.laws) if x.slider}
     if not own:
         return {}
@@ -594,7 +609,7 @@ def _sliders(point: Point) -> dict[int, Mode]:
 
 
 class _Rows:
-    """Rows of laws in numbers: r of them, those numbered `chosen`."""
+    """Numerical values of the rows of laws with indices `chosen`, r rows in all."""
 
     def __init__(self, point: Point, chosen: Sequence[int]) -> None:
         self.point, laws = point, [point.e.laws[k] for k in chosen]
@@ -616,7 +631,7 @@ class _Rows:
         self.closed = Closed.of(point.e.laws, chosen, self.answer, *known)
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
-        """Accelerations without the forces of these laws; rates; their roundoff."""
+        """Return accelerations (r,) without these laws' forces, rates, rounding."""
         R, b = self.R, self.point.array([row.b for row in self.rows])
         a, terms, _ = accelerations(self.point)
         rounding = RESIDUAL_ROUNDOFF * (np.abs(R) @ terms + np.abs(b))
@@ -624,9 +639,9 @@ class _Rows:
 
 
 def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
-    """Accelerations (n,) by the rows alone, their terms (n,), and K (n, n).
+    """Return accelerations (n,) by equality rows alone, their terms (n,), and K (n, n).
 
-    K f is what forces f (n,) add to them.
+    K f is the change of the accelerations by forces f (n,).
     """
     M, A, e = point.mass_matrix, point.gradients, point.e
     f, forced = point.array(e.f), np.zeros(point.n)
@@ -639,7 +654,7 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
 
 
 def _with_mode(verdict: Verdict, found: Acting, point: Point) -> Verdict:
-    """Say what a constraint does."""
+    """Return a verdict with the mode of its constraint."""
     if verdict.active is None or verdict.mode:
         return verdict
     laws = point.e.laws
