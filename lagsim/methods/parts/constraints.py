@@ -31,7 +31,7 @@ MOST = 12
 
 
 class Rank(Control):
-    """The rank of the constraint Jacobian, and the residual a projection began with."""
+    """Memory of the rank of the constraint Jacobian, and of projection residuals."""
 
     sigma: float  # about the smallest singular value of the scaled Jacobian
     sigma_slope: float  # the steepest change of it so far
@@ -51,7 +51,7 @@ class Rank(Control):
 
 
 def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
-    """Project the state that a step h has led to; return 0 where that fails."""
+    """Project the state (size,) after a step h; return 0 on failure, else 1."""
     if project(s, p, t, h, new, s.work) == 0:
         return 0
     record_sigma(s, s.work[s.n + 1], h)
@@ -59,10 +59,10 @@ def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int
 
 
 def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats) -> int:
-    """Project y in place; return 1 where Newton's method converged, else 0.
+    """Project y (size,) in place; return 1 if Newton's method converged, else 0.
 
-    h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
-    `velocity_step` gives it.
+    h is the step that led to y. work : (n + 3,), on return work[n + 1] is that of
+    `velocity_step`.
     """
     s.missed = 0.0
     for level in range(2):
@@ -72,12 +72,12 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 
 
 def satisfied_part(s: Rank, order: float) -> float:
-    """Part of a step whose rows satisfy the constraints unprojected.
+    """Return the fraction of a step up to which rows need no projection.
 
-    Of one whose rows are the polynomial that its end was a value of: the residual grows
-    from what it is at the start, rounding, to what the projection of the end began
-    with, by this order. What moves is also off by the rounding of the time, relations
-    of velocities by that of positions.
+    Valid if rows are values of the polynomial whose end value was projected: its
+    residual grows from rounding at the start to the residual before the projection, as
+    x^order. If the constraints depend on time or velocities, rounding of times and
+    positions adds to the residual, and the fraction is 0.
     """
     if s.fixed_rows == 0.0:
         return 0.0
@@ -89,7 +89,7 @@ def satisfied_part(s: Rank, order: float) -> float:
 def project_level(
     level: int, s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats
 ) -> int:
-    """Project the positions (level 0) or the velocities (1) alone."""
+    """Project the positions (level 0) or the velocities (1) alone; return 1 or 0."""
     n = s.n
     part = y[level * n :]
     previous = 0.0
@@ -117,11 +117,12 @@ def project_level(
 
 
 def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
-    """Whether a step is roundoff of the coordinates, in the metric of diag M.
+    """Whether a Newton step (n,) is rounding of coordinates, in the metric of M.
 
-    What the forces could do within the step counts as size: the scale of a structure at
-    rest. A coordinate counts by its share of the step: a heavy body that hardly moves
-    says nothing of a light one that it is joined to.
+    x : (n,), positions (level 0) or velocities. The displacement that forces could
+    cause within the step counts as a size: the scale of a structure at rest. Sizes are
+    weighted by the shares of coordinates in the step, so that a heavy body that hardly
+    moves sets no scale for a light one joined to it.
     """
     n = s.n
     sizes = s.sizes[level * n :]
@@ -150,11 +151,11 @@ def is_finite(n: int, x: Floats) -> bool:
 
 
 def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
-    """Return the largest part of its own size by which a step (n,) changes a component.
+    """Return the largest ratio of a change (n,) to the size of its component.
 
-    Of the positions (level 0) or the velocities x. No other body enters, however heavy
-    or far. What the forces could do in the time h counts as size; what has none changes
-    by the whole of itself.
+    x : (n,), positions (level 0) or velocities. Other bodies do not matter, however
+    heavy or far. The displacement that forces could cause in the time h counts as a
+    size; the ratio is 1 for a component without a size.
     """
     sizes = s.sizes[level * s.n :]
     moment = h if level > 0 else h * h
@@ -181,35 +182,35 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 CLOSE = 0.03
 # How much faster than it has been seen to sigma may change.
 MARGIN = 1.5
-# A step over a loss of rank has it at the first fraction, or up to the second, or if it
-# is near at the third, or at once: `dop853` has stages at 0, 0.05, 0.08, 0.12, then
-# from 0.25 to 0.33, and from 0.60 on; `radau` at 0.16 and from 0.64 on. The step before
-# goes at least the last part of the way.
+# Fractions of a step at which a loss of rank may lie: BETWEEN, or up to LATEST, or SOON
+# if the loss is near, or up to AT_ONCE. There no method has a stage: `dop853` has
+# stages at 0, 0.05, 0.08, 0.12, then from 0.25 to 0.33, and from 0.60 on; `radau` at
+# 0.16 and from 0.64 on. The step before covers at least SHORT of the distance.
 BETWEEN = 0.467
 LATEST = 0.55
 SOON = 0.184
 AT_ONCE = 0.026
 SHORT = 0.4
-# The step that will pass is as long as those were that the loss was so many of away.
+# The step over a loss has the length of steps at a distance of this many steps.
 NEAR = 4.0
-# What a step that passes may err by, against the motion; the same where shorter ones
-# err more; as what it is then taken, in tolerances.
+# Largest relative error of a step over a loss; largest if shorter steps err more; the
+# error, in tolerances, that such a step is given.
 PASSABLE = 1e-10
 WORST = 1e-6
 ACCEPTED = 0.9
-# A loss ahead is looked for so often, each time half way to where it seems to be: the
-# sigma falls there by about a half, and by less where it is not going to vanish.
+# Number of secants in the search for a loss ahead, each at half of the estimated
+# distance: sigma falls there by about a half, or by less than FALLS without a loss.
 SEARCHES = 3
 FALLS = 0.8
-# This part of the first step tells whether sigma falls.
+# Part of the first step over which the change of sigma is computed.
 GLANCE = 0.1
 
 
 def record_sigma(s: Rank, sigma: float, h: float) -> None:
-    """Take sigma after a step of length h.
+    """Store sigma after a step of length h.
 
-    The step is searched for a loss of rank where sigma could have fallen to
-    zero and risen again within it, changing as fast as it has been seen to.
+    `watched` becomes 1, for a search of the step, if sigma could have fallen to zero
+    and risen again within the step at the steepest slope so far.
     """
     slope = abs(sigma - s.sigma) / h
     s.falling = (s.sigma - sigma) / h
@@ -222,9 +223,9 @@ def record_sigma(s: Rank, sigma: float, h: float) -> None:
 
 
 def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
-    """Take sigma after a long step: also at the middle of the step.
+    """Store sigma after a long step, and sigma at the middle of the step.
 
-    Sigma at both ends of one may be the same while it vanishes in between.
+    Sigma may vanish in a step with equal values at both ends.
     """
     record_sigma(s, sigma_at(s, p, 0.5), 0.5 * h)
     watched = s.watched
@@ -233,12 +234,13 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 
 
 def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
-    """Step that keeps its distance from a loss of rank: about h, or less.
+    """Return the step to try: h, or one that keeps stages off a loss of rank.
 
-    There, rounding is divided by sigma at each stage, and by its
-    square at the end. A step that passes has the loss where no method has a stage; one
-    before it leaves the room that this takes: for a step as long as they were before
-    they came near, where the controller sees errors that projection will remove.
+    Near a loss, rounding is divided by sigma at each stage, and by its square at the
+    end. A step that passes has the loss between two stages; the step before it leaves
+    the room for that: for a step as long as steps were before the loss came near, where
+    the controller sees errors that projection will remove. `rest` is the time to the
+    end of the arc.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.planned = 0.0  # it has been tried
@@ -269,22 +271,19 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
 
 
 def needs_loops(s: Rank) -> bool:
-    """Whether a step that failed is one for the QR decomposition.
+    """Whether a failed step is to be repeated with the QR decomposition.
 
-    It was to pass a loss of rank, and straight-line code squares the rows' condition.
+    True for a step over a loss of rank: straight-line code squares the condition number
+    of the rows.
     """
     return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
 
 def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
-    """Time until rank is lost, or nearly so; 0 where it seems that it is not.
+    """Return the time until rank is lost, or nearly so; 0 if no loss is seen.
 
-    By secants through the sigma along a parabola from the state reached.
-
-    Parameters
-    ----------
-    ahead
-        The time by which the sigma has been falling.
+    By secants through sigma along a parabola from the current state. `ahead` is the
+    estimate from the recent slope of sigma.
     """
     n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
     v, a = y[s.velocities], rates[s.velocities]
@@ -307,9 +306,10 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
 
 
 def leave_loss(s: Rank, p: Parameters, h: float) -> float:
-    """Return a first step that leaves the neighbourhood of a loss of rank: h, or more.
+    """Return a first step, h or longer, that ends far from a loss of rank.
 
-    Or the one that is to pass it, where only the equations are solved otherwise now.
+    If only the formulation of the equations has changed, return the planned step over
+    the loss instead.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
@@ -334,17 +334,17 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
-    """Sigma, the independence of the rows, at the fraction x of the last step."""
+    """Return sigma at the fraction x of the last step."""
     interpolate(s, p, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])
 
 
 def passable(s: Rank, error: float) -> float:
-    """Error of a step, in tolerances; below 1 where it passes well enough.
+    """Return the error of a step in tolerances, lowered for a step over a loss.
 
-    The method errs less in shorter steps and rounding more: past the least of both a
-    shorter step loses everything.
+    Shorter steps have a smaller truncation error and more rounding: beyond the minimum
+    of both, a shorter step loses all digits.
     """
     if s.passes == 0.0 or error < 1.0:
         return error
@@ -355,11 +355,11 @@ def passable(s: Rank, error: float) -> float:
 
 
 def hides_error(s: Rank, p: Parameters) -> bool:
-    """Whether the error off the constraints hides the error of a step.
+    """Whether residuals of constraints hide the error of a step.
 
-    Close to a singular configuration, what a stage is off the constraints is divided by
-    sigma. The error there says nothing of the motion, which the
-    constraints determine, but would shrink the steps without end.
+    Close to a singular configuration, residuals at stages are divided by sigma. The
+    estimated error off the constraints says nothing about the motion, which the
+    constraints determine, but would reduce steps without end.
     """
     passes = s.passes > 0.0
     close = p.least_sigma < s.close_below
@@ -367,7 +367,7 @@ def hides_error(s: Rank, p: Parameters) -> bool:
 
 
 def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
-    """Leave the directions in which projection will move the state after a step."""
+    """Store the directions in which projection will move the state `new`."""
     p.least_sigma = NOTE
     velocity_step(t, new, p, s.work)
 
@@ -375,8 +375,8 @@ def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     """Remove the part off the constraints from errors of q and q' (2 n,).
 
-    Gives what that is as velocities, q in the time h: twice its kinetic energy, against
-    that of the mechanism that it belongs to.
+    Return twice the kinetic energy of that part, as velocities (errors of q over h),
+    relative to the energy of the mechanism.
     """
     n = s.n
     removed = 0.0
@@ -396,10 +396,11 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
 
 
 def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
-    """Twice the largest kinetic energy so far along a direction z (n,).
+    """Return twice the largest kinetic energy so far along a direction z (n,).
 
-    Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
-    M z. No more than the whole scene has had.
+    Of the mechanism that rows or the mass matrix join to z, and at most of the whole
+    scene.
+    mass : (n,), M z.
     """
     n = s.n
     speeds = s.sizes[s.velocities]
@@ -415,8 +416,9 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 
 
 def bent(s: Rank, removed: float, left: float) -> float:
-    """Error of a step, of which `left` is left by projection.
+    """Return the error of a step with an error `left` after projection, in tolerances.
 
-    The constraints are bent: of what is removed its square is left, against the speed.
+    Constraints are curved: the square of the removed part remains, relative to the
+    speed.
     """
     return float(max(left, removed / (LOCAL * s.rtol)))

@@ -1,12 +1,12 @@
 """Error tolerances from each component's own scale, and the first step.
 
-The default tolerance of a component is rtol times its own scale: the range that it has
-gone through, which no shift of the origin and no other body changes, or what its rate
-does in the step. Where forces cancel, what each of them could do counts a little too.
-And no component is controlled below its own rounding: that of its value, and that of
-its rate. The latter is bounded where a step would be rejected, or grow little where
-forces cancel: what the rounding of the state does to it, and what is rounded where it
-is computed. No unit enters: metres and millimetres give the same steps.
+The default tolerance of a component is rtol times its own scale: its range so far,
+which is independent of the origin and of other bodies, or its change by its rate in the
+step. Where forces cancel, a small part of the terms counts as well. No tolerance is
+below the rounding of the component's value and of its rate. The latter is bounded where
+a step would be rejected, or grow little while forces cancel: the effect of the rounding
+of the state, and the rounding within the evaluation. No unit enters: metres and
+millimetres give equal steps.
 """
 
 from __future__ import annotations
@@ -37,34 +37,35 @@ from lagsim.tolerances import (
     VALUE_ROUNDOFF,
 )
 
-# Of what the terms of a rate could do in a step, though they cancel: errors of other
-# components within the tolerance leave a part of them.
+# Least scale of a component, relative to the change by the terms of its rate in a step:
+# errors of other components within the tolerance leave a part of terms that cancel.
 FLOOR = 1e-3
-# Of the tolerances of what rows link it with, a component's own. Off the constraints,
-# in the stages of a step, errors of one act on the others; projection takes them out.
-# A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
+# Least tolerance of a component, relative to those of components linked by rows. Off
+# the constraints, in the stages of a step, errors of one act on the others; projection
+# removes them. A tenth of this value costs Bricard's mechanism twice the steps; other
+# models change little.
 LEAK = 1e-2
-# What a method's stages make of rounding in the error estimate of what constraints
-# hold: the coefficients of DOP853 are as large as 43, of either sign.
+# Amplification of rounding by a method's stages, in error estimates of constrained
+# components: the coefficients of DOP853 are as large as 43, of either sign.
 AMPLIFIED = 4.0
-# What of its range counts as the size of a component: an oscillation about 0 is half of
-# it in size, a motion away from 0 the whole.
+# Size of a component relative to its range: 1/2 for an oscillation about 0, 1 for a
+# motion away from 0.
 WIDTH = 0.7
-# Of the length of an arc: too short to matter.
+# Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
-# At tight tolerances the floor is a part of the last place: truncation up to the
-# roundoff of the state acts the same way in every step and so outgrows rounding, of
-# which sums lose little.
+# At tight tolerances the floor is below the last place: truncation errors of the size
+# of roundoff have the same sign in every step and so outgrow rounding, of which
+# compensated sums lose little.
 FINEST = 0.25 * UNIT_ROUNDOFF
-# The first step of all, an Euler step, is this part of what lies between two rows; and
-# how much longer the next may be, and how often the guess is made again.
+# Length of the trial Euler step, relative to the output step; largest factor of growth;
+# number of trials.
 EULER = 1e-2
 FARTHEST = 100.0
 MOST_GUESSES = 20
 
 
 class Control(Output):
-    """Error scales: ranges, tolerances, energies, roundoff."""
+    """Memory of error control: ranges, tolerances, energies, roundoff."""
 
     rtol: float
     atol: float  # below 0: rtol times the component's own scale
@@ -101,13 +102,13 @@ class Control(Output):
 
 
 def record_sizes(s: Control, p: Parameters) -> None:
-    """Take the state, accepted, into the largest sizes and the energy."""
+    """Update the largest sizes and the energy by the accepted state."""
     store_energies(s, s.t, s.y, p)
     record_measured(s, p)
 
 
 def record_measured(s: Control, p: Parameters) -> None:
-    """Do the same where `set_tolerances` has measured this state last."""
+    """Update sizes and energy by the state that `set_tolerances` has evaluated last."""
     record_extents(s)
     change = abs(s.energies[1] - s.potential)
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
@@ -128,7 +129,7 @@ def record_measured(s: Control, p: Parameters) -> None:
 
 
 def record_extents(s: Control) -> None:
-    """Take the state into the largest sizes: all that a fixed step asks for."""
+    """Update sizes and ranges by the state, sufficient for a fixed step."""
     for i in range(s.size):
         now = s.y[i]
         s.sizes[i] = max(s.sizes[i], abs(now))
@@ -139,7 +140,7 @@ def record_extents(s: Control) -> None:
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Store the energies and the masses in the state."""
+    """Store energies and masses at a state."""
     energies_masses(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
@@ -150,8 +151,8 @@ def set_tolerances(
 ) -> None:
     """Set the tolerance of each component for a step of length h to `new` at t.
 
-    new, rates : (size,), the state after the step and y' before it. A tolerance of 0
-    means that the component has no scale and is not controlled.
+    new, rates : (size,), the state after the step and y' before it. A tolerance of 0:
+    the component has no scale and is not controlled.
     """
     store_energies(s, t, new, p)
     size, n = s.size, s.n
@@ -199,7 +200,7 @@ def set_tolerances(
 
 
 def slides_on_a_disc(p: Parameters) -> int:
-    """Whether a slip of two slides: the slower, the more its direction rounds."""
+    """Return 1 if a pair of slips is sliding (its direction rounds), else 0."""
     for k in range(p.laws):
         if p.law_mode[k] == SLIDING and p.law_pair[k] >= 0.0:
             return 1
@@ -207,10 +208,10 @@ def slides_on_a_disc(p: Parameters) -> int:
 
 
 def share_tolerances(s: Control) -> None:
-    """Control no coordinate far finer than those that rows link it with.
+    """Raise tolerances that are far finer than those of coordinates linked by rows.
 
-    In the metric of M, in which projection turns errors of one into errors of another:
-    what rests by symmetry has no motion of its own to be controlled by.
+    In the metric of M, in which projection converts errors of one into errors of
+    another. A coordinate at rest by symmetry has no motion of its own as a scale.
     """
     n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
@@ -228,9 +229,9 @@ def share_tolerances(s: Control) -> None:
 
 
 def against(error: float, tolerance: float) -> float:
-    """Error in units of the tolerance; one that is finite has a finite square.
+    """Return the error in units of the tolerance; the square of the result is finite.
 
-    It may be rounding, though much more than a component that rests should have.
+    For a component at rest, the error may be rounding that far exceeds the tolerance.
     """
     part = abs(error / tolerance)
     if abs(error) < OVERFLOW:
@@ -239,10 +240,10 @@ def against(error: float, tolerance: float) -> float:
 
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
-    """Control works no finer than the energy that each is compared with in a step.
+    """Raise tolerances of works to the error of the energy that each is compared with.
 
-    On a coordinate without inertia a multiplier is the difference of what takes the
-    place of an inertia there, and rounds as that does.
+    On a coordinate without inertia a multiplier is a difference of terms that replace
+    the inertia, with the rounding of these terms.
     """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
@@ -267,9 +268,9 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
 def allow_roundoff(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats, sigma: float
 ) -> bool:
-    """Look at the rounding in a step h to `new`, and set the tolerances by it.
+    """Bound the roundoff in a step h to `new`, and adapt tolerances to it.
 
-    Tells whether that had not been done. k : (size,), y' at the start of the step.
+    Return False if this has been done before. k : (size,), y' at the start of the step.
     """
     if s.rounding_known > 0.0:
         return False
@@ -295,10 +296,10 @@ def allow_roundoff(
 def bound_by_others(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats
 ) -> None:
-    """Control states and works no finer than errors of others make their rates.
+    """Raise tolerances of states and works to the effect of errors of other components.
 
-    What follows a coordinate that is held, or the power on it, has no scale but the
-    tolerance of that coordinate; another state may follow it in turn.
+    A state that follows a constrained coordinate, or the power on it, has no scale but
+    the tolerance of that coordinate; another state may follow this state.
     """
     for _ in range(1 + s.states):
         for i in range(s.size):
@@ -317,10 +318,10 @@ def bound_by_others(
 
 
 def foresee(s: Control, p: Parameters, k: Floats) -> None:
-    """Sizes that components at rest reach in the first instant of an arc.
+    """Compute the sizes that components at rest reach in the first instant of an arc.
 
-    A force that begins at 0, as a power of the time does, gives them a motion without
-    any size. One may set the next in motion. k : (size,), y' at the start.
+    A force that starts from 0, as a power of the time, causes a motion without initial
+    size, and one component may set the next in motion. k : (size,), y' at the start.
     """
     n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes, accelerations = s.spare, k[s.velocities]
@@ -352,10 +353,10 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
 
 def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
-    """Return a first step: one explicit Euler step tells how fast the rates change.
+    """Return a first step, from the change of the rates in one explicit Euler step.
 
-    k : (size,) is y' at the start. An error that falls with this power of the step,
-    against that change, is within the tolerance.
+    k : (size,), y' at the start. An error that falls as this power of the step,
+    relative to the change, is within the tolerance.
     """
     z, slopes = s.work, s.spare
     bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0)
@@ -378,7 +379,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
-    """Time in which a rate changes by its own size: from k to `slopes` in h.
+    """Return the time in which a rate changes by its own size: from k to `slopes` in h.
 
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """
@@ -393,53 +394,53 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 
 
 # --- roundoff: its bounds in rates, and compensated sums ------------------------------
-# Where a step would be rejected, or grow little: a bound of what is rounded on the way
-# to the rates of a state, and what small changes of the state do to them.
+# Where a step would be rejected, or grow little: a bound of the rounding in the
+# evaluation of rates, and of the effect of small changes of the state on rates.
 #
-# A step adds little to a state, and what is lost of it each time grows with the steps,
+# A step adds little to a state, and the rounding error of the sum grows with the steps,
 # or faster. The state is y + `compensation`, which is smaller than half of y's last
-# place: what is cut off is found exactly and added with the next step (D. E. Knuth, The
-# Art of Computer Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G.
+# place: the error of a sum is found exactly and added with the next step (D. E. Knuth,
+# The Art of Computer Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G.
 # Wanner, Geometric Numerical Integration, 2nd ed., section VIII.5: compensated
 # summation).
 #
-# The slopes of a step are those at y alone. Where the tolerance is tight what they lack
-# is found by a difference: that is as much as the rounding of forces does.
+# The slopes of a step are those at y alone. At tight tolerances the change of slopes by
+# the compensation is found by a difference: it is as large as the rounding of forces.
 #
 # An arc begins with a compensation of 0, as its state is a new one, or given as
-# doubles; so does a step that ends with a projection onto constraints, which rounds all
-# that it moves. And where there are switches it stays 0: steps that move by less than a
+# doubles; so does a step that ends with a projection onto constraints, which rounds the
+# state. And where there are switches it stays 0: steps that move by less than a
 # last place would sum up to a state on the surface itself, where a root has no slope,
 # instead of leaping over it.
 CONSTRAINED = True
 SWITCHES = True
 
-# Of what a relative change of the state by one would do; it is rounded to nearest.
+# Roundoff relative to the effect of a unit change: values are rounded to nearest.
 PROBED = 0.5
-# Time changes by another part than any component does: in a moving frame, x - v t, what
-# both do would cancel.
+# Relative change of time, different from that of components: in a moving frame, x - v
+# t, the effects would cancel.
 TIME_PART = 2.0
-# Of what that does, what rounding leaves in the error estimate.
+# Rounding in the error estimate, relative to the effect of such a change.
 PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
-# What spreads the parts by which components are moved, see `scattered`.
+# Constants of `scattered`.
 GOLDEN = 0.6180339887498949
 SILVER = 0.4142135623730951
 SCRAMBLED = 1e4
-# A step that moves a position by less than this part of it is short.
+# A step that moves a position by less than this part of its size is short.
 FEW_PLACES = 2.0**-30
-# Below this tolerance, which no repeat of a usual run has, as much is done against
-# rounding as can be.
+# Below this tolerance, which is below that of repeats of usual runs, rounding is
+# reduced at any cost.
 TIGHT = 5e-14
-# So much larger a compensation is a change of y by a relative 1e-8 at most: little
-# beside what bends the forces, and much beside the rounding of y'.
+# The compensation times this factor is a relative change of y by 1e-8 at most: within
+# the linear range of forces, and large against the rounding of y'.
 LARGER = 2.0**26
 
 
 def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
     """Whether a step moves a position by few of its last places.
 
-    What rests counts where there are switches: another body may set it in motion by a
-    force that begins at one.
+    With switches, positions at rest count: another body may set them in motion by a
+    force that starts at a switch.
     """
     for i in range(s.n):
         moved = h * abs(k[i])
@@ -449,10 +450,10 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
 
 
 def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
-    """Add the roundoff of the rates in the middle of a step h to the bound.
+    """Extend the roundoff bound by that of the rates in the middle of a step h.
 
-    Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
-    step itself may lead anywhere. k : (size,), y' at its start.
+    Near a switch, forces may have no derivative to judge by (Hertz, a root), and the
+    step itself may end anywhere. k : (size,), y' at its start.
     """
     t = s.t + 0.5 * h
     lead_positions(s, 0.5 * h, k)
@@ -464,7 +465,7 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 
 
 def lead_positions(s: Control, h: float, k: Floats) -> None:
-    """Leave the state as `point`, moved by velocities, what rests by accelerations."""
+    """Store as `point` the state moved by velocities, or from rest by accelerations."""
     accelerations = k[s.velocities]
     s.point[: s.size] = s.y
     for i in range(s.n):
@@ -474,7 +475,7 @@ def lead_positions(s: Control, h: float, k: Floats) -> None:
 def add_bound(
     s: Control, p: Parameters, t: float, y: Floats, first: int, end: int
 ) -> None:
-    """Add the roundoff at a state to the bound of some components."""
+    """Extend the roundoff bound of components first ... end - 1 by that at a state."""
     rounding(t, y, p, s.work)
     for i in range(first, end):
         found = abs(s.work[i - s.n])
@@ -483,7 +484,7 @@ def add_bound(
 
 
 def set_reach(s: Control, y: Floats, k: Floats, h: float) -> None:
-    """Set the largest size of each component in a step h from y, with y' = k there."""
+    """Set the largest size of each component in a step h from y, with y' = k at y."""
     accelerations = k[s.velocities]
     for i in range(s.size):
         after = y[i] + h * k[i]
@@ -504,10 +505,11 @@ def perturb(
     ways: int,
     out: Floats,
 ) -> None:
-    """Change of the rates (size,) by a part `change` of the reach and of the time.
+    """Compute the change of rates (size,) by a relative change of state and time.
 
-    In two ways to both sides, in other directions: in one alone some sum may cancel by
-    chance. What has no value there counts as nothing.
+    Each of the one or two `ways` changes components in another direction: in one alone,
+    terms may cancel by chance. Rates that are not finite count as unchanged. out :
+    (size,).
     """
     size = s.size
     out[:size] = 0.0
@@ -524,12 +526,12 @@ def perturb(
 def bound_roundoff(
     s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float, h: float
 ) -> None:
-    """Bound the roundoff of the rates k (size,) at y, for a step h from there.
+    """Bound the roundoff of the rates k (size,) at y, for a step h from y.
 
-    From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
-    that of rows close to a loss of rank, which enlarges the former; y' off the
-    constraints says nothing there. A start, h = 0, is bounded again with its first
-    step.
+    By a bound of the rounding in the evaluation, and by y' nearby. A sigma below 1 is
+    that of rows close to a loss of rank, which enlarges the first bound; y' off the
+    constraints is of no use there. At a start, h = 0; the bound is renewed with the
+    first step.
     """
     n, roundoff = s.n, s.roundoff
     rounding(t, y, p, s.work)
@@ -554,18 +556,18 @@ def move_aside(
 ) -> None:
     """Write y moved by a part `change` of `sizes` (size,), in one of many directions.
 
-    Components change by different parts, or a change of the whole scene's size or
-    place would hide what cancels.
+    Components change by different parts: a common change of size or place of the whole
+    scene would not reveal cancellation.
     """
     for i in range(size):
         out[i] = y[i] + change * sizes[i] * (0.5 + scattered(i, way))
 
 
 def scattered(i: int, way: int) -> float:
-    """Pseudorandom number from 0 to 1 of component i, one sequence for each `way`.
+    """Return a pseudorandom number from 0 to 1 of component i, by `way`.
 
-    Multiples of an irrational number will not do: their second differences are whole
-    numbers or 0, so that forces between neighbours would often seem to have no error.
+    Multiples of an irrational number are unsuitable: their second differences are
+    integers or 0, so that forces between neighbours would often seem to have no error.
     """
     part = GOLDEN * (i + 1) + SILVER * way
     part = SCRAMBLED / (1.0 + part - int(part))
@@ -575,7 +577,7 @@ def scattered(i: int, way: int) -> float:
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
-    """Sum y + h k (size,); its roundoff is added to `left`."""
+    """Compute y + h k (size,), and add its roundoff to `left`."""
     for i in range(size):
         before = y[i]
         rate = k[i]
@@ -591,7 +593,7 @@ def add_exactly(
 def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
     """Add `remainder` and the compensation to a state `new` (size,) after a step h.
 
-    k : (size,), y' at its start. Leaves what is cut off in `left`.
+    k : (size,), y' at its start. The roundoff is stored in `remainder`.
     """
     s.remainder[:] += s.compensation
     if s.rtol < TIGHT:
@@ -602,7 +604,7 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 
 
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
-    """Change of y' (size,), which is k at y, by the compensation term."""
+    """Compute the change of y' (size,), which is k at y, by the compensation term."""
     size = s.size
     if CONSTRAINED or SWITCHES:
         out[:size] = 0.0
@@ -616,7 +618,7 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
-    """Add the motion of the compensation term in a step: it moves as y does."""
+    """Add the motion of the compensation term in a step h."""
     accelerations = drift[s.velocities]
     for i in range(s.size):
         s.remainder[i] += h * drift[i]
@@ -625,7 +627,7 @@ def add_drift(s: Control, drift: Floats, h: float) -> None:
 
 
 def keep_compensation(s: Control) -> None:
-    """Take the roundoff of an accepted step as the compensation term."""
+    """Store the roundoff of an accepted step as the compensation term."""
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
@@ -633,7 +635,7 @@ def keep_compensation(s: Control) -> None:
 
 
 def drop_compensation(s: Control) -> None:
-    """Begin with a state as it is."""
+    """Set the compensation term to 0."""
     s.compensation[:] = 0.0
 
 
@@ -646,10 +648,7 @@ def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
 def add_compensated(
     n: int, y: Floats, change: Floats, out: Floats, left: Floats
 ) -> None:
-    """Sum y + change (n,), and its roundoff.
-
-    Both results may take the place of what they are made of.
-    """
+    """Compute y + change (n,) and its roundoff `left`; in-place use is allowed."""
     for i in apart(n):
         before = y[i]
         more = change[i]

@@ -1,21 +1,22 @@
 """Sections of the motion: crossings of relations, and strobes, which end no step.
 
-The relation of a section is a row of the table that a step is searched for (`search`),
-on the side that the motion comes from: a crossing is where it falls below 0. The state
-there, on the dense output, is written beside the rows, and the motion goes on as it
-would without.
+The relation of a section is a row of the table in which a step is searched (`search`),
+with the sign of the side that the motion comes from: a crossing is where the row falls
+below 0. The state there, on the dense output, is written beside the rows, and the
+motion continues unchanged.
 
-A relation counts as past 0 where it is so by more than its band: rounding, and what the
-tolerances leave of the state. So a touch is no crossing, and what a constraint holds on
-a section does not cross it. The crossing itself is located where the relation passes 0,
-which may be before that; until then it waits.
+A relation has crossed 0 if it exceeds its band on the other side: rounding, and the
+error of the state within tolerances. So a touch is no crossing, and a motion that a
+constraint holds on a section does not cross the section. The crossing is located where
+the relation passes 0, possibly before it leaves the band; until then the crossing
+waits.
 
 Between two neighbouring fractions of a step a continuous relation changes by rounding.
-One that changes by more has jumped itself (`mod`, `if`), which is no crossing. Before
-anything acts at an instant (an impact, an event) the sides are those of the relation
-there; where it is on the other side after all acts, they have crossed the section. A
-crossing so near the end of a step that it is at the same time is located at the start
-of the next one, after all acts.
+A larger change is a jump of the relation itself (`mod`, `if`), which is no crossing.
+Sides at an instant are determined before the first act (an impact, an event); a
+relation on the other side after all acts has crossed its section. A crossing at the
+same instant as the end of a step is located at the start of the next step, after all
+acts.
 """
 
 from __future__ import annotations
@@ -59,24 +60,24 @@ from lagsim.tolerances import (
 CONSTRAINED = True
 SWITCHES = True
 
-# The state is known to so many tolerances of a step, and no better than to this part of
-# the range of a component.
+# Error of the state in tolerances of a step; its least error relative to the range of a
+# component.
 ERRED = 30.0
 PLACES = 2.0**-40
-# A relation jumps where it changes at one fraction by more than this part of what it
-# does within this part of the step around it; beside a pole it is all of that.
+# A relation jumps if its change at one fraction exceeds the part JUMP of its change
+# within the part AROUND of the step; beside a pole both are equal.
 AROUND = 2.0**-30
 JUMP = 0.25
-# Where a run ends on a section, its relation is not 0 this part of a step away: half of
-# what it is twice as far away where it is crossed, a quarter where it is touched.
+# At the end of a run on a section, the relation at the distance AGO is half of its
+# value at twice the distance if it is crossed, a quarter if it is touched.
 AGO = 2.0**-10
 TURNS = 0.375
-# Of a period: what the end of the run may be short of.
+# Part of a period by which the end of the run may be early.
 SHORT = 1e-9
 
 
 class Crossings(Events):
-    """Sections of a run, and what has been found of them."""
+    """Memory of the sections of a run, and of the crossings found."""
 
     strobes: int
     states_room: int  # for so many states of sections, until they are taken
@@ -107,7 +108,7 @@ class Crossings(Events):
 
 
 def find_crossings(s: Crossings, p: Parameters) -> int:
-    """Write the states of sections in the last step; return 0 without room."""
+    """Write the states of sections in the last step; return 0 if the buffer is full."""
     evaluations = s.evaluations
     complete = find_located(s, p) * find_strobes(s, p)
     s.evaluations = evaluations  # nothing that is decided by them depends on it
@@ -115,12 +116,12 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
 
 
 def same_time(s: Crossings, t: float) -> float:
-    """Difference of times that are one instant."""
+    """Return the largest difference of times at one instant."""
     return SAME_INSTANT * max(abs(t), abs(s.row_start))
 
 
 def find_located(s: Crossings, p: Parameters) -> int:
-    """Search the last step for crossings; return 0 where there is no room."""
+    """Search the last step for crossings; return 0 if the buffer is full, else 1."""
     if s.sections == 0 or s.searched >= 1.0:
         return 1
     end = s.cut if s.cut > 0.0 else 1.0
@@ -142,7 +143,7 @@ def find_located(s: Crossings, p: Parameters) -> int:
 
 
 def begin_search(s: Crossings, p: Parameters) -> None:
-    """Take what the acts at the start of the last step have crossed."""
+    """Find the sections that acts at the start of the last step have crossed."""
     s.banded = 0.0
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
@@ -155,7 +156,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
 
 
 def know_bands(s: Crossings, p: Parameters) -> None:
-    """Set the bands of the last step, once."""
+    """Set the bands of the last step, unless they are set."""
     if s.banded == 0.0:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
@@ -166,7 +167,7 @@ def know_bands(s: Crossings, p: Parameters) -> None:
 
 
 def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
-    """Return the fraction of the step past the next crossing, or its end."""
+    """Return the fraction of the step just past the next crossing, or `end`."""
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
     width = widest
@@ -202,10 +203,10 @@ def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
 def crossed_within(
     s: Crossings, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
-    """Take the first crossing in (low, x], and return the fraction past it; or 0.
+    """Store the first crossing in (low, x]; return the fraction just past it, or 0.
 
-    before, after : (2 R,), rows and slopes there. The end of the last step where a
-    crossing is at the same time: it is postponed.
+    before, after : (2 R,), rows and slopes at low and x. A crossing at the same instant
+    as the end of the step is postponed, and the end is returned.
     """
     if keep_sides(s, x - low, before, after):
         return 0.0
@@ -227,7 +228,7 @@ def crossed_within(
 
 
 def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> bool:
-    """Whether no relation comes to 0 on a stretch, as nearly all do."""
+    """Whether no relation reaches 0 on a stretch, the usual case."""
     for j in range(s.sections):
         k = relations(s) + j
         side = s.sides[j]
@@ -238,15 +239,15 @@ def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> boo
 
 
 def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
-    """Value of the relation of section j at the fraction x of the last step."""
+    """Return the relation of section j at the fraction x of the last step."""
     rows_at(CROSSING, s, p, x)
     return float(s.values[relations(s) + j])
 
 
 def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
-    """Return the fraction in (low, x] at which section j has been left, or inf.
+    """Return the fraction in (low, x] at which the motion has left section j, or inf.
 
-    The motion may return very soon: the start of an arc is looked at closely.
+    The motion may return very soon: the start of an arc is sampled densely.
     """
     know_bands(s, p)
     near = x
@@ -274,7 +275,8 @@ def bracket(
 ) -> None:
     """Set `roots` and `beyond` of section j, if its row falls below 0 on a stretch.
 
-    Where it already has at its start, that is where. After a touch none waits.
+    A row that is below 0 at the start of the stretch has its root there. A row that
+    returns above 0 is a touch, and does not wait.
     """
     k = relations(s) + j
     a = s.sides[j] * before[k]
@@ -296,9 +298,10 @@ def bracket(
 
 
 def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
-    """Take what sections cross at a root, or postpone it; return a fraction past it.
+    """Store or postpone the crossings at a root; return a fraction just past it.
 
-    0 where none has: it is a touch, or waits at the end x of the stretch.
+    0 if there is none: it is a touch, or the crossing waits at the end x of the
+    stretch.
     """
     end = s.cut if s.cut > 0.0 else 1.0
     late = s.t - (s.step_t + root * s.step_h) <= same_time(s, s.t)
@@ -347,7 +350,7 @@ def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
 
 
 def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
-    """Return the fraction at which the relation of section j is 0, or has just been."""
+    """Return the fraction at which the relation of section j is 0, or just past it."""
     if root == 0.0:
         return root
     last = from_bits(bits(root) - 1)
@@ -357,9 +360,9 @@ def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
 
 
 def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
-    """Take it that section j is crossed at a fraction of the step, or where it waits.
+    """Store a crossing of section j at a fraction of the step, or at its waiting state.
 
-    One that waits at the time of an instant is shown after all acts.
+    A waiting crossing at the time of an instant is shown after all acts.
     """
     x = root_of(s, p, j, root)
     waits = s.waits[j] > 0.0
@@ -377,12 +380,12 @@ def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
 
 
 def is_same(s: Crossings, t: float, other: float) -> bool:
-    """Whether two times are one."""
+    """Whether two times are one instant."""
     return abs(t - other) <= same_time(s, t)
 
 
 def next_state(s: Crossings, number: int) -> int:
-    """Begin a state of a section; return where its time and its state go."""
+    """Begin the record of a state of a section; return the index of its time."""
     place = int(s.states_found) * (2 + s.size)
     s.crossed_states[place] = float(number)
     s.states_found += 1.0
@@ -401,7 +404,7 @@ def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
 
 
 def shown_time(s: Crossings, t: float) -> float:
-    """Return a time, or that of an instant or a row which is the same."""
+    """Return a time, or that of an arc's start, an end or a row at the same instant."""
     if is_same(s, t, s.arc_start):
         return float(s.arc_start)
     if is_same(s, t, s.end):
@@ -411,9 +414,9 @@ def shown_time(s: Crossings, t: float) -> float:
 
 
 def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
-    """Whether the relation of section j is past 0, seen from a side, by its band at x.
+    """Whether the relation of section j is past 0 by its band at x, seen from a side.
 
-    In the state as it would be shown.
+    Evaluated for the projected state, as it is shown.
     """
     t, z = s.step_t + x * s.step_h, s.point
     interpolate(s, p, x, z)
@@ -427,10 +430,10 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
 
 
 def band(s: Crossings, j: int) -> float:
-    """Return what the relation of section j may be at a state on it.
+    """Return the largest value of the relation of section j at a state on the section.
 
-    That is what rounding makes of its terms, and what the error of the state does; by
-    the slopes there.
+    It is the rounding of the terms, plus the effect of the error of the state by the
+    slopes in `relation_slopes`.
     """
     found = SUM_ROUNDOFF * abs(s.relation_slopes[j])
     slopes = s.relation_slopes[s.sections + j * s.size :]
@@ -443,9 +446,9 @@ def band(s: Crossings, j: int) -> float:
 
 
 def meet_instant(s: Crossings, p: Parameters) -> None:
-    """Take the sides that relations have before anything acts at the time reached.
+    """Set the sides of relations before any act at the time reached.
 
-    What has jumped itself is no crossing. Acts at one time count together.
+    A jump of a relation itself is no crossing. All acts at one time count together.
     """
     if is_same(s, s.t, s.instant):
         return
@@ -460,9 +463,9 @@ def meet_instant(s: Crossings, p: Parameters) -> None:
 
 
 def find_strobes(s: Crossings, p: Parameters) -> int:
-    """Write the states at the times of strobes; return 0 where there is no room.
+    """Write the states at the times of strobes; return 0 if the buffer is full.
 
-    One at the time reached waits for what acts there.
+    A strobe at the time reached waits for the acts at that time.
     """
     same = same_time(s, s.t)
     for j in range(s.strobes):
@@ -478,15 +481,15 @@ def find_strobes(s: Crossings, p: Parameters) -> int:
 
 
 def strobe_time(s: Crossings, j: int) -> float:
-    """Time of the next strobe of one section."""
+    """Return the time of the next strobe of section j."""
     return float(s.row_start + s.passed[j] * s.periods[j])
 
 
 def finish(s: Crossings, p: Parameters, whole: float) -> None:
-    """Write the states of sections at the end of a run; there is room for one of each.
+    """Write the states of sections at the end of a run, at most one for each.
 
-    What acts there may have crossed a section. A motion that comes to one and does not
-    turn crosses it. whole : 1 where the run has come to its end.
+    Acts at the end may have crossed a section. A motion that reaches a section and does
+    not turn crosses it. whole : 1 if the run has reached its end time.
     """
     if s.sections > 0:
         finish_located(s, p)
@@ -500,7 +503,7 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
 
 
 def finish_located(s: Crossings, p: Parameters) -> None:
-    """Write the sections that the end of a run has crossed, or comes to."""
+    """Write the sections that the end of a run has crossed, or reaches."""
     section_slopes(s.t, s.y, p, s.relation_slopes)
     sections(s.t, s.y, p, s.values[relations(s) :])
     for j in range(s.sections):
@@ -524,7 +527,7 @@ def finish_located(s: Crossings, p: Parameters) -> None:
 
 
 def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
-    """Whether the last step comes to section j and does not turn there."""
+    """Whether the last step reaches section j and does not turn there."""
     if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
         return float(s.postponed[j]) > 0.0
     x = (s.t - s.step_t) / s.step_h

@@ -1,7 +1,7 @@
-"""The loop around any method: rows on a grid, conditions, and an orderly return.
+"""The loop around any method: rows on a grid, conditions, and return codes.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS
-and ADAPTIVE; what a model does not need is left out.
+Compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS
+and ADAPTIVE; code that a model does not need is omitted.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ LOCALIZED = True
 SECTIONS = True
 ADAPTIVE = True
 
-# By then the first steps, which are guessed, have grown to what the motion needs.
+# Number of steps after which lengths no longer depend on the guessed first step.
 SETTLING = 10.0
 NOWHERE = -1
 
 
 class State(Crossings):
-    """State of every method: the above, and bounds of a step."""
+    """Memory of every method: that of `Crossings`, and bounds of a step."""
 
     inertias: int  # which are followed, whether they vanish on the way
     noted: int  # room for so many levels of tables that have been passed
@@ -74,10 +74,10 @@ class State(Crossings):
 
 
 def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
-    """Integrate until `rows` rows are written, `budget` steps made, or all is done.
+    """Integrate until `rows` rows are written, `budget` steps made, or an end.
 
-    out : (rows, 1 + size), the time and the state of each row. Gives one of the codes
-    of `state`; s.emitted says how many rows were written.
+    out : (rows, 1 + size), the time and the state of each row. Return one of the codes
+    of `state`; s.emitted is the number of rows written.
     """
     s.emitted = 0.0
     begin(s, p)
@@ -110,14 +110,14 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 
 
 def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write what the last step shows: sections, then rows; return 0 without room."""
+    """Write sections, then rows, of the last step; return 0 if a buffer is full."""
     if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
         return 0
     return emit(s, p, out, rows)
 
 
 def arrived(s: State, p: Parameters) -> int:
-    """Code of the end that has been reached, if any; its rows are written."""
+    """Return the code of the end that has been reached, or NOWHERE."""
     if s.cut > 0.0:
         take_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:
@@ -140,7 +140,7 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def pass_knots(p: Parameters, t: float) -> int:
-    """Take the cells behind all knots up to a time; return how many there were."""
+    """Set the table cells after all knots up to a time; return the number of knots."""
     count = 0
     while p.passed < p.known and p.knot_times[int(p.passed)] <= t:
         pass_knot(p)
@@ -149,7 +149,7 @@ def pass_knots(p: Parameters, t: float) -> int:
 
 
 def passes_level(s: State, p: Parameters) -> bool:
-    """Go on past a level of a table that was met; False where it is not clear how."""
+    """Continue past a level of a table; return False if this is undecided."""
     k = int(s.switched) - 1
     if k >= p.surfaces or p.slides[k] != 0.0:
         return False
@@ -180,7 +180,7 @@ def passes_level(s: State, p: Parameters) -> bool:
 
 
 def shift_side(p: Parameters, k: int, way: float) -> None:
-    """Take the next cell of surface k."""
+    """Move surface k to the next cell of its table."""
     p.side[k] += way
     p.low[k] += way
     p.high[k] += way
@@ -189,9 +189,9 @@ def shift_side(p: Parameters, k: int, way: float) -> None:
 
 
 def laws_go_on(s: State, p: Parameters) -> bool:
-    """Whether all laws keep their modes where forces have jumped, clear of rounding.
+    """Whether all laws keep their modes after a jump of forces, clear of rounding.
 
-    What is apart may be pushed together only where it is so.
+    Without such a margin, an open contact may be pushed together.
     """
     event_functions(s.t, s.y, p, s.values)
     for k in range(p.laws):
@@ -203,9 +203,9 @@ def laws_go_on(s: State, p: Parameters) -> bool:
 
 
 def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
-    """Whether surface k passes a level at a clear rate, and nothing else is decided.
+    """Whether surface k passes a level at a clear rate, without other open decisions.
 
-    One that is passed again may be that of a motion that comes to rest there.
+    A repeated passage may be that of a motion that comes to rest at the level.
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
@@ -227,7 +227,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
 
 
 def go_on(s: State, p: Parameters) -> None:
-    """Begin another piece; without a jump of y' steps may be as long as the last."""
+    """Begin another piece of the arc; steps may be as long as the last one."""
     last = s.step_h
     start(s, p)
     if ADAPTIVE:
@@ -237,21 +237,21 @@ def go_on(s: State, p: Parameters) -> None:
 
 
 def pass_knot(p: Parameters) -> None:
-    """Take the cell behind the next knot."""
+    """Set the table cell after the next knot."""
     k = int(p.passed)
     p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_after[k]
     p.passed += 1.0
 
 
 def return_past_knot(p: Parameters) -> None:
-    """Take the cell before the knot that was passed last."""
+    """Set the table cell before the knot that was passed last."""
     p.passed -= 1.0
     k = int(p.passed)
     p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_before[k]
 
 
 def has_missed(s: State, p: Parameters) -> int:
-    """Take the last step back where it missed something; return whether it did."""
+    """Reject the last step if it missed a feature; return 1 if so, else 0."""
     x = 0.0
     if LOCALIZED and s.feature_possible > 0.0:
         x = search.missed_feature(s, p)
@@ -264,10 +264,10 @@ def has_missed(s: State, p: Parameters) -> int:
 
 
 def note_inertias(s: State, p: Parameters, now: Floats) -> None:
-    """Note how large and how small each inertia is, and when it is smallest.
+    """Store the largest and smallest value of each inertia, with time and state.
 
-    Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
-    short there, so that the ends of steps come as close as the motion does.
+    Where an inertia vanishes beside its usual size, a coordinate loses its meaning.
+    Steps are short there, so that ends of steps are close to the minimum.
     """
     width = s.dynamic.stop
     inertias(s.t, s.y, p, now)
@@ -281,9 +281,9 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 
 def inspect(s: State, p: Parameters) -> None:
-    """Search the last step for an end of the arc or of the run; note the smallest.
+    """Search the last step for an end of the arc or run; update the smallest step.
 
-    But for those that an end cuts short.
+    Steps that an end cuts short do not count as smallest.
     """
     known = s.smallest_step
     counts = s.steps > SETTLING and s.t < missed.next_end(s, p)
@@ -298,11 +298,11 @@ def inspect(s: State, p: Parameters) -> None:
 
 
 def take_cut(s: State, p: Parameters) -> None:
-    """Take the state at the moment that the last step was cut at."""
+    """Set the state to that at the cut of the last step."""
     interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
-        # What lies past the switch has not been.
+        # Extents past the switch do not count.
         missed.restore_extents(s)
         record_extents(s)
     if CONSTRAINED:
@@ -313,7 +313,7 @@ def take_cut(s: State, p: Parameters) -> None:
 
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Project a state onto the surfaces it slides along, and record the distance."""
+    """Project a state onto the surfaces it slides along, and store the distance."""
     former = s.work
     former[s.dynamic] = y[s.dynamic]
     project_sliding(t, y, p)
@@ -323,11 +323,11 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 
 
 def projected(s: State, y: Floats, former: Floats, first: int) -> float:
-    """Shift of positions (first = 0) or velocities (first = n) by the projection.
+    """Return the relative shift of positions (first = 0) or velocities (first = n).
 
-    Against how far those have moved that were pulled, and what their forces' terms do
-    in a step, which may cancel. Each counts by the push that it got: bodies that the
-    surface does not touch are no measure, nor is where the origin lies.
+    Relative to the ranges of the components that the projection moves, and to the
+    change by terms of forces in a step, which may cancel. Components are weighted by
+    their shifts: neither other bodies nor the origin matter.
     """
     n, h = s.n, s.step_h
     high, low = s.high[s.velocities], s.low[s.velocities]
@@ -351,7 +351,7 @@ def projected(s: State, y: Floats, former: Floats, first: int) -> float:
 
 
 def begin(s: State, p: Parameters) -> None:
-    """Begin an arc if this is one."""
+    """Begin an arc if s.fresh is 1."""
     if s.fresh > 0.0:
         drop_compensation(s)
         start(s, p)
@@ -359,7 +359,7 @@ def begin(s: State, p: Parameters) -> None:
 
 
 def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write the rows up to the time reached; return 0 where the block is full first."""
+    """Write the rows up to the time reached; return 0 if the block is full before."""
     first = int(s.emitted)
     complete = fill(s, p, out, rows)
     end = int(s.emitted)
@@ -379,7 +379,7 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write rows as the method interpolates them; full after a state beside them."""
+    """Write interpolated rows; return 0 after an extra state or in a full block."""
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
@@ -413,9 +413,9 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
 def tabulate(
     states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Columns (rows, width) of states (rows, 1 + size); they depend on nothing else.
+    """Write columns (rows, width) of states (rows, 1 + size).
 
-    With the pieces of tables that there were at the time of each.
+    Tables have the cells that were in force at the time of each state.
     """
     exchange_lengths(p)
     passed = p.passed
@@ -432,7 +432,7 @@ def tabulate(
 
 
 def exchange_lengths(p: Parameters) -> None:
-    """Exchange what constraint rows are scaled by on the way with that of the plan."""
+    """Exchange the scales of constraint rows of the run with those of the plan."""
     p.reference, p.usual_reference = p.usual_reference, p.reference
     for i in range(p.m if p.loops > 0 else 0):
         k = p.lengths[i]
@@ -441,12 +441,12 @@ def exchange_lengths(p: Parameters) -> None:
 
 
 # --- the length of the step to try, and what bounds it --------------------------------
-# Whether an explicit method's step is held by stability is seen at no cost. Two states
-# at the same time, close together, and y' at both: the quotient of the differences
-# tells how fast the fastest motion is, which is what they differ in when the step is at
-# the bound. In the metric of the energy, sqrt(|da| / |dq|) is the frequency of an
-# undamped oscillation in any phase and the rate of one that is damped, |da| / |dv| is
-# at most that, and serves where dq is below rounding.
+# Stability bounds of an explicit method's step are detected at no cost, from two states
+# at one time, close together, and y' at both. If the step is at the bound, the states
+# differ in the fastest motion, and the quotient of the differences is its rate. In the
+# metric of the energy, sqrt(|da| / |dq|) is the frequency of an undamped oscillation in
+# any phase, or the rate of a damped one; |da| / |dv| is at most this value, and is used
+# where dq is below rounding.
 #
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.2 (automatic stiffness detection), for systems of first order.
@@ -454,12 +454,12 @@ def exchange_lengths(p: Parameters) -> None:
 # A step past this part of the limit is at the bound: step control holds it between
 # this and a little more than 1, and accuracy asks for less than a tenth of it.
 PART = 0.5
-# So many steps in a row below it, and there is no bound.
+# Number of successive steps below it after which the step is not bound by stability.
 FREE_STEPS = 6.0
 
 
 def usable_step(s: State, p: Parameters) -> float:
-    """Step to try, with t + h exact; 0 where it would be too small."""
+    """Return the step h to try, with t + h exact; 0 if it would be too small."""
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)
@@ -482,7 +482,11 @@ def usable_step(s: State, p: Parameters) -> float:
 def record_speed(
     s: State, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
-    """Note the fastest motion, from states y and z with slopes k and `slope`."""
+    """Store the rate of the fastest motion, from states y, z and their slopes.
+
+    k, slope : (size,), y' at y and at z. h is the step, `limit` the stability limit of
+    h times the rate.
+    """
     masses, v, other_v = s.masses, y[s.velocities], z[s.velocities]
     a, other_a = k[s.velocities], slope[s.velocities]
     positions = 0.0

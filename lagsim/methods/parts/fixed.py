@@ -24,7 +24,7 @@ CONSTRAINED = True
 
 
 class Fixed(State):
-    """State of methods with a fixed step: the last step, and the current one."""
+    """Memory of methods with a fixed step: the last step, and the current one."""
 
     old: Floats = array("size")  # the state before the last step ...
     before: Floats = array("size")  # ... y' there ...
@@ -35,7 +35,7 @@ class Fixed(State):
 
 @external
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Leave the state after a step h as `new`, and y' there; or return another code.
+    """Compute the state `new` after a step h, and y' there; return a code.
 
     after : the time there, h later but for rounding.
     """
@@ -43,7 +43,7 @@ def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def start(s: Fixed, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
+    """Begin an arc: evaluate y' at its start."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
@@ -51,11 +51,11 @@ def start(s: Fixed, p: Parameters) -> None:
 
 
 def step(s: Fixed, p: Parameters) -> int:
-    """Make one step, or return a code other than 0."""
+    """Make one step; return DONE or another code."""
     end = next_end(s, p)
     after = next_time(s, end)
-    # Full steps are the same to the last bit, which after - t is not: a symplectic
-    # method conserves an energy that depends on the step.
+    # Full steps are equal to the last bit, which after - t is not: a symplectic method
+    # conserves an energy that depends on the step.
     h = s.fixed_step if after < end else after - s.t
     code = make(s, p, after, float(h))
     if code == DONE:
@@ -64,7 +64,7 @@ def step(s: Fixed, p: Parameters) -> int:
 
 
 def next_time(s: State, end: float) -> float:
-    """End of the step: a whole number of steps into the arc, or `end`."""
+    """Return the end of the step: a whole number of steps into the arc, or `end`."""
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
     if after + SAME_STEP * s.fixed_step >= end:
@@ -76,11 +76,11 @@ def judge(
     s: Fixed, p: Parameters, h: float, v: Floats, change: Floats,
     iteration: int, moved: float, previous: float,
 ) -> int:  # fmt: skip
-    """Say how Newton's method goes on for velocities v, after a change (n,) of them.
+    """Return the state of Newton's method for velocities v, after a change (n,) of v.
 
-    moved : the changes' largest part of what changes; previous : that of the ones
-    before. Where it goes no further they may be rounding: of velocities that should
-    stay 0 under forces that cancel, of positions far from the origin.
+    moved : largest ratio of a change to its component; previous : that of the iteration
+    before. Changes that stagnate may be rounding: of velocities that should stay 0
+    under forces that cancel, or of positions far from the origin.
     """
     state = progress(iteration, moved, previous)
     if state == SOLVED or iteration == 0 or not moved < OVERFLOW:
@@ -91,7 +91,7 @@ def judge(
 
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
-    """Whether changes of the velocities v (n,) are roundoff."""
+    """Whether changes (n,) of the velocities v (n,) are roundoff."""
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0)
         s.rounding_known = 1.0
@@ -103,7 +103,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Project the new state and evaluate there; or return another code."""
+    """Project the new state and evaluate y' there; return DONE or another code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     if CONSTRAINED and project_step(s, p, after, h, s.new) == 0:
@@ -114,7 +114,7 @@ def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def take(s: Fixed, p: Parameters, after: float) -> None:
-    """Take the new state and y' there; keep the old ones for interpolation."""
+    """Accept the new state and y' there; keep the old ones for interpolation."""
     s.old[:] = s.y
     s.before[:] = s.k
     s.y[:] = s.new
@@ -123,7 +123,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
     s.step_h = after - s.t
     s.t = after
     s.steps += 1.0
-    # The sizes of rates are asked for by projection alone.
+    # Only projection needs the sizes of rates.
     if CONSTRAINED:
         record_sizes(s, p)
     else:
@@ -131,7 +131,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
 
 
 def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step by the cubic through its ends.
+    """Write the state (size,) at the fraction x of the last step, by cubic Hermite.
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
@@ -152,7 +152,7 @@ class Tableau:
     Attributes
     ----------
     A : tuple of rows, shape (s, up to s - 1)
-        Trailing zeros are left out.
+        Without trailing zeros.
     B : tuple, shape (up to s,)
     C : tuple, shape (s,)
     order : int
@@ -160,9 +160,9 @@ class Tableau:
     Raises
     ------
     ValueError
-        Where a row of A does not add up to its C, or B fails a quadrature condition
-        sum b c^(k-1) = 1/k of its order: a digit has been mistyped. (The conditions of
-        all rooted trees up to the order are checked by the tests.)
+        If the sum of a row of A differs from its C, or B violates a quadrature
+        condition sum b c^(k-1) = 1/k of its order: a coefficient has been mistyped.
+        (The conditions of all rooted trees up to the order are checked by the tests.)
     """
 
     def __init__(self, A: tuple[Row, ...], B: Row, C: Row, order: int) -> None:
@@ -177,9 +177,15 @@ class Tableau:
                 raise ValueError(f"B fails the quadrature condition of order {k}")
 
     def amplification(self, z: complex) -> float:
-        """|R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
+        """Return |R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
 
         Hairer, Norsett and Wanner, Solving ODEs II, (IV.3.2).
+
+        Examples
+        --------
+        >>> euler = Tableau(((),), (1.0,), (0.0,), 1)
+        >>> euler.amplification(-0.5)
+        0.5
         """
         import numpy as np
 

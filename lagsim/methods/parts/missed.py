@@ -2,14 +2,14 @@
 
 A localized term (a hill, a wall, a gate) is flat to rounding except where its argument,
 the signal, is close to one value; ends and stages of a step may all lie where it is
-flat. A signal is smooth, and resolved by the step: from its values and slopes at both
-ends and between them follows whether it comes closer to that value inside than at
-either end. Only then the dense output is searched (`search`) for the closest approach,
-and y' from the equations is compared there, and on its shoulders, with the slope of the
-dense output. Where they differ by more than the tolerance allows, the step is rejected,
-and the next is half as long as the way to that place.
+flat. A signal is smooth and resolved by the step: its values and slopes at both ends
+and between them determine whether it comes closer to that value inside than at the
+ends. If so, the dense output is searched (`search`) for the closest approach, and
+there, and beside it, y' from the equations is compared with the slope of the dense
+output. If they differ by more than the tolerance allows, the step is rejected, and the
+next step is half as long as the way to that place.
 
-The distance of a signal is the logarithm of how far below one its term is, base e.
+The distance of a signal is -log of the term relative to one.
 """
 
 from __future__ import annotations
@@ -36,43 +36,42 @@ from lagsim.methods.parts.state import (
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, TERM_ROUNDOFF, TINY, VALUE_ROUNDOFF
 
-# What a signal does: the function goes with e^u, steps where u vanishes, goes with
-# 1/|u|^power or with |u|^power. Where one falls below 0 a condition steps or bends: no
-# feature is looked for there, but points of the search for events are on either side.
+# Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
+# or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
+# no feature, but the search for events has points on either side.
 LARGEST = 0.0
 NEAR_ZERO = 1.0
 SMALL = 2.0
 LARGE = 3.0
 FALLING = 4.0
 
-# A function that becomes e^1.4, four times, larger inside a step than at either end is
-# searched for; less than that the stages of a step see.
+# A term that is e^1.4, four times, larger inside a step than at either end is searched;
+# smaller variations are seen by the stages of a step.
 APPROACH = 1.4
-# Between the ends of a stretch rows are evaluated here, not in the middle: a period may
-# be half of it.
+# Fraction of a stretch at which rows are evaluated; not 1/2, which may be a period.
 BETWEEN = 0.6180339887498949
 # Slopes are differences over this part of the way between points: closer than anything
 # that a method resolves.
 BESIDE = 2.0**-10
-# A row is known on a stretch where its value between is that of the cubic through the
-# ends up to the first part of how it varies; the slope there counts as the second says.
-# Of points that are too far apart one of both may agree by chance, hardly both.
+# A row is known on a stretch if its inner value differs from the cubic through the ends
+# by at most the part KNOWN of its variation, and its slope, weighted by TURNED, as
+# well. With points too far apart one of the two may agree by chance, but rarely both.
 KNOWN = 0.1
 TURNED = 0.25
-# A signal is known as well where its distance is, up to this.
+# A signal is also known if the error of its distance is below this.
 FLAT = 0.1
-# Multiples of it, less their whole parts, are spread evenly, too.
+# Golden section.
 GOLDEN = 0.6180339887498949
-# y' from the equations and the slope of the dense output differ by up to so many
-# tolerances where nothing has been missed: dense output is of lower order.
+# Largest difference, in tolerances, of y' from the equations and the slope of the dense
+# output without a missed feature: dense output is of lower order.
 PASSED = 1e4
 
 
 class Table(Rank):
-    """Rows, functions that a step is searched for, at its points; sizes before it.
+    """Memory of the rows (functions) searched in a step, and of sizes before it.
 
-    Event functions of surfaces and laws, then those of conditions, then signals, the
-    arguments of localized terms, then the relations of sections; the last is the
+    Rows are event functions of surfaces and laws, then those of conditions, then
+    signals (arguments of localized terms), then relations of sections, then the
     smallest singular value.
     """
 
@@ -101,22 +100,22 @@ class Table(Rank):
 
 
 def events(s: Table) -> int:
-    """Count of event functions, the first rows."""
+    """Return the number of event functions, which are the first rows."""
     return s.surfaces + s.conditions
 
 
 def relations(s: Table) -> int:
-    """Return the number of the first row that is the relation of a section."""
+    """Return the index of the first row that is the relation of a section."""
     return s.surfaces + s.conditions + s.signals
 
 
 def rows(s: Table) -> int:
-    """Count of all rows."""
+    """Return the number of rows."""
     return relations(s) + s.sections + 1
 
 
 def next_end(s: Table, p: Parameters) -> float:
-    """Time at which a step ends at the latest: the arc's end, or a knot."""
+    """Return the latest time at which a step may end: the arc's end, or a knot."""
     if p.passed < p.known:
         knot = p.knot_times[int(p.passed)]
         if knot < s.end - p.apart:
@@ -133,9 +132,9 @@ def check_features(
     new: Floats,
     new_rates: Floats,
 ) -> None:
-    """Set `feature_possible`: a signal may come close to its value within a step.
+    """Set `feature_possible` if a signal may approach its value within a step h.
 
-    From y and y' (size,) at both ends, between which y is interpolated.
+    old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
     sample_roughly(s, p, h, old, old_rates, new, new_rates, 0.0, BESIDE, s.starts)
     sample_roughly(s, p, h, old, old_rates, new, new_rates, 1.0, -BESIDE, s.ends)
@@ -160,7 +159,7 @@ def sample_roughly(
     beside: float,
     out: Floats,
 ) -> None:
-    """Signals and their slopes, among rows (2 R,), at the fraction x of such a step."""
+    """Write signals and their slopes, among rows (2 R,), at a fraction x of it."""
     z, count = s.point, rows(s)
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
     for point in range(2):
@@ -187,7 +186,7 @@ def sample_roughly(
 def may_approach(s: Table, k: int, width: float) -> bool:
     """Whether the distance of signal k may be less inside a stretch than at its ends.
 
-    Or is not known from its ends.
+    Also true if its distance does not follow from values at the ends.
     """
     if not signal_is_known(s, k, width):
         return True
@@ -203,14 +202,20 @@ def may_approach(s: Table, k: int, width: float) -> bool:
 
 
 def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
-    """Value at x of the cubic with values a, b and slopes A, B at 0 and 1."""
+    """Return the value at x of the cubic with values a, b and slopes A, B at 0 and 1.
+
+    Examples
+    --------
+    >>> cubic(0.5, 0.0, 0.0, 1.0, 3.0)
+    0.125
+    """
     P = 3.0 * (b - a) - 2.0 * A - B
     Q = A + B - 2.0 * (b - a)
     return a + x * (A + x * (P + x * Q))
 
 
 def off(s: Table, k: int, width: float) -> float:
-    """How far the value of row k between the ends of a stretch is from their cubic."""
+    """Return the difference of row k inside a stretch to the cubic of its ends."""
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
     value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
@@ -218,7 +223,7 @@ def off(s: Table, k: int, width: float) -> float:
 
 
 def turned(s: Table, k: int, width: float) -> float:
-    """How far its slope is from that of the cubic, as it counts beside values."""
+    """Return the weighted difference of the slope of row k to that of its cubic."""
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
     change = s.ends[k] - s.starts[k]
@@ -229,7 +234,7 @@ def turned(s: Table, k: int, width: float) -> float:
 
 
 def variation(s: Table, k: int) -> float:
-    """How much row k varies on a stretch."""
+    """Return the variation of row k on a stretch."""
     m = s.middles[k]
     return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
 
@@ -251,7 +256,7 @@ def signal_is_known(s: Table, k: int, width: float) -> bool:
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Distance of a signal u: powers of e by which its term is below one."""
+    """Return the distance of a signal u: powers of e by which its term is below one."""
     if kind == FALLING:
         return 0.0
     if kind == LARGEST:
@@ -264,12 +269,12 @@ def distance(kind: float, power: float, u: float) -> float:
 
 
 def away(s: Table, k: int, at_point: Floats) -> float:
-    """Distance of signal k, from the rows at a point."""
+    """Return the distance of signal k, from the rows at a point."""
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
 def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Least distance of signal k on its cubic between two points, or less than it."""
+    """Return a lower bound of the distance of signal k between two points."""
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, left, right, width)
     u = -lowest(-1.0, s, k, left, right, width)
@@ -283,10 +288,10 @@ def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> floa
 def lowest(
     way: float, s: Table, k: int, left: Floats, right: Floats, width: float
 ) -> float:
-    """Least value of row k, times `way`, on its cubic between two points, or less.
+    """Return a lower bound of `way` times row k on its cubic between two points.
 
-    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences:
-    what seems to turn at an end may do so just inside of it.
+    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences: an
+    extremum that seems to be at an end may be just inside.
     """
     a = way * left[k]
     b = way * right[k]
@@ -307,8 +312,8 @@ def is_missed(s: Table, p: Parameters, x: float) -> bool:
 
 # --- defect check: the dense output against y' from the equations ---------------------
 # The defect at a row is y' from the equations less the slope of the dense output. Where
-# it is too large, the step has passed over a feature that neither its stages nor its
-# series saw, whatever its form; it is rejected.
+# it is too large, the step has passed over a feature, of any form, that was seen
+# neither by its stages nor by its series; the step is rejected.
 #
 # Of the rows in a step every tenth is checked: no feature of ten rows is missed, and
 # where no step has so many the check costs nothing. A step that is rejected without
@@ -322,12 +327,12 @@ LEAST = 2.0**-4
 # shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
 # (dop853) and 80 (radau), but for what `is_beyond` allows.
 LEFT = 1e3
-# Of what a force does in an output step.
+# Part of the change by a force in an output step.
 EXPECTED = 1e-2
 
 
 def find_defect(s: Table, p: Parameters) -> float:
-    """Row with a defect, as a fraction of the last step, or 0."""
+    """Return the fraction of the last step at a row with a defect, or 0."""
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
         return 0.0
@@ -348,9 +353,10 @@ def find_defect(s: Table, p: Parameters) -> float:
 
 
 def expect(s: Table) -> None:
-    """Count the defect at a row as a size of the motion, before it is reached.
+    """Add the change by the defect at a row to the sizes of components.
 
-    Or the first traces of it would be controlled as finely as denormal numbers are.
+    Otherwise the first traces of the motion would be controlled as finely as denormal
+    numbers.
     """
     n, delta = s.n, s.row_step
     sizes = s.sizes_before
@@ -363,27 +369,27 @@ def expect(s: Table) -> None:
 
 
 def time_of(s: Table, k: float) -> float:
-    """Time of row k."""
+    """Return the time of row k."""
     return float(s.row_start + k * s.row_step)
 
 
 def place(s: Table, k: float) -> float:
-    """Where row k is, as a fraction of the last step."""
+    """Return the fraction of the last step at row k."""
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
 def is_off(s: Table, p: Parameters, x: float) -> bool:
-    """Whether there is a defect beyond rounding and tolerances."""
+    """Whether there is a defect beyond rounding and tolerances at the fraction x."""
     if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
         return False
     return is_beyond(s, p, x)
 
 
 def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
-    """Whether the defect that `differs` has left is the state's rounding alone.
+    """Whether the defect computed by `differs` is the state's rounding alone.
 
-    Beside a root no slope tells what that does. most : as there; rounding itself leaves
-    no more than it does.
+    Near a root no slope shows the effect of rounding. most : the bound, in tolerances,
+    as in `differs`.
     """
     set_reach(s, s.point, s.exact_rates, 0.0)
     t = s.step_t + x * s.step_h
@@ -394,11 +400,12 @@ def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
 
 
 def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
-    """Whether signal k varies by rounding and tolerances alone at three points.
+    """Whether signal k varies by rounding and tolerances alone on a stretch.
 
-    That is, than rounding the state does, or moving it by its tolerances, to one side,
-    at the last, at x. What a push hands on along a chain at rest goes with ever higher
-    powers of the time: at first no step, however short, has its shape.
+    x is the end of the stretch. Its variation is compared with its change if the state
+    at x is rounded or moved by its tolerances. Along a chain at rest, motion spreads
+    with increasing powers of the time: at first no step, however short, resolves its
+    shape.
     """
     z = s.point
     now = s.values[events(s) :]
@@ -414,10 +421,10 @@ def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
 
 
 def is_beyond(s: Table, p: Parameters, x: float) -> bool:
-    """Whether the defect found by `differs` exceeds the tolerances.
+    """Whether the defect computed by `differs` exceeds the tolerances.
 
-    The state is not known better than to as many tolerances. What a change by that does
-    to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
+    The state has an error of LEFT tolerances. The change of y' by such an error, where
+    y' is stiff or close to a loss of rank, and the rounding of y' are allowed.
     """
     t = s.step_t + x * s.step_h
     z = s.point
@@ -431,7 +438,7 @@ def is_beyond(s: Table, p: Parameters, x: float) -> bool:
 
 
 def exceeds(s: Table, most: float, besides: Floats) -> bool:
-    """Whether the defect exceeds so many tolerances and what is allowed besides."""
+    """Whether the defect exceeds `most` tolerances plus `besides` (size,)."""
     for i in range(s.n, s.size):
         allowed = most * s.tolerances[i] / s.step_h + besides[i]
         defect = abs(s.exact_rates[i] - s.point_rates[i])
@@ -441,9 +448,9 @@ def exceeds(s: Table, most: float, besides: Floats) -> bool:
 
 
 def move_within(s: Table, tolerances: float, z: Floats) -> None:
-    """Move a state by about so many of its tolerances.
+    """Move a state by about a number of its tolerances.
 
-    By parts and signs of each component's own: what is alike in two may cancel.
+    By a part and sign for each component, since equal changes may cancel.
     """
     for i in range(s.size):
         part = 2.0 * scattered(i, 0) - 1.0
@@ -452,10 +459,7 @@ def move_within(s: Table, tolerances: float, z: Floats) -> None:
 
 
 def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
-    """Whether the defect exceeds `most`, in tolerances; leave both rates.
-
-    most : in tolerances.
-    """
+    """Whether the defect at x exceeds `most` tolerances; store both rates."""
     interpolate_rates(s, x, s.point_rates)
     interpolate(s, p, x, s.point)
     derivative(s.step_t + x * s.step_h, s.point, p, s.exact_rates)
@@ -464,14 +468,14 @@ def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
 
 
 def keep_extents(s: Table) -> None:
-    """Note the largest sizes: a step may go far past where it will end."""
+    """Store the largest sizes before a step, which may go far past its later end."""
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high
 
 
 def restore_extents(s: Table) -> None:
-    """Take back the sizes that the last step has led to."""
+    """Restore the sizes before the last step."""
     s.sizes[:] = s.sizes_before
     s.low[:] = s.low_before
     s.high[:] = s.high_before

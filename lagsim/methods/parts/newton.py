@@ -1,6 +1,6 @@
 """Simplified Newton iterations: convergence test and linear solvers.
 
-For methods with a fixed step, which have no tolerance: they go on to rounding.
+For methods with a fixed step, which have no tolerance and iterate to rounding.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import LEAST_PIVOT, OVERFLOW, STALLED_STEP, UNIT_ROUNDOFF
 
-# At a slower rate the derivatives are evaluated anew.
+# Contraction rate above which the derivatives are evaluated again.
 SLOW = 0.05
 MOST = 30
 
@@ -23,7 +23,10 @@ LOST = 3
 
 
 def progress(iteration: int, change: float, previous: float) -> int:
-    """Judge by the size of a step and of the one before, relative to the whole."""
+    """Return the state of an iteration: GO_ON, RENEW, SOLVED or LOST.
+
+    change, previous : relative sizes of the last change and of the one before.
+    """
     if not change < OVERFLOW:
         return LOST
     if change == 0.0:
@@ -39,11 +42,11 @@ def progress(iteration: int, change: float, previous: float) -> int:
 
 
 def take_finite(count: int, slopes: Floats) -> None:
-    """Set slopes (count,) without a value to 0, for Newton's method.
+    """Set slopes (count,) that are not finite to 0, for Newton's method.
 
-    The force |v| v has the slope 0 where v = 0, but written with a root its derivative
-    is 0/0 there. Where such a slope is more than nothing, steps that are short enough
-    for the iteration lead to a state at which it has a value.
+    The force |v| v has the slope 0 at v = 0, but its derivative written with a root is
+    0/0 there. If such a slope is not 0, the iteration with short steps leads to a state
+    at which the slope is finite.
     """
     for k in range(count):
         if not abs(slopes[k]) < OVERFLOW:
@@ -54,24 +57,24 @@ def take_finite(count: int, slopes: Floats) -> None:
 
 
 def add(width: Static, factor: float, z: Floats, out: Floats) -> None:
-    """Add a real number times z."""
+    """Add a real number times z to `out`."""
     for k in unrolled(width):
         out[k] += factor * z[k]
 
 
 def take(width: Static, z: Floats, out: Floats) -> None:
-    """Copy z."""
+    """Copy z to `out`."""
     for k in unrolled(width):
         out[k] = z[k]
 
 
 def magnitude(width: Static, z: Floats) -> float:
-    """|z|, or of a complex z the sum of the sizes of both parts."""
+    """Return |z|, or for complex z the sum of |Re z| and |Im z|."""
     return total(abs(z[k]) for k in unrolled(width))
 
 
 def add_product(width: Static, sign: float, y: Floats, z: Floats, out: Floats) -> None:
-    """Add y z, or subtract it, from a number that is neither y nor z."""
+    """Add sign * y z to `out`, which is neither y nor z."""
     if width == 1:
         out[0] += sign * (y[0] * z[0])
     else:
@@ -80,7 +83,7 @@ def add_product(width: Static, sign: float, y: Floats, z: Floats, out: Floats) -
 
 
 def multiply(width: Static, z: Floats, out: Floats) -> None:
-    """Multiply by z."""
+    """Multiply `out` by z."""
     real = out[0]
     out[0] *= z[0]
     if width == 2:
@@ -89,7 +92,7 @@ def multiply(width: Static, z: Floats, out: Floats) -> None:
 
 
 def divide(width: Static, z: Floats, out: Floats) -> None:
-    """Divide by z; nothing overflows on the way (R. L. Smith, CACM 5, 1962)."""
+    """Divide `out` by z without intermediate overflow (R. L. Smith, CACM 5, 1962)."""
     if width == 1:
         out[0] /= z[0]
     elif abs(z[0]) >= abs(z[1]):
@@ -109,12 +112,12 @@ def divide(width: Static, z: Floats, out: Floats) -> None:
 # --- dense L U with row interchanges --------------------------------------------------
 # Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., section 3.4.
 
-# Past this, matrices of all unknowns in each step cost more than a run can wait for.
+# Number of unknowns above which dense matrices in each step are too expensive.
 LARGEST = 300
 
 
 def too_large(scene: Structure) -> str:
-    """Say why a scene has too many unknowns for dense matrices, or return ""."""
+    """Return the reason why a scene has too many unknowns for dense matrices, or ""."""
     if scene.unknowns <= LARGEST:
         return ""
     return (
@@ -125,10 +128,10 @@ def too_large(scene: Structure) -> str:
 
 
 def decompose(width: Static, n: int, A: Floats, pivots: Floats) -> int:
-    """Replace A (n, n) by its factors; return 0 where it is singular or not finite.
+    """Factor A (n, n) in place; return 0 if it is singular or not finite, else 1.
 
-    Each pivot is the largest against the size of its row, so that units of rows do
-    not matter. pivots : (n,).
+    Each pivot is the largest relative to its row, so that units of rows do not matter.
+    pivots : (n,).
     """
     row = width * n
     for i in range(n):
@@ -151,7 +154,7 @@ def decompose(width: Static, n: int, A: Floats, pivots: Floats) -> int:
 
 
 def eliminate(width: Static, n: int, k: int, A: Floats) -> None:
-    """Subtract row k from those below, each times its entry of L, which stays."""
+    """Subtract row k, times entries of L, from the rows below; store the entries."""
     row = A[k * width * n :]
     for i in range(k + 1, n):
         below = A[i * width * n :]
@@ -163,7 +166,7 @@ def eliminate(width: Static, n: int, k: int, A: Floats) -> None:
 
 
 def largest_in_column(width: Static, n: int, k: int, A: Floats, sizes: Floats) -> int:
-    """Row from k on whose entry in column k is largest for its row."""
+    """Return the row, from k on, with the relatively largest entry in column k."""
     best = k
     largest = 0.0
     for i in range(k, n):
@@ -202,7 +205,7 @@ def solve(width: Static, n: int, A: Floats, pivots: Floats, x: Floats) -> None:
 
 
 def square(width: Static, g: Floats) -> None:
-    """Put the square of g behind it."""
+    """Write the square of g behind g."""
     take(width, g, g[width:])
     multiply(width, g, g[width:])
 
@@ -216,7 +219,7 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 
 
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
-    """Put x and g x - r in the places of row i of r and s."""
+    """Write x and g x - r to row i of r and s."""
     other = r[width * (n + i) :]
     for k in unrolled(width):
         other[k] = -r[width * i + k]
@@ -227,7 +230,7 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 def decompose_newton(
     width: Static, s: Blocks, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
-    """Factor g^2 - g Jv - Jq into K (n + states,)^2; return 0 where it is singular."""
+    """Factor g^2 - g Jv - Jq into K (n + states,)^2; return 0 if it is singular."""
     n = s.n
     unknowns = n + s.states
     K[: width * unknowns * unknowns] = 0.0
@@ -253,7 +256,7 @@ def solve_newton(
     width: Static, s: Blocks,
     g: Floats, J: Floats, K: Floats, pivots: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (size,) by the solution. x : (n + states,), room to work in."""
+    """Replace r (size,) by the solution. x : (n + states,), working memory."""
     n = s.n
     combine(width, n, g, r, x)
     for i in range(n, n + s.states):
@@ -276,16 +279,16 @@ def solve_newton(
 
 
 # --- the same with a sparse matrix in a fixed order -----------------------------------
-# `mechanics/linearisation.py` says what is solved, C0 + g C1 + g^2 C2, and in which
-# order, so that rows need no exchange where the matrix is far from singular, as it is
-# at small steps. A pivot that is nothing but the rounding of what it was left of is as
-# good as none: a shorter step has larger ones.
+# `mechanics/linearisation.py` defines the matrix, C0 + g C1 + g^2 C2, and an order in
+# which rows need no exchange if the matrix is far from singular, as for small steps. A
+# pivot within the rounding of its subtrahends counts as 0: a shorter step has larger
+# pivots.
 #
 # Source: T. A. Davis, Direct Methods for Sparse Linear Systems (2006), chapter 6.
 
 
 class SparseNewton(Parameters):
-    """The pattern of a sparse Newton matrix; `mechanics/linearisation.py` writes it."""
+    """Pattern of a sparse Newton matrix, written by `mechanics/linearisation.py`."""
 
     # Its rows, the entries of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
     unknowns: int
@@ -308,7 +311,7 @@ class SparseNewton(Parameters):
 
 
 def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) -> None:
-    """C0 + g C1 + g^2 C2 of their entries J, where the factors will be."""
+    """Write C0 + g C1 + g^2 C2, from their entries J, to the slots of the factors K."""
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
     for e in range(p.still):
@@ -322,9 +325,9 @@ def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) ->
 def decompose_sparse(
     width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats, x: Floats
 ) -> int:
-    """Factor that into K; return 0 where a pivot vanishes. x : (N,), room to work in.
+    """Factor C0 + g C1 + g^2 C2 into K; return 0 if a pivot vanishes, else 1.
 
-    K has the inverses of the pivots.
+    x : (N,), working memory. K contains the inverses of the pivots.
     """
     assemble(width, p, g, J, K)
     starts, columns = p.newton_starts, p.newton_columns
@@ -366,7 +369,7 @@ def solve_sparse(
     width: Static, p: SparseNewton,
     g: Floats, J: Floats, K: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (size,) by the solution. x : (N + n,), room to work in."""
+    """Replace r (size,) by the solution. x : (N + n,), working memory."""
     n = p.n
     combined = x[width * p.unknowns :]
     combine(width, n, g, r, combined)

@@ -1,4 +1,4 @@
-"""The parameters and the working memory that model functions and kernels share."""
+"""The parameters and the working memory shared by model functions and kernels."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from math import inf
 from lagsim.language.arrays import Floats
 from lagsim.native.layout import Block, Memory, after, array, block, part
 
-# `least_sigma` at this has the directions of the rows noted.
+# Value of `least_sigma` that requests the directions of the rows.
 NOTE = 2.0
 
-# `slides` is this where the motion follows a surface and where one is carried along by
-# another; where the expression keeps its level on a whole stretch, or nothing but the
-# choice of a side tells on which it is, it is below 0; so it is where a surface keeps
-# to its level because others do.
+# Values of `slides`, the mode of a surface, other than 0: the motion follows the
+# surface; the surface is carried along by another one. Below 0: the expression is at
+# its level on a whole stretch; its side is a choice; it is at its level because other
+# surfaces are.
 FOLLOWED = 2.0
 CARRIED = 1.0
 LEVEL = -1.0
 CHOSEN = -2.0
 REDUNDANT_SIDE = -3.0
 
-# What is kept of each surface, law and knot from arc to arc.
+# Arrays of surfaces, laws and knots that are kept from arc to arc.
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
     "leader", "least_above", "most_above", "roundoff", "floor", "least_root",
@@ -37,7 +37,7 @@ SLIP = 2.0
 LIMITED = 3.0
 TIMED = 4.0
 SLIDER = 6.0
-# An equality that always holds, where all rows are met alike.
+# An equality that always holds, in methods that treat all rows as laws.
 ALWAYS = 5.0
 OFF = 0.0
 HELD = 1.0
@@ -48,31 +48,31 @@ TURNS = 16
 
 
 def each_coordinate(p: Parameters) -> int:
-    """Length of an array of the loops with an entry for each coordinate."""
+    """Return the length of an array by coordinates, 0 without loops."""
     return p.n if p.loops else 0
 
 
 def each_row(p: Parameters) -> int:
-    """Length of an array of the loops with an entry for each constraint row."""
+    """Return the length of an array by constraint rows, 0 without loops."""
     return p.m if p.loops else 0
 
 
 def each_watched(p: Parameters) -> int:
-    """Length of an array with an entry for each event function of a mode."""
+    """Return the length of an array with an entry for each event function of a mode."""
     return p.surfaces + p.laws
 
 
 def columns(p: Parameters) -> int:
-    """Length of dr/dy, ds/dy and the slopes of other rates in `slopes`."""
+    """Return the length of dr/dy, ds/dy and the slopes of other rates in `slopes`."""
     return (p.n + p.m + p.states + p.works) * p.dynamic.stop
 
 
 class Blocks(Memory):
     """The blocks of the state y (size,), by their roles.
 
-    Second order: the coordinates q, then q'. First order: the states s. Quadratures, of
-    which no rate depends on: the works, then others. All but these are what the motion
-    depends on.
+    Second order: the coordinates q, then q'. First order: the states s. Quadratures, on
+    which no rate depends: the works, then others. `dynamic` are all blocks but the
+    quadratures.
     """
 
     n: int  # coordinates
@@ -87,7 +87,7 @@ class Blocks(Memory):
 
 
 class Scene(Blocks):
-    """The sizes and the parameters of a model; the run sets them."""
+    """The sizes and the parameters of a model, set by the run."""
 
     m: int  # constraint rows, those of laws last
     works: int  # of the quadratures
@@ -103,9 +103,9 @@ class Scene(Blocks):
 
 
 class Knots(Scene):
-    """Points of tables that the time leads to, where y' has no jump.
+    """Points of tables at known times, where y' has no jump.
 
-    The run gives the next of them, and the kernel goes on with the cells behind each.
+    The run sets the next knots, and the kernel continues with the cell after each.
     """
 
     knots: int  # room for so many
@@ -123,7 +123,7 @@ class Knots(Scene):
 
 
 class Surfaces(Knots):
-    """Surfaces that switches lie on, their modes, and the motion along them."""
+    """Surfaces on which switches lie, their modes, and the motion along them."""
 
     surfaces: int  # that switches lie on
     elements: int  # of J, their rows, that do not vanish
@@ -234,8 +234,8 @@ class Parameters(Laws):
     ranked: float  # the rank that was found then
     noted: float  # how many directions of the rows have been noted
 
-    # From here on nothing that is written in an arc outlasts it: q'' and lambda first,
-    # which the model reads.
+    # From here on arrays are valid within an arc only: first q'' and lambda, which the
+    # model reads.
     motion: Floats = array(lambda p: p.n + p.m)
     multipliers: Floats = part("motion", "m", "n")
     lengths: Floats = array(each_row)  # the rows' largest ...

@@ -1,26 +1,26 @@
 """The search of the last step: for events, features and losses of rank.
 
-What is searched is a table of rows, functions of the fraction x of the step, by the
+A step is searched in a table of rows, functions of the fraction x of the step on the
 dense output:
 
-    EVENT    the event function of a surface, a law or a condition: how far the state
-             is from leaving a mode, or from making a condition true. It ends the step
-             where it falls below 0, or below its slack
-    SIGNAL   the argument of a localized term, whose distance tells how far it is from
-             where that acts. The step is rejected where the term acts and the dense
-             output does not show it
-    RANK     the smallest singular value of the constraint rows, where it may vanish. A
-             loss is noted
+    EVENT    the event function of a surface, a law or a condition: its distance from
+             leaving a mode, or from becoming true. It ends the step where it falls
+             below 0, or below its slack
+    SIGNAL   the argument of a localized term, whose distance is that from the place of
+             the term. The step is rejected if the term acts and the dense output does
+             not show it
+    RANK     the smallest singular value of the constraint rows. A loss of rank is
+             where it vanishes, and is recorded
     CROSSING the relation of a section, on the side that the motion comes from: it falls
-             below 0 where the section is crossed. It ends nothing, see `crossings`
+             below 0 where the section is crossed. It ends no step, see `crossings`
 
-Values and slopes of rows are taken at several points, and once more between each two:
-where a row there does not follow from values and slopes at both, the points come closer
-until it does (`missed.off`). Only then what happens between two points is looked for:
-an event function that is negative at one, or may have been between them (a touch, a
-narrow pulse), by the cubic that it is close to; the closest approach of a signal. A
-minimum within a stretch is located by golden section (`least_of`), and the first moment
-at which something ends by bisection, to the last bit.
+Values and slopes of rows are evaluated at several points, and once more between each
+two: if a row there does not follow from values and slopes at both, the points are
+refined until it does (`missed.off`). Then roots between two points are searched: of an
+event function that is negative at one, or may have been between them (a touch, a narrow
+pulse), by its cubic; and the closest approach of a signal. A minimum within a stretch
+is located by golden section (`least_of`), and the first root by bisection to the last
+bit.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ EVENT, SIGNAL, RANK, CROSSING = 0, 1, 2, 3
 
 
 class Events(Table):
-    """Which conditions are watched, and what has been found."""
+    """Memory of the conditions that are watched, and of the event found."""
 
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
@@ -86,45 +86,46 @@ class Events(Table):
 
 # --- the table, and the one loop over stretches of a step -----------------------------
 
-# Rows are evaluated at so many points of a step at least.
+# Least number of points of a step at which rows are evaluated.
 POINTS = 8
-# An event function is known where it is off by no more than this part of its least.
+# An event function is known if its error is at most this part of its least value.
 CLEAR = 0.25
-# Points come no closer than this: for events, where features are looked for, and for
-# sections, beside a jump of the relation; and there are so many in a step.
+# Least distance of points: for events, for features, and for sections, beside a jump of
+# the relation; largest number of points in a step.
 FINEST = 2.0**-14
 FINEST_SIGNALS = 2.0**-12
 FINEST_CROSSINGS = 2.0**-30
 MOST_POINTS = 2000
 MOST_SIGNALS = 400
-# A step that is rejected with too many is not made shorter than by this part.
+# Least part to which a step with too many points is shortened.
 PART = 0.25
-# A closest approach is located to rounding by so many golden sections. One within this
-# part of a stretch of an end is at the end.
+# Number of golden sections that locate a closest approach to rounding. An approach
+# within this part of a stretch from an end is at the end.
 CLOSEST = 80
 AT_END = 1e-9
-# After a root the next is looked for from this part of the first place on, at places
-# each so much farther; after the end of what is true, from this part of the step on.
+# After a root the search for the next one begins at this part of the first place, at
+# distances that grow by FARTHER; after the end of a true condition, at this part of the
+# step.
 NEXT = 2.0**-26
 FARTHER = 4.0
-# A function that changes as much over the first part of the time as over the second
-# jumps; it is continuous if it changes by no more than the second part of what it does
-# over half of the time, or than so many times what counts as 0.
+# A function jumps if its change over the part JUST of the time is half of that over
+# SOON; it is continuous if its change is at most SOON times that over half of the time,
+# or JUMP times its rounding.
 JUST, SOON, JUMP = 2.0**-50, 2.0**-12, 64.0
-# The error of a minimum is of the square of the part of a stretch, 1e-8, that it is
-# located to by so many golden sections.
+# Number of golden sections that locate a minimum to 1e-8 of a stretch; the error of the
+# minimum is of second order.
 NARROW = 39
 
 
 def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
-    """Go through the last step from its fraction `low` on, row by row of a kind.
+    """Search the last step from its fraction `low` on, for one kind of row.
 
-    EVENT: end the step where the first of them ends, or where that takes too many
-    points. What lies before it is searched again: beside what follows an earlier end
-    may have been too little to be seen, as where a motion turns back through several
-    levels of one surface. SIGNAL: look for what the dense output misses; a step that
-    cannot be searched by MOST_SIGNALS counts too. RANK: look for a loss. Return the
-    fraction where that is, or 0.
+    EVENT: end the step at the first event, or where the search needs too many points.
+    The part before an event is searched again: an earlier event may be too short to be
+    seen beside the motion after it, as where a motion turns back through several levels
+    of one surface. SIGNAL: search features that the dense output misses, including a
+    step that needs more than MOST_SIGNALS points. RANK: search a loss of rank. Return
+    the fraction of the event, feature or loss, or 0.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
@@ -168,9 +169,9 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
 def found_within(
     kind: Static, s: Events, p: Parameters, low: float, x: float, known: float
 ) -> float:
-    """Fraction in (low, x] at which a kind of row has what it is searched for, or 0.
+    """Return the fraction in (low, x] of an event, feature or loss of rank, or 0.
 
-    At `known` something ends.
+    `known` is the fraction of an event found before, or 0.
     """
     if kind == SIGNAL:
         return missed_within(s, p, low, x)
@@ -184,9 +185,9 @@ def found_within(
 
 
 def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
-    """Leave the rows at the fraction x of the last step in s.values.
+    """Store the rows of a kind at the fraction x of the last step in s.values.
 
-    Those of the kind; signals always but where that is rank.
+    Signals are stored for every kind but RANK.
     """
     z, now = s.point, s.values
     if kind == RANK:
@@ -214,7 +215,7 @@ def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
 def sample(
     kind: Static, s: Events, p: Parameters, x: float, beside: float, out: Floats
 ) -> None:
-    """Rows and their slopes (2 R,) at the fraction x of the last step."""
+    """Write rows and their slopes (2 R,) at the fraction x of the last step."""
     count = rows(s)
     now = s.values
     rows_at(kind, s, p, x + beside)
@@ -227,11 +228,11 @@ def sample(
 def unknown_up_to(
     kind: Static, s: Events, p: Parameters, low: float, x: float
 ) -> float:
-    """Width of the stretch to try instead of that from low to x; 0 where that is known.
+    """Return the width of a shorter stretch to try than (low, x); 0 if rows are known.
 
-    All rows on it follow from its ends. While events are looked for, no signal may come
-    closer inside than there either: an event function that is made of it would be flat
-    at every point. The stretch ends at the closest approach then.
+    Rows are known if they follow from values at the ends. For events, no signal may
+    approach its value inside either, since an event function made of its term would be
+    flat at every point; the shorter stretch then ends at the closest approach.
     """
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
@@ -279,9 +280,10 @@ def sections_are_known(s: Events, width: float) -> bool:
 
 
 def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
-    """End in (low, x] of the stretch on which no condition steps or bends, just past.
+    """Return a point in (low, x] just past the first step of a condition, or x.
 
-    What steps is the same at all points, wherever it is another between them.
+    A condition with a step has equal values at all points, though it may differ in
+    between.
     """
     width, near = x - low, x
     for k in range(events(s), events(s) + s.signals):
@@ -297,7 +299,7 @@ def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
 
 
 def falls_at(s: Events, p: Parameters, k: int, low: float, x: float) -> float:
-    """Where in (low, x] row k, if it is not negative at low, is so first; or x."""
+    """Return the fraction in (low, x] at which row k first becomes negative, or x."""
     if s.starts[k] < 0.0:
         return x
     half = low + BETWEEN * (x - low)
@@ -344,7 +346,7 @@ def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
 
 
 def value_at(kind: Static, s: Events, p: Parameters, k: int, x: float) -> float:
-    """Value of row k of a kind at the fraction x of the last step, or its distance."""
+    """Return row k of a kind, or its distance, at the fraction x of the last step."""
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
         return missed.away(s, k, s.values)
@@ -362,7 +364,7 @@ def least_of(
     low: float,
     high: float,
 ) -> float:
-    """Where row k of a kind is least in [low, high], by so many golden sections."""
+    """Return the place of the minimum of row k in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = value_at(kind, s, p, k, left)
@@ -387,10 +389,10 @@ def least_of(
 
 
 def find_end(s: Events, p: Parameters) -> None:
-    """Search the last step for its first event, and end it there.
+    """Search the last step for its first event, and end the step there.
 
-    s.switched becomes the number of the surface, or s.event that of the condition. One
-    that is true is followed until it is false: from there on it counts.
+    s.switched becomes the number of the surface, or s.event that of the condition. A
+    condition that is true is followed until it is false, and is armed from there on.
     """
     t = s.t
     if UNTIL:
@@ -414,10 +416,10 @@ def find_end(s: Events, p: Parameters) -> None:
 
 
 def goes_on(s: Events, p: Parameters, k: int) -> bool:
-    """Whether the step goes on past a place where condition k has been located.
+    """Whether the step continues past a place where condition k has been located.
 
-    One that was true is false from there on, and counts; an equation is past a jump of
-    itself, which is no passage of 0.
+    True at the end of a condition that was true, which is armed there, and at a jump of
+    an equation, which is no passage of 0.
     """
     if follows(s, k):
         s.orientation[k] = -1.0
@@ -430,9 +432,9 @@ def goes_on(s: Events, p: Parameters, k: int) -> bool:
 
 
 def jumps(s: Events, p: Parameters, k: int) -> bool:
-    """Whether event function k jumps where the step has been cut, by the double.
+    """Whether event function k jumps at the cut of the step, within rounding of x.
 
-    What is continuous changes by a small part of its change in the time before.
+    A continuous function changes by a small part of its change in the time before.
     """
     x = s.cut
     now = value_at(EVENT, s, p, k, x)
@@ -463,8 +465,8 @@ def follow_true(s: Events, p: Parameters) -> None:
 def follow_roots(s: Events, p: Parameters) -> None:
     """Arm the equations that hold at the start of the first step of an arc.
 
-    By the side that comes first: another root may follow close by. Where that is not
-    the side of the rounding at the start, their leeway stays for this step.
+    With the sign just after the start: another root may follow soon. If it differs from
+    the sign by rounding at the start, the leeway is kept for this step.
     """
     x = NEXT * BESIDE / POINTS
     while x < BESIDE / POINTS:
@@ -489,26 +491,29 @@ def follows(s: Events, k: int) -> bool:
 
 
 def least_allowed(s: Events, p: Parameters, k: int) -> float:
-    """Value of event function k below which a mode ends; 0 of a condition."""
+    """Return the value of event function k below which a mode ends.
+
+    It is 0 for a condition.
+    """
     if SWITCHES and k < s.surfaces:
         return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0
 
 
 def ends(s: Events, p: Parameters, k: int, value: float, x: float) -> bool:
-    """Whether a mode ends at the fraction x of the last step, by event function k."""
+    """Whether event function k ends a mode at the fraction x of the last step."""
     if value >= least_allowed(s, p, k):
         return False
     return x >= errs_until(s, p, k, value)
 
 
 def errs_until(s: Events, p: Parameters, k: int, value: float) -> float:
-    """Fraction of the last step up to which a gap has such a value by an error.
+    """Return the fraction of the last step up to which a gap is negative by an error.
 
-    One that is open after the step, and neither closes at its start nor is pushed to,
-    is open in between: where it is not, the interpolant errs, as it does about what
-    leaves the ground as a power of the time. What has not risen at the end of such a
-    step either is below its ground by the method's error, and on it from then on.
+    A gap that is open after the step, and neither closes nor is pushed together at its
+    start, is open in between: a negative value is an error of the interpolant, as for a
+    body that leaves the ground as a power of the time. If the gap is still negative at
+    the end of such a step, within the method's error, it counts from then on.
     """
     law = k - p.surfaces
     if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
@@ -522,10 +527,10 @@ def errs_until(s: Events, p: Parameters, k: int, value: float) -> float:
 
 
 def error_of_gap(s: Events, p: Parameters, k: int, is_open: bool) -> float:
-    """Error in the last step of law k, if it parts at the start; 0 if it does not.
+    """Return the error of gap k in the last step if it parts at the start, else 0.
 
-    Of the interpolant, by what the accelerations change in the step; of the method
-    where the gap is not open after it, by these themselves; or the tolerance.
+    If the gap is open after the step, it is that of the interpolant, by the change of
+    the accelerations; else that of the method, by the accelerations; or the tolerance.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
     interpolate(s, p, 1.0, s.work)
@@ -552,10 +557,10 @@ def error_of_gap(s: Events, p: Parameters, k: int, is_open: bool) -> float:
 def end_within(
     s: Events, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
-    """End the step at the first point in (low, x] where something ends; or give 0.
+    """End the step at the first event in (low, x] and return its fraction; or return 0.
 
-    No later than any least function that is negative: what has ended is so there still.
-    before, after : (2 R,), event functions and slopes there.
+    It is not later than any minimum at which a function is negative: an event is in
+    force there still. before, after : (2 R,), rows and slopes at low and x.
     """
     high = 0.0
     for k in range(events(s)):
@@ -578,9 +583,10 @@ def end_within(
 
 
 def cut(s: Events, p: Parameters, low: float, high: float) -> None:
-    """End the step at the first moment in (low, high] at which something ends.
+    """End the step at the first moment in (low, high] at which a mode ends.
 
-    That is where its function vanishes, also where only one well below 0 tells it.
+    The moment is the root of its function, even if only a value well below 0 revealed
+    it.
     """
     first = events(s)
     s.event = 0.0
@@ -638,7 +644,7 @@ def end_of(
 def shorten(s: Events, x: float) -> None:
     """End the last step at its fraction x.
 
-    Its state stays until the rows before that moment are written: methods may
+    Its state is kept until the rows before that moment are written: methods may
     interpolate from it.
     """
     s.cut = x
@@ -646,9 +652,9 @@ def shorten(s: Events, x: float) -> None:
 
 
 def orient(s: Events, p: Parameters, t: float, y: Floats, most: float) -> None:
-    """Arm the conditions that are false at a state: they count from then on.
+    """Arm the conditions that are false at a state.
 
-    Of inequalities those with no more leeway than `most`.
+    Of inequalities only conditions with a leeway of at most `most`.
     """
     values = s.values
     located(t, y, p, values)
@@ -664,16 +670,16 @@ def orient(s: Events, p: Parameters, t: float, y: Floats, most: float) -> None:
 
 # --- features that the step has missed ------------------------------------------------
 
-# On the shoulders of a closest approach, where the distance has grown by so much: at
-# the top of a hill itself there is no force.
+# Growth of the distance on the shoulders of a closest approach, where slopes are
+# compared as well: at the top of a hill itself there is no force.
 SHOULDER = 0.3
 FOOT = 8.0
-# So many doublings lead from there to the other end of any step.
+# Number of doublings that lead from there to the other end of any step.
 DOUBLINGS = 60
 
 
 def missed_feature(s: Events, p: Parameters) -> float:
-    """Fraction of the last step at which the dense output misses a feature, or 0."""
+    """Return the fraction of the last step at which a feature is missed, or 0."""
     rows_at(SIGNAL, s, p, 0.0)
     for k in range(s.signals):
         s.farthest[k] = missed.away(s, events(s) + k, s.values)
@@ -681,9 +687,9 @@ def missed_feature(s: Events, p: Parameters) -> float:
 
 
 def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
-    """Search between two points for signals that come close, see `missed_feature`.
+    """Return the fraction between two points at which a feature is missed, or 0.
 
-    Keeps how far each has been since.
+    Update the largest distance of each signal since its last approach.
     """
     half = BETWEEN * (high - low)
     for k in range(events(s), events(s) + s.signals):
@@ -707,7 +713,10 @@ def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
 
 
 def missed_about(s: Events, p: Parameters, k: int, x: float) -> float:
-    """Compare slopes at the closest approach of signal k, at x, and around; or 0."""
+    """Compare slopes at the closest approach of signal k, at x, and beside it.
+
+    Return the fraction at which they differ, or 0.
+    """
     if missed.is_missed(s, p, x):
         return x
     least = value_at(SIGNAL, s, p, k, x)
@@ -738,15 +747,15 @@ NARROWER = 44
 
 
 def loses_rank(s: Events, p: Parameters) -> bool:
-    """Whether rank is lost within the last step; the state there is left as s.work."""
+    """Whether rank is lost within the last step; s.work is the state there."""
     return s.watched > 0.0 and search(RANK, s, p, 0.0) > 0.0
 
 
 def lost_within(s: Events, p: Parameters, low: float, x: float) -> float:
-    """Fraction of the step at which rank is lost between two points, or 0.
+    """Return the fraction of the step between two points at which rank is lost, or 0.
 
-    Sigma has a kink there, and jumps a little where rows change their order: a slope
-    tells no more than whether it falls.
+    Sigma has a kink there, and small jumps where rows change their order: only the sign
+    of its slope is used.
     """
     k = rows(s) - 1
     slopes = rows(s) + k

@@ -1,7 +1,7 @@
-"""The memory that carries a method from call to call.
+"""The memory of a method between calls.
 
-Between two calls of `advance` nothing else is kept, so a run can be paused, shown
-progress, interrupted and resumed at no cost. Each method adds its own to a subclass.
+Between two calls of `advance` all data are in this memory, so a run can be paused,
+shown, interrupted and resumed at no cost. Each method adds its own data in a subclass.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Clock(Blocks):
 
 
 class Output(Clock):
-    """The end of the arc and its rows: set by the run, written by `driver`."""
+    """The end of the arc and its rows: set by the run, used by `driver`."""
 
     end: float  # where the arc ends
     arc_start: float
@@ -64,7 +64,7 @@ class Output(Clock):
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
 
-# What `advance` and `step` return.
+# Return codes of `advance` and `step`.
 DONE = 0
 BLOCK_FULL = 1
 PAUSED = 2
@@ -85,14 +85,14 @@ KNOTS_PASSED = 13
 
 
 def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
-    """Declare a function of (t, y, p, out), which writes to `out`.
+    """Declare a model function of (t, y, p, out), which writes to `out`.
 
-    All arrays are views into longer ones; y has the blocks of `Blocks`, and p holds the
-    parameters and the model's own working memory.
+    All arrays are views into longer arrays; y has the blocks of `Blocks`, and p
+    contains the parameters and the working memory of the model.
     """
 
     def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-        """Write what the declaration says."""
+        """Write the values that the declaration's comment describes."""
 
     function.__name__ = function.__qualname__ = name
     return external(function)
@@ -106,18 +106,19 @@ series = of_model("series")
 # are not zero, then i, j and the value of each of them.
 linear = of_model("linear")
 # The Newton step onto the holonomic constraints, in the metric of M (n,); then the
-# largest residual against its scale, 0, and what will be left of it after the step.
+# largest residual relative to its scale, 0, and a bound of it after the step.
 position_step = of_model("position_step")
-# The same for the velocities, where what will be left is 1 if that is not known; in the
-# place of the 0 about the smallest singular value of the scaled constraint rows.
+# The Newton step of the velocities (n,); then the largest residual, an estimate of the
+# smallest singular value of the scaled constraint rows, and a bound of the residual
+# after the step, 1 if unknown.
 velocity_step = of_model("velocity_step")
 # q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0.
 energies_masses = of_model("energies_masses")
-# How large the terms are that each force (n,) is a sum of; then those of the rates of
-# what follows q' in y.
+# Sum of the absolute terms of each force (n,); then of the rates of the components
+# after q' in y.
 terms = of_model("terms")
 # Bounds of the rounding of q'' (n,) by that of the forces, in units of roundoff; then
-# the rounding of the rates of what follows q' in y.
+# of the rates of the components after q' in y.
 rounding = of_model("rounding")
 # The derivatives of q'' (n, d) row by row, exactly, by the d components of y that the
 # motion depends on; those of the rates of states and works follow.
@@ -143,20 +144,20 @@ observe = of_model("observe")
 inertias = of_model("inertias")
 # The residuals or gaps of conditions: of those of events, then of `until`.
 located = of_model("located")
-# The relations (K,) of sections, left side less right; how large their terms are (K,),
+# The relations (K,) of sections, left minus right side; the sizes of their terms (K,),
 # then their slopes (K, size).
 sections = of_model("sections")
 section_slopes = of_model("section_slopes")
 # Expressions (K,) of the surfaces.
 surfaces = of_model("surfaces")
-# Residuals (K,), rates (K,), b (K,), scales (K,), and what J has. One on the level of
-# velocities has no residual on that of positions. J (K, n + l) is given row by row,
-# without what vanishes; where its elements belong is kept before.
+# Residuals (K,), rates (K,), b (K,), scales (K,), and the elements of J. A surface on
+# the level of velocities has no residual on the level of positions. J (K, n + l) is
+# stored row by row without zeros; `row_starts` and `row_columns` are its pattern.
 surface_rows = of_model("surface_rows")
-# By how much the force along each surface jumps there, and by each multiplier (1 + m,),
-# of all surfaces (K,); nothing where no equality has a corner.
+# Jump of the force along each surface, without and by each multiplier (1 + m,), of all
+# surfaces (K,); empty if no equality has a corner.
 corner_levers = of_model("corner_levers")
-# How far the state is from leaving the mode of each surface (K,).
+# Event function of the mode of each surface (K,).
 event_functions = of_model("event_functions")
 # The arguments of localized terms (K,); see `missed`.
 signals = of_model("signals")
@@ -164,25 +165,25 @@ signals = of_model("signals")
 
 @external
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
-    """Project a state onto the surfaces that the motion slides along."""
+    """Project a state (size,) onto the surfaces that the motion slides along."""
 
 
 @external
 def start(s: Clock, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start, choose the first step."""
+    """Begin an arc: evaluate y' at its start, choose the first step."""
 
 
 @external
 def step(s: Clock, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than 0."""
+    """Make one accepted step, or return a code other than DONE."""
     raise NotImplementedError
 
 
 @external
 def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
-    """State y (size,) at the fraction x of the last step."""
+    """Write the state (size,) at the fraction x of the last step to `out`."""
 
 
 @external
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
-    """Slope (size,) of that, from the velocities on, by methods that choose steps."""
+    """Write the slope (size,) of the dense output at x, from the velocities on."""
