@@ -1,4 +1,4 @@
-"""The integration methods: one file each, registered by being there."""
+"""The integration methods: one module each, registered by its presence here."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ WIDTH = 88
 
 
 class Structure(NamedTuple):
-    """Structure of the equations of motion.
+    """Structure of the equations of motion, by which methods accept or refuse a model.
 
     Attributes
     ----------
     mass_varies_with : str
-        `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
+        `nothing`, or the first of `velocities`, `positions`, `time` on which M depends.
     diagonal : bool
-        M is.
+        Whether M is diagonal.
     blocks : int
-        Of M: groups of coordinates that it does not couple.
+        Number of groups of coordinates that M does not couple.
     constant_rows : bool
-        A is made of parameters only, as it is without constraints.
+        Whether A depends on parameters only; true without constraints.
     constraints : str
         `none`, `holonomic`, `nonholonomic` or `mixed`.
     forces_free_of_velocities : bool
-        f is.
+        Whether f does not depend on velocities.
     autonomous : bool
-        Time does not stand in the equations.
+        Whether the equations do not depend on time.
     linear : bool
-        y' is affine in the state: M and A constant, f and b affine; and the power,
-        where there is one, quadratic.
+        Whether y' is affine in the state: M and A constant, f and b affine; and the
+        power, if any, quadratic.
     unknowns : int
-        Coordinates and constraints.
+        Number of coordinates and constraints.
     """
 
     mass_varies_with: str
@@ -58,18 +58,24 @@ class Structure(NamedTuple):
 
     @property
     def constant_mass(self) -> bool:
-        """M is made of parameters only."""
+        """Whether M depends on parameters only."""
         return self.mass_varies_with == "nothing"
 
 
 def unrestricted(_scene: Structure) -> str:
-    """No refusal, "": the method handles every scene."""
+    """Return "", no refusal: the method handles every model."""
     return ""
 
 
 @cache
 def names() -> tuple[str, ...]:
-    """Return the names of all methods, in alphabetical order."""
+    """Return the names of all methods, in alphabetical order.
+
+    Examples
+    --------
+    >>> "dop853" in names(), "generalized-alpha" in names()
+    (True, True)
+    """
     modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.ispkg)
     return tuple(
         sorted(name.replace("_", "-") for name in modules if not name.startswith("_"))
@@ -80,38 +86,49 @@ def names() -> tuple[str, ...]:
 def method(name: str) -> ModuleType:
     """Return the module of a method.
 
-    It has
+    Its attributes are
 
     - NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, HANDLES, and a docstring that is its
       page in `lagsim methods`;
-    - `refusal(scene)`: why it cannot handle a `Structure`, or "";
-    - `amplification(z)`: the spectral radius of one step h of an oscillation with the
+    - `refusal(scene)`: the reason why it cannot handle a `Structure`, or "";
+    - `amplification(z)`: the spectral radius of one step h for an oscillation with the
       eigenvalues z/h and their conjugate, and IMAGINARY_LIMIT, the largest |z| on the
-      imaginary axis below which it does not exceed 1 (inf: none);
-    - QUADRATURES (optional): whether y may have components after `work`, whose rates
-      are integrated as they are: the action, the coordinates that `reduction` leaves;
+      imaginary axis below which the radius does not exceed 1 (inf: none);
+    - QUADRATURES (optional): whether y may have components after `work` that are plain
+      integrals: the action, the coordinates that `reduction` eliminates;
     - STATES (optional): whether y may have first-order states;
-    - EVENTS (optional): False where its steps go over switches and contacts;
+    - EVENTS (optional): False if its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `program/functions.py`;
-    - STATE, the class of the memory it keeps, PARAMETERS (optional), that of what the
-      model gives it, and the kernels `start`, `step` and `interpolate`; besides, where
-      ADAPTIVE, `interpolate_rates`, and else `make`, around which `fixed.step` is.
+    - STATE, the class of its memory, PARAMETERS (optional), the class of the data from
+      the model, and the kernels `start`, `step` and `interpolate`; besides, if
+      ADAPTIVE, `interpolate_rates`, else `make`, which `fixed.step` calls.
 
-    A number of STATE that is declared as an `option` is one that users choose: reader,
-    schema, commands, Python interface and pages know of it by that.
+    A number of STATE that is declared as an `option` can be set by users: reader,
+    schema, commands, Python interface and pages are derived from the declaration.
+
+    Examples
+    --------
+    >>> method("rk4").ORDER
+    4
     """
     return import_module(f"{__name__}.{name.replace('-', '_')}")
 
 
 def options_of(name: str) -> dict[str, Option]:
-    """Options of a method, by the keys of `simulation`."""
+    """Return the options of a method, by the keys of `simulation`.
+
+    Examples
+    --------
+    >>> list(options_of("generalized-alpha"))
+    ['spectral_radius']
+    """
     fields = method(name).STATE.fields.items()
     return {key: field for key, field in fields if isinstance(field, Option)}
 
 
 @cache
 def options() -> dict[str, tuple[str, Option]]:
-    """Options of all methods, each with the name of the method."""
+    """Return the options of all methods, each with the name of its method."""
     return {
         key: (name, found)
         for name in names()
@@ -120,7 +137,7 @@ def options() -> dict[str, tuple[str, Option]]:
 
 
 def page(name: str) -> str:
-    """Page on a method: its docstring, and its options."""
+    """Return the page of a method: its docstring and its options."""
     parts = [inspect.cleandoc(method(name).__doc__ or "")]
     for key, x in options_of(name).items():
         text = (
@@ -144,7 +161,17 @@ _ELSEWHERE = {
 def method_problems(
     asked: str, place: Place | None = None, *, auto: bool = True
 ) -> list[Problem]:
-    """Fault of a method that does not exist; `auto` may leave the choice."""
+    """Return a fault, in a list, if there is no method `asked`, else [].
+
+    `auto` : whether "auto" counts as a method.
+
+    Examples
+    --------
+    >>> method_problems("dop853")
+    []
+    >>> method_problems("ode45")[0].hint
+    'did you mean `dop853`? `lagsim methods` lists all'
+    """
     known = [*(["auto"] if auto else []), *names()]
     if asked in known:
         return []

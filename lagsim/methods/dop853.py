@@ -69,7 +69,7 @@ MOST_LAST = 300.0
 
 
 class Dop853(State):
-    """The stages' slopes, the state of a stage, the new one, the dense output."""
+    """Memory of DOP853: slopes and state of the stages, the new state, dense output."""
 
     previous_error: float  # of the last accepted step, for PI control
     uncertain: float  # 1 where the dense output of the last step may err too much
@@ -84,7 +84,7 @@ STATE = Dop853
 
 
 def start(s: Dop853, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start, choose the first step."""
+    """Begin an arc: evaluate y' at its start, choose the first step."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
@@ -97,7 +97,7 @@ def start(s: Dop853, p: Parameters) -> None:
 
 
 def step(s: Dop853, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than 0."""
+    """Make one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -132,7 +132,7 @@ def step(s: Dop853, p: Parameters) -> int:
 
 
 def attempt(s: Dop853, p: Parameters, h: float) -> float:
-    """Make the stages of a step and give its error in units of the tolerance."""
+    """Evaluate the stages of a step; return its error in units of the tolerance."""
     t, size, k, new = s.t, s.size, s.k, s.new
     if CONSTRAINED:
         p.least_sigma = 1.0
@@ -170,7 +170,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
 
 
 def make_stages(s: Dop853, p: Parameters, t: float, y: Floats, h: float) -> None:
-    """Evaluate the slopes of a step h from y (size,) at t; the first is known."""
+    """Evaluate the slopes of a step h from y (size,) at t; the first slope is known."""
     size, k = s.size, s.k
     for stage in unrolled(1, 12):
         for i in apart(size):
@@ -183,11 +183,11 @@ def make_stages(s: Dop853, p: Parameters, t: float, y: Floats, h: float) -> None
 def error_norm(s: Dop853, h: float, errors: Floats) -> float:
     """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,).
 
-    Each work together with the motion, where that is more than the motion alone: a
-    work of which the estimate of order 3 alone is large, as a polynomial in t has it
-    beside a tolerance of nearly nothing, would hide all other errors. The mean is that
-    over the components which have an error: others rest. What is nan stays so, and its
-    step is refused.
+    A work is normed together with the motion if this norm exceeds that of the motion
+    alone: a work with a large estimate of order 3 alone, as of a polynomial in t beside
+    a tolerance of nearly 0, would hide all other errors. The mean is over the
+    components with an error; others are at rest. A nan remains, and its step is
+    rejected.
     """
     size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
     error5 = 0.0
@@ -215,12 +215,12 @@ def error_norm(s: Dop853, h: float, errors: Floats) -> float:
 
 
 def combined(error5: float, error3: float) -> float:
-    """Error estimate from two squared ones; nan stays nan."""
+    """Return the error estimate from two squared estimates; nan remains nan."""
     return error5 * (error5 / (error5 + 0.01 * error3)) if error5 != 0.0 else 0.0
 
 
 def accept(s: Dop853, p: Parameters, h: float) -> None:
-    """Take the new state, and make the dense output ready where a row needs it."""
+    """Accept the new state, and prepare the dense output if a row needs it."""
     size, k, new = s.size, s.k, s.new
     derivative(s.t + h, new, p, k[12 * size :])
     if LOCALIZED:
@@ -273,7 +273,7 @@ def prepare_dense(s: Dop853, p: Parameters) -> None:
 
 
 def last_term(s: Dop853) -> float:
-    """Norm of the last term of the dense output where it is largest, in tolerances."""
+    """Return the largest norm of the last term of the dense output, in tolerances."""
     size, count, squares = s.size, 0, 0.0
     for i in range(s.dynamic.stop):
         if s.tolerances[i] > 0.0 and s.dense[7 * size + i] != 0.0:
@@ -286,9 +286,9 @@ def last_term(s: Dop853) -> float:
 
 
 def interpolate(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
-    """State y (size,) at the fraction x of the last step (II.6, (6.7)).
+    """Write the state (size,) at the fraction x of the last step (II.6, (6.7)).
 
-    By a step that ends there where the polynomial is uncertain.
+    If the polynomial is uncertain, by a step that ends there.
     """
     if s.uncertain > 0.0:
         step_to(s, p, x, out)
@@ -302,7 +302,7 @@ def interpolate(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
 
 
 def step_to(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
-    """State y (size,) at the fraction x of the last step, by a step as long as that."""
+    """Write the state (size,) at a fraction x of the last step, by a step to it."""
     size, k, y = s.size, s.k, s.dense
     h = x * s.step_h
     k[:size] = k[13 * size : 14 * size]
@@ -313,7 +313,7 @@ def step_to(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
-    """Slope of that, from the velocities on."""
+    """Write the slope (size,) of the dense output at x, from the velocities on."""
     u = 1.0 - x
     for i in range(s.n, s.size):
         value = 0.0

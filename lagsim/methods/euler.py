@@ -47,5 +47,5 @@ def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step: on the chord."""
+    """Write the state (size,) at the fraction x of the last step: on the chord."""
     out[: s.size] = s.old + x * (s.y - s.old)

@@ -62,7 +62,7 @@ WEIGHTS = (
 
 
 def refusal(scene: Structure) -> str:
-    """Reason for refusal: not linear, or not autonomous; or ""."""
+    """Return the reason for refusal, not linear or not autonomous, or ""."""
     if not scene.linear:
         return (
             "its equations of motion are not linear; `dop853` handles any, "
@@ -74,17 +74,17 @@ def refusal(scene: Structure) -> str:
 
 
 def amplification(z: complex) -> float:
-    """|exp(z)|."""
+    """Return |exp(z)|."""
     return abs(cmath.exp(z))
 
 
 def width(s: Exponential) -> int:
-    """Components of z."""
+    """Return the number of components of z = (q, q', 1)."""
     return s.dynamic.stop + 1
 
 
 def square(s: Exponential) -> int:
-    """Entries of a matrix for z."""
+    """Return the number of entries of a matrix for z."""
     return width(s) ** 2
 
 
@@ -94,12 +94,12 @@ def works(s: Exponential) -> int:
 
 
 def squares(s: Exponential) -> int:
-    """Entries of a matrix for z for each work."""
+    """Return the number of entries of the matrices for all works."""
     return works(s) * square(s)
 
 
 class Exponential(Fixed):
-    """Matrices, for z = (q, q', 1)."""
+    """Memory of the matrices, for z = (q, q', 1)."""
 
     # Rows ask for no slopes.
     before: Floats = array(lambda _: 0)
@@ -125,7 +125,7 @@ STATE = Exponential
 
 
 def start(s: Exponential, p: Parameters) -> None:
-    """Begin an arc: the matrices for its steps."""
+    """Begin an arc: compute the matrices for its steps."""
     m = width(s)
     linear(s.t, s.y, p, s.given)
     s.A[:] = 0.0
@@ -146,7 +146,10 @@ def start(s: Exponential, p: Parameters) -> None:
 
 
 def fill(m: int, given: Floats, matrix: Floats) -> int:
-    """Set entries given as their number, then i, j, value; return how much was read."""
+    """Set the entries of a sparse matrix; return the number of values read.
+
+    given : the number of entries, then i, j and value of each.
+    """
     count = int(given[0])
     for k in range(count):
         i = int(given[1 + 3 * k])
@@ -156,12 +159,12 @@ def fill(m: int, given: Floats, matrix: Floats) -> int:
 
 
 def make_matrices(s: Exponential, h: float) -> None:
-    """Make the matrices for steps of length h.
+    """Compute the matrices for steps of length h.
 
     F = exp(A h) - 1 by its series at h / 2^k, then F <- 2 F + F^2, k times: without the
-    1, what it is off by is a part of the motion in a step, not of the state. The work
-    over a step is z^T Q z, with Q the integral of exp(A^T x) P exp(A x) over it, and
-    over twice the step Q <- Q + exp(A^T h) Q exp(A h).
+    1, the error is relative to the motion in a step, not to the state. The work over a
+    step is z^T Q z, with Q the integral of exp(A^T x) P exp(A x) over the step; over
+    twice the step Q <- Q + exp(A^T h) Q exp(A h).
     """
     m = width(s)
     entries = m * m
@@ -218,9 +221,9 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
 
 
 def interpolate(s: Exponential, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step: the series, in short parts.
+    """Write the state (size,) at the fraction x of the last step, by the series.
 
-    N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
+    In short parts: N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
     """
     m = width(s)
     count = works(s)
@@ -242,7 +245,7 @@ def interpolate(s: Exponential, p: Parameters, x: float, out: Floats) -> None:  
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
-    """Write z_k = (A tau)^k z_0 / k! from z_0 on."""
+    """Write the terms z_k = (A tau)^k z_0 / k!."""
     for k in range(1, TERMS + 1):
         before = terms[(k - 1) * m :]
         for i in range(m):
@@ -254,7 +257,7 @@ def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
 
 
 def sum_terms(m: int, order: int, x: float, terms: Floats, out: Floats) -> None:
-    """Sum of z_k x^k."""
+    """Compute the sum of z_k x^k."""
     for i in range(m):
         value = terms[order * m + i]
         for back in range(1, order + 1):
@@ -276,7 +279,7 @@ def value_of(m: int, form: Floats, z: Floats) -> float:
 
 
 def norm(m: int, columns: int, a: Floats) -> float:
-    """Return the largest sum of sizes in the first `columns` columns."""
+    """Return the largest sum of absolute values in the first `columns` columns."""
     largest = 0.0
     for j in range(columns):
         column = 0.0
@@ -287,10 +290,10 @@ def norm(m: int, columns: int, a: Floats) -> float:
 
 
 def balance(m: int, a: Floats, d: Floats) -> None:
-    """Replace A by D^-1 A D with about equal rows and columns, D powers of two.
+    """Replace A by D^-1 A D with rows and columns of similar size, D powers of two.
 
-    B. N. Parlett and C. Reinsch, Numer. Math. 13 (1969). No unit enters the number of
-    squarings then. The last row is zero, so the last scale is free.
+    B. N. Parlett and C. Reinsch, Numer. Math. 13 (1969). The number of squarings is
+    then independent of units. The last row is zero, so the last scale is free.
     """
     d[:m] = 1.0
     changed = True
@@ -314,10 +317,11 @@ def balance(m: int, a: Floats, d: Floats) -> None:
 
 
 def isolate(m: int, a: Floats, d: Floats) -> None:
-    """Scale components that are coupled in one direction alone below the rest.
+    """Scale components that are coupled in one direction alone below the others.
 
-    The coordinate and the rate of a body in free fall, say: their scales are free, and
-    the rates of the motion are those of the rest. Parlett and Reinsch permute them out.
+    As the coordinate and the rate of a body in free fall: their scales are free, and
+    the rates of the motion are those of the other components. Parlett and Reinsch
+    permute such components out.
     """
     largest = coupled_norm(m, a)
     largest = max(largest, UNCOUPLED * norm(m, m - 1, a))
@@ -336,7 +340,7 @@ def isolate(m: int, a: Floats, d: Floats) -> None:
 
 
 def coupled_norm(m: int, a: Floats) -> float:
-    """Norm of the components that are coupled in both directions."""
+    """Return the norm of the components that are coupled in both directions."""
     largest = 0.0
     for j in range(m - 1):
         if off_diagonal(m, a, j, m, 1) > 0.0:
@@ -349,7 +353,7 @@ def coupled_norm(m: int, a: Floats) -> float:
 
 
 def off_diagonal(m: int, a: Floats, i: int, by_row: int, by_column: int) -> float:
-    """Sum of sizes of row i (m, 1) or column i (1, m) without the diagonal."""
+    """Return the absolute sum of row i (m, 1) or column i (1, m), off diagonal."""
     total = 0.0
     for j in range(m - 1):
         if j != i:
@@ -358,7 +362,7 @@ def off_diagonal(m: int, a: Floats, i: int, by_row: int, by_column: int) -> floa
 
 
 def balancing(m: int, a: Floats, i: int) -> float:
-    """Power of two that column i is to be multiplied by, row i divided."""
+    """Return the power of two that multiplies column i and divides row i."""
     column = off_diagonal(m, a, i, 1, m)
     row = off_diagonal(m, a, i, m, 1)
     if column == 0.0 or row == 0.0 or not column + row < OVERFLOW:
@@ -377,7 +381,7 @@ def balancing(m: int, a: Floats, i: int) -> float:
 
 
 def rescale(m: int, a: Floats, d: Floats, i: int, factor: float) -> None:
-    """Multiply column i by a power of two, divide row i by it, and note that in d."""
+    """Multiply column i by a power of two, divide row i by it, and update d."""
     d[i] = d[i] * factor
     a[i * m : (i + 1) * m] = a[i * m : (i + 1) * m] / factor
     for j in range(m):
@@ -415,7 +419,7 @@ def double_form(m: int, F: Floats, Q: Floats, x: Floats, y: Floats) -> None:
 
 
 def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
-    """Product of two matrices (m, m)."""
+    """Compute the product of two matrices (m, m)."""
     for i in range(m):
         row = out[i * m :]
         row[:m] = 0.0
@@ -426,7 +430,7 @@ def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
 
 
 def times_columns(m: int, a: Floats, z: Floats, out: Floats) -> None:
-    """Product with a matrix that is stored by columns."""
+    """Compute the product of a vector and a matrix that is stored by columns."""
     out[:m] = 0.0
     for j in range(m):
         column = a[j * m :]

@@ -60,15 +60,15 @@ CONSTRAINED = False  # for what is shared with methods that can be
 #     dL/dq'(Q_i, V_i) = P_i,      F = dL/dq and the generalized forces,
 #
 # solved for the stages' velocities V_i by Newton's method with the derivatives from the
-# graph. The velocities at the end belong to the momenta there. Positions, momenta and
-# work carry what rounding has cut off.
+# graph. The velocities at the end belong to the momenta there. Sums of positions,
+# momenta and work are compensated.
 #
 # Source: E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration, 2nd ed.,
 # sections II.1.3, VI.4 and VIII.5, VIII.6.
 
 
 class Gauss(Fixed):
-    """Stages, momenta, and the factors of Newton's method."""
+    """Memory of stages, momenta, and the factors of Newton's method."""
 
     stages: int
     due: float  # 1 where factors are to be made
@@ -94,7 +94,7 @@ class Gauss(Fixed):
 
 
 def refusal(scene: Structure) -> str:
-    """Say why momenta do not determine the motion, or return ""."""
+    """Return the reason why momenta do not determine the motion, or ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
@@ -106,7 +106,7 @@ def refusal(scene: Structure) -> str:
 
 
 def start(s: Gauss, p: Parameters) -> None:
-    """Begin an arc: momenta from velocities; the stages begin at the velocities."""
+    """Begin an arc: compute momenta; the stages' first guess is the velocity."""
     begin(s, p)
     n = s.n
     lagrangian(s.t, s.y, p, s.found)
@@ -132,7 +132,7 @@ def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
 
 
 def predict(s: Gauss) -> None:
-    """Extend the polynomial through the stages' velocities and the last one."""
+    """Extrapolate the polynomial through the velocities of stages and step end."""
     n, nodes, stages, v = s.n, s.nodes, s.stages, s.y[s.velocities]
     s.V_before[:] = s.V
     if s.step_h == 0.0:
@@ -154,7 +154,7 @@ def predict(s: Gauss) -> None:
 
 
 def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
-    """Solve for the stages' velocities; return 0 where Newton's method fails."""
+    """Solve for the stages' velocities; return 0 if Newton's method fails, else 1."""
     n = s.n
     unknowns = s.stages * n
     right = s.right
@@ -187,7 +187,7 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def residual(s: Gauss, p: Parameters, h: float) -> None:
-    """Leave p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
+    """Store p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
     n, stages = s.n, s.stages
     out, width = s.found, s.size
     for stage in range(stages):
@@ -204,7 +204,7 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
-    """State (Q, V) of a stage."""
+    """Write the state (Q, V) of a stage to z (size,)."""
     n, v = s.n, z[s.velocities]
     for i in range(n):
         moved = 0.0
@@ -216,7 +216,7 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
-    """Factor the Newton matrix at the present stages; return 0 where it is singular."""
+    """Factor the Newton matrix at the present stages; return 0 if it is singular."""
     n, stages = s.n, s.stages
     unknowns = stages * n
     block = 4 * n * n
@@ -238,7 +238,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
-    """Return d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one of its entries."""
+    """Return d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one entry of the matrix."""
     square = s.n * s.n
     stages, slopes, a = s.stages, s.slopes, s.coefficients
     value = h * a[stages * i + k] * slopes[i * 4 * square + rc]
@@ -253,7 +253,7 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 
 def conclude(s: Gauss, h: float) -> None:
-    """Write the new positions, momenta and work; the velocities go on for a start."""
+    """Write the new positions, momenta and work; the velocities are a first guess."""
     n, new, compensation = s.n, s.new, s.compensation
     stages, works, lost = s.stages, new[s.quadratures], compensation[s.quadratures]
     s.new[:] = s.y
@@ -267,7 +267,7 @@ def conclude(s: Gauss, h: float) -> None:
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
-    """Solve dL/dq' = p for the velocities; return 0 where Newton's method fails."""
+    """Solve dL/dq' = p for the velocities; return 0 if Newton's method fails."""
     n, new, M, change = s.n, s.new, s.M, s.change
     v = new[s.velocities]
     previous = 0.0
@@ -294,7 +294,7 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
 
 
 class Gauss4(Gauss):
-    """Its tableau."""
+    """Memory of `gauss4`, with its tableau."""
 
     stages: int = 2
     nodes: Floats = array("stages", C)

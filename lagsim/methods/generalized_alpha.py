@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from typing import TypedDict
 
     class Options(TypedDict, total=False):
-        """The same for type checkers."""
+        """Types of the options, for type checkers."""
 
         spectral_radius: float | str | None
 
@@ -60,9 +60,9 @@ RESOLVED = 0.5
 
 
 def amplification(z: complex, radius: float = RADIUS) -> float:
-    """Spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
+    """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
-    Of the matrix (3, 3) that takes (q, q', a) on (Chung and Hulbert, section 3).
+    Of the matrix (3, 3) that advances (q, q', a) (Chung and Hulbert, section 3).
     """
     import numpy as np
 
@@ -83,7 +83,7 @@ def amplification(z: complex, radius: float = RADIUS) -> float:
 
 
 def share(radius: float) -> float:
-    """Alpha_m, the share of the old acceleration in the balance (eq. 25)."""
+    """Return alpha_m, the share of the old acceleration in the balance (eq. 25)."""
     return (2.0 * radius - 1.0) / (radius + 1.0)
 
 
@@ -93,13 +93,13 @@ def weight(radius: float) -> float:
 
 
 def displacement(radius: float) -> float:
-    """Return beta, its weight in the displacement (eq. 20)."""
+    """Return beta, the weight of the new acceleration in the displacement (eq. 20)."""
     half = 0.5 * (1.0 - share(radius) + radius / (radius + 1.0))
     return half * half
 
 
 class GeneralizedAlpha(Fixed):
-    """The method's own acceleration, and the factors that it is solved for with."""
+    """Memory of the method's own acceleration, and of the factors of its equation."""
 
     spectral_radius: float = option(
         RADIUS, 0.0, 1.0,
@@ -120,18 +120,19 @@ STATE = GeneralizedAlpha
 
 
 def start(s: GeneralizedAlpha, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
+    """Begin an arc: evaluate y' at its start."""
     begin(s, p)
     aim(s, p)
     s.due = 1.0
 
 
 def aim(s: GeneralizedAlpha, p: Parameters) -> None:
-    """Begin with the acceleration at the time that the method's own belongs to.
+    """Set the first acceleration of the method, at its own time.
 
-    That is off by alpha_m - alpha_f steps; taking the one at the start would make the
-    first step an order worse (Arnold and Bruels, section 3). Where the step does not
-    resolve the fast motion, a slope says nothing about it, and is left out.
+    This time differs from the start by alpha_m - alpha_f steps; the acceleration at the
+    start would reduce the order of the first step by one (Arnold and Bruels, section
+    3). If the step does not resolve the fast motion, the slope of the acceleration is
+    of no use, and is omitted.
     """
     n, y, k, z, h = s.n, s.y, s.k, s.new, s.fixed_step
     radius = s.spectral_radius
@@ -163,7 +164,7 @@ def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 
 def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Solve for the new acceleration, and leave the new state.
+    """Solve for the new acceleration, and compute the new state; return a code.
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
     """
@@ -215,7 +216,7 @@ def advance(s: GeneralizedAlpha, h: float) -> None:
 
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Factor (1 - alpha_m) - (1 - alpha_f) (h^2 beta Jq + h gamma Jv); 0: singular."""
+    """Factor (1 - alpha_m) - (1 - alpha_f)(h^2 beta Jq + h gamma Jv); 0 if singular."""
     n, J, factors, radius = s.n, s.J, s.factors, s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)
     positions = part * h * h * displacement(radius)

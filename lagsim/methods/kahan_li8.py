@@ -96,7 +96,7 @@ RISE = (
 
 
 class Composition(Symplectic):
-    """The polynomials of the last step."""
+    """Memory of the dense output: polynomials of the last step."""
 
     r: Floats = array(lambda s: 4 * s.size)
     c3: Floats = array("size")  # the quintic
@@ -107,7 +107,7 @@ class Composition(Symplectic):
 
 
 def step(s: Composition, p: Parameters) -> int:
-    """Make one step, or return a code other than 0."""
+    """Make one step; return DONE or another code."""
     code = compose(s, p)
     if code == DONE:
         make_dense(s, p)
@@ -115,7 +115,7 @@ def step(s: Composition, p: Parameters) -> int:
 
 
 def make_dense(s: Composition, p: Parameters) -> None:
-    """Make the polynomials: the quintic always, r where a row lies within the step."""
+    """Compute the polynomials: always the quintic, r if a row lies within the step."""
     size, n = s.size, s.n
     s.r[:] = 0.0
     quintic(s)
@@ -136,7 +136,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
 
 
 def quintic(s: Composition) -> None:
-    """Coefficients of x^3, x^4, x^5 in the quintics (3, size) of the positions."""
+    """Compute the coefficients of x^3, x^4, x^5 in the quintics of the positions."""
     h, old, v, old_v = s.step_h, s.old, s.y[s.velocities], s.old[s.velocities]
     a, old_a = s.k[s.velocities], s.before[s.velocities]
     for i in range(s.n):
@@ -150,7 +150,7 @@ def quintic(s: Composition) -> None:
 
 
 def look_within(s: Composition, p: Parameters) -> None:
-    """Residuals of the accelerations at the nodes (4, size)."""
+    """Compute residuals of rates and accelerations at the nodes (4, size)."""
     h, slope, first = s.step_h, s.slope, s.velocities.start
     a, old_a = slope[s.velocities], s.before[s.velocities]
     for j in unrolled(4):
@@ -166,7 +166,7 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Residuals of the powers at the nodes, along the corrected path."""
+    """Compute residuals of the powers at the nodes, along the corrected path."""
     h = s.step_h
     first = s.quadratures.start
     for j in unrolled(4):
@@ -179,7 +179,7 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 
 
 def correct(s: Composition, first: int, end: int) -> None:
-    """Corrections r of the components from `first` on, from residuals of rates."""
+    """Compute corrections r of components first ... end - 1 from residuals of rates."""
     for i in range(first, end):
         for m in unrolled(4):
             some = total(RISE[m][j] * s.residuals[j * s.size + i] for j in unrolled(4))
@@ -187,7 +187,7 @@ def correct(s: Composition, first: int, end: int) -> None:
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
-    """Greatest slope of the cubic of component i, times the step."""
+    """Return the slope at x of the Hermite cubic of component i, times the step."""
     h = s.step_h
     u = 1.0 - x
     change = s.y[i] - s.old[i]
@@ -197,7 +197,7 @@ def steepness(s: Composition, i: int, x: float) -> float:
 
 
 def interpolate(s: Composition, p: Parameters, x: float, out: Floats) -> None:
-    """State y (size,) at the fraction x of the last step."""
+    """Write the state (size,) at the fraction x of the last step."""
     h, old_v, old_a = s.step_h, s.old[s.velocities], s.before[s.velocities]
     w = x * (1.0 - x)
     hermite(s, p, x, out)
@@ -218,7 +218,7 @@ def polynomial(s: Composition, i: int, x: float) -> float:
 
 
 class KahanLi8(Composition):
-    """The weights of its Verlet steps."""
+    """Memory of `kahan-li8`, with the weights of its Verlet steps."""
 
     stages: int = 17
     weights: Floats = array("stages", WEIGHTS)

@@ -65,7 +65,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class Moreau(Fixed):
-    """State of Moreau's method: place of the multipliers, working memory of a step."""
+    """Memory of Moreau's method: place of the multipliers, working memory of a step."""
 
     # Rows ask for no slopes.
     before: Floats = array(lambda _: 0)
@@ -83,7 +83,7 @@ STATE = Moreau
 
 
 class Impulses(Parameters):
-    """Rows that are satisfied by impulses in each step."""
+    """Parameters of the rows that are satisfied by impulses in each step."""
 
     row_count: int  # these rows
     inertial: int  # elements of M in its envelope
@@ -93,13 +93,12 @@ class Impulses(Parameters):
     row_normal: Floats = array("row_count")
     row_pair: Floats = array("row_count")
     row_restitution: Floats = array("row_count")
-    # Where `balance` has what.
+    # Layout of the values of `balance`.
     inertia_first: Floats = array("n")
     slope_starts: Floats = array(lambda p: p.row_count + 1)
     slope_columns: Floats = array("sloping")
-    # What `balance` gives: M in its envelope, the elements of the rows, the forces;
-    # then of each row its gap, what its rate is at rest, its bounds, whether it is in
-    # force.
+    # Values of `balance`: M in its envelope, the elements of the rows, the forces; then
+    # of each row its gap, its rate at rest, its bounds, whether it is in force.
     balance: Floats = array(lambda p: p.inertial + p.sloping + p.n + 5 * p.row_count)
     met_slopes: Floats = part("balance", "sloping", "inertial")
     pushes: Floats = after("met_slopes", "n")
@@ -109,15 +108,16 @@ class Impulses(Parameters):
     row_statics: Floats = after("row_bounds", "row_count")
     row_force: Floats = after("row_statics", "row_count")
     inertia_factor: Floats = array("inertial")
-    # Of what acts in a step: its number, and of each row its place, from 1; what an
-    # impulse of one changes, element by element, and where those begin.
+    # Active rows of a step: their indices, and the place of each row among them, from
+    # 1; responses to unit impulses, element by element, and where the response of each
+    # row begins.
     acting: Floats = array("row_count")
     among: Floats = array("row_count")
     answer_starts: Floats = array(lambda p: p.row_count + 1)
     answers: Floats = array(lambda p: p.row_count * p.n)
     answer_columns: Floats = array(lambda p: p.row_count * p.n)
-    # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
-    # how large its rates are.
+    # Of each active row: the impulse, the target rate, the rate by a unit impulse, the
+    # size of its rates.
     struck: Floats = array("row_count")
     aims: Floats = array("row_count")
     yields: Floats = array("row_count")
@@ -128,7 +128,7 @@ PARAMETERS = Impulses
 
 
 def amplification(z: complex) -> float:
-    """Spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
+    """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
     import numpy as np
 
     square, damping = abs(z) ** 2, 2.0 * z.real
@@ -138,7 +138,7 @@ def amplification(z: complex) -> float:
 
 
 def start(s: Moreau, p: Impulses) -> None:
-    """Begin an arc: multipliers at its start are those of the step to come."""
+    """Begin an arc: the multipliers at its start are those of the first step."""
     s.step_h = 0.0
     s.multipliers = s.size - p.row_count
     attempt(s, p, min(float(s.fixed_step), s.end - s.t))
@@ -156,7 +156,7 @@ def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
 
 
 def attempt(s: Moreau, p: Impulses, h: float) -> int:
-    """Leave the state after a step h; return 0 if the impulses are not quite right."""
+    """Compute the state after a step h; return 0 if the impulses have not converged."""
     n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
     s.z[:] = y
@@ -179,9 +179,9 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
 
 
 def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
-    """Find the impulses, and the multipliers that they are in the mean.
+    """Compute the impulses, and their mean multipliers; return the sweeps, or 0.
 
-    The last ones are the guess.
+    The last impulses are the first guess.
     """
     first = s.size - p.row_count
     count = gather(p, s.z[s.velocities], s.w, h, s.room)
@@ -219,10 +219,10 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
 
 
 def interpolate(s: Moreau, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step: on the chord.
+    """Write the state (size,) at the fraction x of the last step: on the chord.
 
     Multipliers are those of the step. At an impact velocities and works jump in the
-    middle: between those before and after it there are none, and no event.
+    middle of the step: there are no values in between, and no event.
     """
     n, h = s.n, s.step_h
     out[: s.size] = s.old + x * (s.y - s.old)
@@ -245,29 +245,28 @@ def interpolate(s: Moreau, p: Parameters, x: float, out: Floats) -> None:  # noq
 #     slips        |p| <= mu times that of the contact; rate 0, or p against the slip
 #     limited      |p| <= h times its bound; rate 0, or p against it
 #
-# One row after the other is given the impulse that meets its law, forth and back, until
-# none changes. A sweep costs no more than the elements of the rows that act and of what
-# they push; M is factored within its envelope.
+# The impulse of one row after the other is set to satisfy its law, forward and
+# backward, until no impulse changes. The cost of a sweep is that of the elements of the
+# active rows and of their responses; M is factored within its envelope.
 #
 # Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech.
 # Eng. 177 (1999) 235-257.
 
 MOST_SWEEPS = 5000  # after which relaxation ends unsettled, and that is reported
-# A row that is met farther than it needs to be passes on what it changes to the next
-# ones faster: long stacks take a tenth of the sweeps (R. W. Cottle, J.-S. Pang and R.
-# E. Stone, The Linear Complementarity Problem, 1992, section 5.2: any factor below 2
-# converges). Few rows need none of it.
+# Over-relaxation after PATIENT sweeps: long stacks need a tenth of the sweeps (R. W.
+# Cottle, J.-S. Pang and R. E. Stone, The Linear Complementarity Problem, 1992, section
+# 5.2: any factor below 2 converges). A few rows do not need it.
 PATIENT = 30
 BEYOND = 1.7
-# A gap that opens by this part of the step's motion is touched: what relaxation leaves
-# must not let a pile fall for a step.
+# A gap below this part of the motion in the step counts as closed: the residual of the
+# relaxation must not let a pile fall for a step.
 NEAR = 1e-3
 
 
 def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
-    """Columns of a row: q'' is that of the forces and the mean multipliers.
+    """Write the columns of a row: q'' is that of the forces and the mean multipliers.
 
-    y ends with these.
+    y ends with the multipliers.
     """
     motion = p.motion
     lam = y[p.size - p.row_count :]
@@ -330,7 +329,7 @@ def respond(p: Impulses, x: Floats) -> None:
 
 
 def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
-    """List the active rows with their aims and responses; return their number.
+    """List the active rows with their target rates and responses; return their number.
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
     """
@@ -360,7 +359,7 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
 
 def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
-    """Note M^-1 A^T of row k, and its own part; return 0 where nothing answers."""
+    """Store M^-1 A^T and A M^-1 A^T of row k; return 0 if the latter is not > 0."""
     starts = p.slope_starts
     room[: p.n] = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
@@ -391,7 +390,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """Magnitude of the rate of row k at velocities v, and at w."""
+    """Return the size of the rate of row k at velocities v and w, by its terms."""
     found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])
@@ -400,16 +399,16 @@ def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
 
 
 def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
-    """Add the response to an impulse of the row in place i to velocities w."""
+    """Add the response to an impulse of active row i to velocities w (n,)."""
     for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
         w[int(p.answer_columns[e])] += p.answers[e] * impulse
 
 
 def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
-    """Find the impulses of the rows that act; give the sweeps, or 0 if it did not end.
+    """Compute the impulses of the active rows; return the sweeps, 0 on failure.
 
-    v : (n,), the velocities before. w : (n,), those that there would be without the
-    impulses in `struck`, which are a guess; on return those after the step.
+    v : (n,), the velocities before. w : (n,), the velocities without impulses; on
+    return those after the step. `struck` contains a first guess.
     """
     for i in range(count):
         push(p, i, p.struck[i], w)
@@ -428,7 +427,7 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
 def satisfy(
     p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float
 ) -> float:
-    """Meet the law of the row in place i; give how much that changes, of its rates."""
+    """Set the impulse of active row i by its law; return the relative change."""
     k = int(p.acting[i])
     kind = p.row_kind[k]
     pair = int(p.row_pair[k])
@@ -459,7 +458,10 @@ def satisfy(
 def satisfy_disc(
     p: Impulses, i: int, other: int, h: float, v: Floats, w: Floats
 ) -> float:
-    """Meet the law of two slips, in places i and other: on the disc."""
+    """Set the impulses of two slips, active rows i and other, on the disc.
+
+    Return the relative change of rates.
+    """
     struck = p.struck
     k = int(p.acting[i])
     own = max(p.yields[i], p.yields[other])
@@ -480,7 +482,11 @@ def satisfy_disc(
 
 
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
-    """Return largest impulse of row k: another while it rests, if that is enough."""
+    """Return the largest impulse of row k, static or dynamic.
+
+    Static if the row rested before the step and the impulse `asked` is within the
+    static limit.
+    """
     normal = int(p.row_normal[k])
     factor_of = h
     if normal >= 0:

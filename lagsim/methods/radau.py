@@ -58,7 +58,7 @@ NOT_WORTH = 1.2
 
 
 def start(s: Radau, p: SparseNewton) -> None:
-    """Begin an arc: evaluate at its start, choose the first step."""
+    """Begin an arc: evaluate y' at its start, choose the first step."""
     slope = s.slope
     derivative(s.t, s.y, p, slope)
     s.evaluations += 1.0
@@ -73,7 +73,7 @@ def start(s: Radau, p: SparseNewton) -> None:
 
 
 def step(s: Radau, p: SparseNewton) -> int:
-    """Make one accepted step, or return a code other than 0."""
+    """Make one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -112,11 +112,11 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
 
 
 def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
-    """Whether the step is one over or from a loss of rank, or fails before it.
+    """Whether the step is over or from a loss of rank, or fails before it.
 
     The accelerations off the constraints, and their derivatives, grow with the inverse
-    of sigma: Newton's method for the stages finds a false solution, or
-    none. An explicit method has stages at a distance.
+    of sigma: Newton's method for the stages finds a false solution, or none. An
+    explicit method has its stages at a distance.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
         return constraints.time_to_loss(s, p, s.sigma / s.falling) > 0.0
@@ -125,7 +125,7 @@ def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
 
 
 def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
-    """Code of an attempted step, DONE or its failure; s.h is the next to try."""
+    """Return the code of an attempted step; s.h becomes the next step to try."""
     if not error < OVERFLOW:
         s.h = 0.1 * h
         return at.NOT_FINITE
@@ -144,13 +144,13 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
 
 
 def change(s: Radau, error: float) -> float:
-    """By how much the step should shrink: IV.8 (8.21), less after long Newton."""
+    """Return the divisor of the step: IV.8 (8.21), larger after a long Newton."""
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
 
 
 def predict(s: Radau, h: float, error: float) -> float:
-    """Return the same after an accepted step, with the last one: IV.8 (8.25)."""
+    """Return the divisor after an accepted step, with the last error: IV.8 (8.25)."""
     quotient = change(s, error)
     if s.previous_h > 0.0:
         ahead = (error * error / s.previous_error) ** 0.25 / SAFETY
@@ -161,9 +161,9 @@ def predict(s: Radau, h: float, error: float) -> float:
 
 
 def attempt(s: Radau, p: SparseNewton, h: float) -> float:
-    """Make a step and give its error in units of the tolerance.
+    """Compute a step; return its error in units of the tolerance.
 
-    Negative where Newton's method did not converge; s.h is then the step to try next.
+    Negative if Newton's method did not converge; s.h is then the step to try next.
     """
     if CONSTRAINED:
         p.least_sigma = 1.0
@@ -187,7 +187,7 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def estimate(s: Radau, p: SparseNewton, h: float) -> float:
-    """Error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
+    """Return the error of the step: IV.8 (8.19), or (8.20) if first or repeated."""
     size, errors, F = s.size, s.errors, s.F
     for i in range(size):
         F[i] = total(ERROR[k] * s.Z[k * size + i] for k in unrolled(3)) / h
@@ -203,10 +203,11 @@ def estimate(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
-    """Solve for the errors, and give their size against the estimate's tolerance.
+    """Solve for the errors; return their norm relative to the estimate's tolerance.
 
-    The estimate goes with h^4, the error of the whole motion with h^5: held to
-    tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
+    The estimate varies as h^4, the error of the whole motion as h^5: with the estimate
+    held to tolerance^(4/5), the error is proportional to the tolerance (RADAU5 uses
+    2/3).
     """
     solve(1, s, p, errors)
     error = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
@@ -219,7 +220,7 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
 
 
 def accept(s: Radau, p: SparseNewton, h: float) -> None:
-    """Take the new state; keep the polynomial through the slopes of the stages."""
+    """Accept the new state; keep the polynomial through the slopes of the stages."""
     size, slope, new = s.size, s.slope, s.new
     for i in range(size):
         first = h * s.last_slope[i]
@@ -247,7 +248,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
-    """Slope of that, from the velocities on."""
+    """Write the slope (size,) of the dense output at x, from the velocities on."""
     for i in range(s.n, s.size):
         slope = 0.0
         for m in unrolled(4):
@@ -270,12 +271,12 @@ ROUNDING = 20.0 * UNIT_ROUNDOFF
 
 
 def full(s: Radau) -> int:
-    """Rows of Newton's matrix where it is full."""
+    """Return the number of rows of a full Newton matrix."""
     return s.n + s.states
 
 
 class Radau(State):
-    """Values carried from step to step, stages, and factors."""
+    """Memory of RADAU: stages, factors, and values carried from step to step."""
 
     rate: float  # of convergence, in the last step
     left_over: float  # rate/(1 - rate), carried from step to step
@@ -314,7 +315,7 @@ PARAMETERS = SparseNewton
 
 
 def renew(s: Radau, p: SparseNewton, h: float) -> int:
-    """Evaluate the Jacobian and factor where that is due; return 0 where singular."""
+    """Evaluate the Jacobian and factor if due; return 0 if a matrix is singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
         count = s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop
@@ -335,7 +336,7 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def factor(width: Static, s: Radau, p: SparseNewton) -> int:
-    """Factor the real matrix, or the complex one; return 0 where it is singular."""
+    """Factor the real or the complex matrix; return 0 if it is singular."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     newton.square(width, g)
@@ -346,7 +347,7 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
-    """Replace r (size,) by the solution with the real matrix, or the complex one."""
+    """Replace r (size,) by the solution with the real or the complex matrix."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     if SPARSE:
@@ -357,9 +358,9 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
 
 
 def converge(s: Radau, p: SparseNewton, h: float) -> int:
-    """Solve for the stages by simplified Newton iterations; return 0 where that fails.
+    """Solve for the stages by simplified Newton; return 0 if it fails.
 
-    Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
+    Section IV.8, (8.13); the rate of convergence predicts the remaining error.
     """
     limit = max(LEFT, ROUNDING / (LOCAL * s.rtol))
     guess(s, p, h)
@@ -399,12 +400,12 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
-    """Whether the last change of T^-1 Z is roundoff: of the rates, or of the state.
+    """Whether the last change of T^-1 Z is roundoff of the rates, or of the state.
 
-    A stiff force rounds the state that it is asked at; however often, the iteration
-    comes no closer. The tolerances allow for roundoff from here on. What the estimate
-    would not let pass is too large for that. In a step of a few units in the last place
-    of the time, as to an end just ahead, the tolerance of a velocity is the rounding of
+    A stiff force is evaluated at a rounded state; further iterations do not reduce this
+    error. The tolerances include roundoff from here on. A roundoff that the error
+    estimate would reject is too large. In a step of a few units in the last place of
+    the time, as to an end just ahead, the tolerance of a velocity is the rounding of
     its value, to which it is solved.
     """
     errors = s.errors
@@ -424,7 +425,7 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
 
 
 def guess(s: Radau, p: SparseNewton, h: float) -> None:
-    """Start from the polynomial of the step before, or from nothing."""
+    """Set the first guess: the polynomial of the step before, or 0."""
     s.Z[:] = 0.0
     if s.previous_h > 0.0:
         for stage in unrolled(3):
@@ -434,7 +435,7 @@ def guess(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
-    """Leave the change of T^-1 Z as W, and give its size against the tolerance."""
+    """Store the change of T^-1 Z as W; return its norm relative to the tolerance."""
     size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):
         s.z[:] = s.y + Z[stage * size : (stage + 1) * size]
@@ -456,7 +457,7 @@ def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def size_of_change(s: Radau) -> float:
-    """Size of the change of T^-1 Z, which is in W, against the tolerance."""
+    """Return the norm of W, the change of T^-1 Z, relative to the tolerance."""
     size, W = s.size, s.W
     real = norm(2, size, W[size:], s.tolerances)
     imaginary = norm(2, size, W[size + 1 :], s.tolerances)
@@ -473,7 +474,7 @@ def apply_step(s: Radau) -> None:
 
 
 def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
-    """Mean size (root of the mean square) of x against the tolerances."""
+    """Return the root mean square of x (size,) over the tolerances."""
     square = 0.0
     controlled = 0
     for i in range(size):
@@ -487,7 +488,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
 
 
 def interpolate(s: Radau, p: SparseNewton, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step, or beyond it."""
+    """Write the state (size,) at the fraction x of the last step, or beyond it."""
     for i in range(s.size):
         value = 0.0
         for m in unrolled(4):

@@ -60,7 +60,7 @@ MOST = 30
 
 
 class Rattle(Fixed):
-    """Multipliers that keep the positions on the constraints."""
+    """Memory of RATTLE: multipliers that keep the positions on the constraints."""
 
     probe: Floats = array("size")  # a state to ask at
     change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
@@ -71,7 +71,7 @@ STATE = Rattle
 
 
 def refusal(scene: Structure) -> str:
-    """Say why it cannot handle the scene, or return ""."""
+    """Return the reason why the method cannot handle the scene, or ""."""
     if scene.constraints not in ("none", "holonomic"):
         return (
             "it has constraints between velocities that hold no positions (`dop853` "
@@ -111,11 +111,11 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
 def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
-    Give 0 where that fails. A step of Newton's method would be along the gradients at
-    the new positions; projected onto the span of the old ones it leaves an error that
-    grows with the angle between the two, and Broyden's method learns from the steps
-    what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
-    Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
+    Return 0 on failure. A Newton step would be along the gradients at the new
+    positions; projected onto the span of the old gradients it leaves an error that
+    grows with the angle between both, and Broyden's method corrects the steps for the
+    projection (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM
+    1995, section 7.3: only the steps are stored).
     """
     n, new, work = s.n, s.new, s.change
     v = new[s.velocities]
@@ -152,7 +152,7 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
 
 
 def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
-    """Replace the last of the steps (made + 1, n) by Broyden's."""
+    """Replace the last of the steps (made + 1, n) by Broyden's step."""
     last = steps[made * n :]
     for j in range(made):
         step = steps[j * n :]

@@ -52,7 +52,7 @@ SWITCHES = True
 
 
 class Rk4(Fixed):
-    """The stages' slopes, and the state of a stage."""
+    """Memory of RK4: the stages' slopes, and the state of a stage."""
 
     stages: Floats = array(lambda s: 4 * s.size)
     z: Floats = array("size")

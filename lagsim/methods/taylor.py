@@ -68,19 +68,19 @@ SHORTEST = 0.2
 
 
 def order_for(rtol: float) -> int:
-    """Order for a tolerance (Jorba and Zou, (3-5))."""
+    """Return the order for a tolerance (Jorba and Zou, (3-5))."""
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
     most = TIGHT_ORDER if rtol < control.TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
 
 
 def amplification(z: complex) -> float:
-    """Size of the sum of z^k / k! up to ORDER."""
+    """Return the absolute sum of z^k / k! up to ORDER."""
     return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
 
 
 def start(s: Taylor, p: Parameters) -> None:
-    """Begin an arc: the series at its start, the first step."""
+    """Begin an arc: compute the series at its start, choose the first step."""
     c = s.series
     s.which = 0.0
     series(s.t, s.y, p, c)
@@ -106,7 +106,7 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than 0."""
+    """Make one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -138,7 +138,7 @@ def step(s: Taylor, p: Parameters) -> int:
 
 
 def shorten(s: Taylor, h: float, error: float) -> int:
-    """Choose the step to try after one of this error; give the code of its failure."""
+    """Choose the step to try after one of this error; return the failure's code."""
     if not error < OVERFLOW:
         s.h = SHORTEST * h
         return at.NOT_FINITE
@@ -148,7 +148,7 @@ def shorten(s: Taylor, h: float, error: float) -> int:
 
 
 def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
-    """State after a step of length h; 0 where it is not finite."""
+    """Compute the state after a step of length h; return 0 if it is not finite."""
     size = s.size
     c = s.series[buffer(size, s.which) :]
     if s.rtol < control.TIGHT and not rejected:
@@ -160,10 +160,10 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
-    """Error in units of the tolerance, from the series at the end of the step.
+    """Return the error in tolerances, by the series at the end of the step.
 
-    What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
-    follows; the next step's series has y'.
+    There the rate of the old series differs from y' by (K + 1) y_(K+1) h^K and higher
+    terms; y' is that of the next step's series.
     """
     size = s.size
     c = s.series[buffer(size, s.which) :]
@@ -180,7 +180,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
 
 
 def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
-    """Take the new state and its series; the old one is the dense output."""
+    """Accept the new state and its series; the old series is the dense output."""
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
     rates = following[1 + size :]
@@ -210,13 +210,13 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
 
 
 def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """State y (size,) at the fraction x of the last step: the series there."""
+    """Write the state (size,) at the fraction x of the last step, by its series."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     reach(s, before, s.carried, x * s.step_h, out)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
-    """Slope of that, from the velocities on."""
+    """Write the slope (size,) of the dense output at x, from the velocities on."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     sum_rates(s.size, s.n, before, x * s.step_h, out)
 
@@ -240,7 +240,7 @@ UNBOUNDED = 700.0
 
 
 class Taylor(State):
-    """Two series, each its order K, then y_0 ... y_K; and the new state."""
+    """Memory of two series, each its order K, then y_0 ... y_K, and a new state."""
 
     which: float  # of the two series is the present one: 0 or 1
     series: Floats = array(lambda s: buffer(s.size, 2.0))
@@ -255,15 +255,16 @@ STATE = Taylor
 
 
 def buffer(size: int, which: float) -> int:
-    """Offset of one of the two series; for `which` = 2 the length of both."""
+    """Return the offset of series `which`, 0 or 1; for 2 the length of both."""
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
 def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
-    """State (size,) at h in a step of series c; its roundoff in `remainder`.
+    """Compute the state (size,) at h in a step of series c, and its roundoff.
 
-    lost : (size,), what the state lacked at the start. At the end of the step this is
-    the new state to the last bit: what lies past a switch there does so here.
+    lost : (size,), the compensation at the start. The roundoff is stored in
+    `remainder`. At the end of the step this is the new state to the last bit, so that
+    both are on one side of a switch.
     """
     size, remainder = s.size, s.remainder
     sum_bend(size, c, h, remainder)
@@ -283,10 +284,10 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
 
 
 def chosen_step(s: State, c: Floats, t: float) -> float:
-    """Step from t at which the terms after the last are within the tolerance.
+    """Return a step from t at which truncation errors are within the tolerance.
 
-    If each of the last four terms is within its bound, and they shrink by e^2 from
-    one to the next, so is the first that is left out. Not longer than the arc.
+    If each of the last four terms is within its bound, and they decrease by e^2 from
+    one to the next, so is the first omitted term. At most the length of the arc.
     """
     size = s.size
     order = int(c[0])
@@ -318,14 +319,14 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
 
 
 def bound(term: float, shrink: float, k: int) -> float:
-    """Logarithm of the longest step that the term y_k allows."""
+    """Return the logarithm of the longest step that the term y_k allows."""
     part = 1.0 / k
     found = (shrink - log(max(term, LEAST_NUMBER))) * part
     return found if term > LEAST_NUMBER else UNBOUNDED
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
+    """Compute the sum of y_k h^k from k = 2, by even and odd powers in parallel."""
     order = int(c[0])
     square = h * h
     for i in range(size):
@@ -344,7 +345,7 @@ def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Sum of k y_k h^(k - 1) in the same way, from component `first` on."""
+    """Compute the sum of k y_k h^(k - 1) as `sum_bend`, from component `first` on."""
     order = int(c[0])
     square = h * h
     for i in range(first, size):
@@ -364,7 +365,7 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Error (size,) that the terms of a series may cause in a step."""
+    """Compute the error (size,) that the terms of a series may cause in a step."""
     order = int(c[0])
     for i in range(size):
         far = 0.0
@@ -374,9 +375,9 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> float:
-    """Error of a step, from y' (size,) at its end and the series' own there.
+    """Return the error of a step, from y' (size,) at its end and that of the series.
 
-    One that is finite has a finite square.
+    The square of a finite error is finite.
     """
     part = h / (order + 1.0)
     worst = 0.0

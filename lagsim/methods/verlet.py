@@ -64,7 +64,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class Symplectic(Fixed):
-    """The Verlet steps that make a step; `new` is the state between them."""
+    """Memory of compositions of Verlet steps; `new` is the state between steps."""
 
     stages: int = 1
     weights: Floats = array("stages", 1.0)
@@ -77,7 +77,7 @@ STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
-    """Say why positions and velocities cannot be moved in turn, or return ""."""
+    """Return the reason why positions and velocities cannot be moved in turn, or ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is Verlet's method for holonomic ones, "
@@ -89,7 +89,7 @@ def refusal(scene: Structure) -> str:
 
 
 def inseparable(scene: Structure) -> str:
-    """Say why the motion does not split into kicks and drifts, or return ""."""
+    """Return the reason why the motion does not split into kicks and drifts, or ""."""
     instead = (
         "(`midpoint` and `gauss4` are symplectic for any Lagrangian, `dop853` follows "
         "any motion closely)"
@@ -105,10 +105,10 @@ def inseparable(scene: Structure) -> str:
 
 
 def composed_amplification(weights: Sequence[float], z: complex) -> float:
-    """Spectral radius of a composition of Verlet steps of `weights`.
+    """Return the spectral radius of a composition of Verlet steps of `weights`.
 
     For q'' = 2 Re(z) q' - |z|^2 q and a step of 1. Damping, which a run refuses, is
-    taken as explicit: by the velocity before each half kick.
+    explicit: by the velocity before each half kick.
     """
     (a, c), (b, d) = (_composed(weights, z, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
     half = 0.5 * (a + d)
@@ -136,7 +136,7 @@ amplification = partial(composed_amplification, (1.0,))
 
 
 def start(s: Symplectic, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
+    """Begin an arc: evaluate y' at its start."""
     end = 0.0
     before = 0.0
     for stage in range(s.stages):
