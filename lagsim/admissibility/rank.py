@@ -627,7 +627,7 @@ def _violated(
     known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]
-    # Where they leave nothing but the state itself, no other state tells anything.
+    # If the independent rows determine the state, there is no other state to test.
     if not suspects or len(independent) >= point.n:
         return []
     others = relations_of(point, independent, velocities=velocities)

@@ -94,7 +94,7 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
         laws = [law for law in e.laws if law.constraint not in off]
         held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
-        # Of open gaps no rate is asked.
+        # Rates of open gaps are not checked.
         contacts = [x.row for x in point.e.laws if x.kind is Kind.CONTACT]
         gaps = point.array([row.residual for row in contacts])
         for row, gap in zip(contacts, gaps, strict=True):

@@ -147,7 +147,7 @@ def page(name: str) -> str:
     return "\n\n".join(parts)
 
 
-# Methods, and those of other programs, in small letters, that do the same.
+# Equivalent methods of other programs, in small letters, by method.
 _ELSEWHERE = {
     "dop853": "rk45 ode45 ode113 dopri dopri5 lsoda adams",
     "radau": "bdf ode15s ode23s dassl ida implicit",

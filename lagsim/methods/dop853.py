@@ -97,7 +97,7 @@ def start(s: Dop853, p: Parameters) -> None:
 
 
 def step(s: Dop853, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than DONE."""
+    """Advance by one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -151,7 +151,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
-    # Perhaps it is nothing but rounding.
+    # The error may be rounding alone.
     doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))

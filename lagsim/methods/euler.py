@@ -41,7 +41,7 @@ STATE = Fixed
 
 
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     s.new[:] = s.y + h * s.k
     return conclude(s, p, after, h)
 

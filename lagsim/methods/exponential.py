@@ -101,7 +101,7 @@ def squares(s: Exponential) -> int:
 class Exponential(Fixed):
     """Memory of the matrices, for z = (q, q', 1)."""
 
-    # Rows ask for no slopes.
+    # Rows need no slopes.
     before: Floats = array(lambda _: 0)
     k: Floats = array(lambda _: 0)
     slope: Floats = array(lambda _: 0)
@@ -197,7 +197,7 @@ def make_matrices(s: Exponential, h: float) -> None:
 
 
 def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     m = width(s)
     y, z, moved, new = s.y, s.z, s.moved, s.new
     if abs(h - s.made_for) > SAME_STEP * s.made_for:

@@ -78,8 +78,8 @@ class Gauss(Fixed):
     coefficients: Floats = array(lambda s: s.stages * s.stages)
     z: Floats = array("size")  # a state to ask at
     momenta: Floats = array("n")
-    # Of each stage: the velocities, those of the step before, what `lagrangian` gives
-    # and what `lagrangian_slopes` does.
+    # Of each stage: the velocities, the velocities of the step before, the values of
+    # `lagrangian` and of `lagrangian_slopes`.
     V: Floats = array(lambda s: s.stages * s.n)
     V_before: Floats = array(lambda s: s.stages * s.n)
     found: Floats = array(lambda s: s.stages * s.size)
@@ -117,7 +117,7 @@ def start(s: Gauss, p: Parameters) -> None:
 
 
 def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     predict(s)
     if solve_stages(s, p, h) == 0:
         return at.NEWTON_FAILED

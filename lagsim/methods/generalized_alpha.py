@@ -153,7 +153,7 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
 
 
 def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     code = balance(s, p, after, h)
     if code != DONE:
         return code

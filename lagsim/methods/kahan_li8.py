@@ -107,7 +107,7 @@ class Composition(Symplectic):
 
 
 def step(s: Composition, p: Parameters) -> int:
-    """Make one step; return DONE or another code."""
+    """Advance by one step; return DONE or another code."""
     code = compose(s, p)
     if code == DONE:
         make_dense(s, p)

@@ -67,7 +67,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 class Moreau(Fixed):
     """Memory of Moreau's method: place of the multipliers, working memory of a step."""
 
-    # Rows ask for no slopes.
+    # Rows need no slopes.
     before: Floats = array(lambda _: 0)
     k: Floats = array(lambda _: 0)
     slope: Floats = array(lambda _: 0)
@@ -149,7 +149,7 @@ def start(s: Moreau, p: Impulses) -> None:
 
 
 def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     if attempt(s, p, h) == 0:
         s.unsettled += 1.0
     return DONE if is_finite(s.size, s.new) else NOT_FINITE

@@ -73,7 +73,7 @@ def start(s: Radau, p: SparseNewton) -> None:
 
 
 def step(s: Radau, p: SparseNewton) -> int:
-    """Make one accepted step, or return a code other than DONE."""
+    """Advance by one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -179,7 +179,7 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
-    # Perhaps it is nothing but rounding.
+    # The error may be rounding alone.
     if error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
@@ -530,8 +530,8 @@ ERROR = (-(13.0 + 7.0 * R) / 3.0, (-13.0 + 7.0 * R) / 3.0, -1.0 / 3.0)
 
 # h times the slope at the end of the step, sum SLOPE_i Z_i: the last row of A^-1.
 SLOPE = (5.5319726474218083, -7.5319726474218083, 5.0)
-# The polynomial whose slopes at the nodes are those of the stages, and f(y0) at 0: of
-# x^1 to x^4 what h f(y0) counts, and the Z_i.
+# The polynomial with the slopes of the stages at the nodes, and f(y0) at 0: for x^1 to
+# x^4 the coefficients of h f(y0) and of the Z_i.
 DENSE = (
     (1.0, 0.0, 0.0, 0.0),
     (-4.5, 19.590050852146731, 4.0766158145199360, -7.0 / 6.0),

@@ -81,7 +81,7 @@ def refusal(scene: Structure) -> str:
 
 
 def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     n, y, slope, new = s.n, s.y, s.slope, s.new
     v = new[s.velocities]
     new[s.velocities] = y[s.velocities] + 0.5 * h * s.k[s.velocities]
@@ -146,7 +146,7 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
     probe[s.velocities] = s.y[s.velocities] + work[:n] / h
-    # The old velocities are tangent: what is taken away is the part that is looked for.
+    # The old velocities are tangent: the removed part is the solution.
     velocity_step(s.t, probe, p, work)
     moved[:n] = -work[:n]
 

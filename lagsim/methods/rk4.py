@@ -62,7 +62,7 @@ STATE = Rk4
 
 
 def make(s: Rk4, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     size, k, t = s.size, s.stages, s.t
     k[:size] = s.k
     for stage in unrolled(1, 4):

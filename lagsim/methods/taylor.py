@@ -59,7 +59,7 @@ TIGHT_ORDER = 14
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
-# A step that is shorter than this part of the last one is asked for the reason.
+# The reason for a step shorter than this part of the last one is examined.
 SUDDEN = 0.7
 # So often the first step and its tolerances are made to agree, to this part.
 PASSES = 20
@@ -106,7 +106,7 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than DONE."""
+    """Advance by one accepted step, or return a code other than DONE."""
     rejected = False
     trouble = at.STEP_TOO_SMALL
     while True:
@@ -172,7 +172,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     s.evaluations += 1.0
     control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
-    # Perhaps it is nothing but rounding.
+    # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
     if doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
         error = misfit(s, c[0], following[1 + size :], s.rates, h)
@@ -235,7 +235,7 @@ SAFETY = 0.9
 # At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
 # steps average more of what forces are rounded by.
 TIGHT_SAFETY = 0.6
-# The logarithm of a step that nothing bounds.
+# Logarithm of an unbounded step.
 UNBOUNDED = 700.0
 
 

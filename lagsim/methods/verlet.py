@@ -150,7 +150,7 @@ def start(s: Symplectic, p: Parameters) -> None:
 
 
 def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
-    """Make one step, see `fixed.make`."""
+    """Compute one step, see `fixed.make`."""
     s.new[:] = s.y
     s.slope[:] = s.k
     kick(s, p, s.t, s.kicks[0] * h)

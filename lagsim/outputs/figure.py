@@ -695,7 +695,7 @@ def map_figure(
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
     groups: dict[str, list[Column]] = {}
     for column in columns:
-        # Of what has no known unit each has a scale of its own.
+        # Each column without a known unit has a scale of its own.
         own = "energies" if column.name in ENERGIES else column.name
         groups.setdefault(column.unit or f"of {own}", []).append(column)
     for group in groups.values():

@@ -172,10 +172,10 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 
 
 # --- singular configurations: loss of rank of the constraint rows ---------------------
-# sigma is about the smallest singular value of the scaled constraint Jacobian. Near a
-# singular configuration what a stage is off the constraints is divided by it, and
-# rounding in a velocity by its square: steps that end there, or shrink on their way
-# there, lose digits, and steps that pass it at a distance lose nothing.
+# sigma approximates the smallest singular value of the scaled constraint Jacobian. Near
+# a singular configuration residuals of stages are divided by sigma, and rounding in a
+# velocity by its square: steps that end there, or shrink on their way there, lose
+# digits, and steps that pass it at a distance lose none.
 
 # A loss of rank is close where sigma falls below this part of what it
 # is in general, or has been.

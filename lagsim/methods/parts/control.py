@@ -88,8 +88,8 @@ class Control(Output):
     # The compensation term of y, and that of the new state.
     compensation: Floats = array("size")
     remainder: Floats = array("size")
-    # What `energies_masses` gives: both, and a 0 in the place of which
-    # the sum of M_ii a_i^2 that forces could make is kept.
+    # Values of `energies_masses`: both, and a 0 that is replaced by the sum of M_ii
+    # a_i^2 of the accelerations that forces could cause.
     measured: Floats = array(lambda s: s.n + 3)
     energies: Floats = part("measured", lambda _: 2)
     masses: Floats = after("energies", "n")
@@ -183,7 +183,7 @@ def set_tolerances(
         if p.laws > 0:
             part = max(part, p.law_pushes[i])
         if i < n:
-            # Positions: what their velocities do in the step.
+            # Positions: their change by the velocities in the step.
             part *= moment
             roundoff[i] = max(floor * rate, of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
@@ -369,7 +369,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
         z[: s.size] = s.y + h * k[: s.size]
         derivative(s.t + h, z, p, slopes)
         s.evaluations += 1.0
-        # What rests has a scale by now.
+        # Components at rest have a scale by now.
         set_tolerances(s, p, s.t + h, z, slopes, h)
         guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
         if guess > 0.1 * h:

@@ -466,7 +466,7 @@ def usable_step(s: State, p: Parameters) -> float:
     rest = missed.next_end(s, p) - t
     passes = False
     if CONSTRAINED:
-        # A step over a loss of rank has the length that it needs, whatever is asked.
+        # A step over a loss of rank ignores the limits `most_step` and `longest`.
         h = clear_of_loss(s, p, h, rest)
         passes = s.passes > 0.0
     if s.longest > 0.0 and not passes:

@@ -51,7 +51,7 @@ def start(s: Fixed, p: Parameters) -> None:
 
 
 def step(s: Fixed, p: Parameters) -> int:
-    """Make one step; return DONE or another code."""
+    """Advance by one step; return DONE or another code."""
     end = next_end(s, p)
     after = next_time(s, end)
     # Full steps are equal to the last bit, which after - t is not: a symplectic method

@@ -323,7 +323,7 @@ def is_missed(s: Table, p: Parameters, x: float) -> bool:
 # In output steps. A check costs about as much as a row.
 APART = 10.0
 LEAST = 2.0**-4
-# The largest defect of a step that has missed nothing, in tolerances. Over the
+# The largest defect of a step without a missed feature, in tolerances. Over the
 # shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
 # (dop853) and 80 (radau), but for what `is_beyond` allows.
 LEFT = 1e3

@@ -132,7 +132,7 @@ class Surfaces(Knots):
 
     side: Floats = array("surfaces")  # the mode variables
     slides: Floats = array("surfaces")  # see FOLLOWED
-    # What the mode variable is on the two sides of what the motion slides along.
+    # Values of the mode variable on the two sides of a surface that the motion follows.
     low: Floats = array("surfaces")
     high: Floats = array("surfaces")
     # Between these the expression of the surface stays; while it slides they are what
@@ -154,8 +154,8 @@ class Surfaces(Knots):
     side_before: Floats = array("surfaces")  # the sides, while a row has its own
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array("surfaces")
-    # Of what is carried along: how many have ends on the upper side of what carries
-    # them, where the expression stays between these, and how far it is from them.
+    # Of carried surfaces: number of surfaces with ends on the upper side of their
+    # leader, these ends, and the distance of the expression from the ends.
     ends_above: float
     least_above: Floats = array("surfaces")
     most_above: Floats = array("surfaces")
@@ -167,7 +167,7 @@ class Surfaces(Knots):
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
     row_columns: Floats = array("elements")
-    # What `surface_rows` gives: residuals, rates, b, scales, and the elements.
+    # Values of `surface_rows`: residuals, rates, b, scales, and the elements.
     rows: Floats = array(lambda p: 4 * p.surfaces + p.elements)
     residuals: Floats = part("rows", "surfaces")
     rates: Floats = after("residuals", "surfaces")
@@ -194,7 +194,8 @@ class Laws(Surfaces):
     law_kind: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
     law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
-    # What is asked of each row that shares a load, and its share; the step to these.
+    # Target of each row that shares a load, and its share; the Newton step of the
+    # shares.
     share_asked: Floats = array("laws")
     share_found: Floats = array("laws")
     share_step: Floats = array("laws")
@@ -208,7 +209,7 @@ class Laws(Surfaces):
     # The coordinate that alone a row acts on; or -1.
     law_place: Floats = array("laws", -1.0)
     law_still: Floats = array("laws")  # two slips together no faster have stopped
-    # What the laws of an arc could do to each rate of the state.
+    # Largest change of each rate of the state by the laws of an arc.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
     # Two slips that begin keep about this speed's direction; 0 once they are faster. It
     # turns, since then and so long, by a polynomial in parts of that time.
@@ -278,7 +279,8 @@ class Parameters(Laws):
     mirrored: Floats = array(each_coordinate)
     directions: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
     momenta: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
-    # What `slopes` gives; last those by q'' and lambda. A column of the Jacobian.
+    # Values of `slopes`, last the derivatives by q'' and lambda. A column of the
+    # Jacobian.
     slopes: Floats = array(
         lambda p: (columns(p) + (p.states + p.works) * (p.n + p.m)) * p.slopes_known
     )

@@ -78,8 +78,8 @@ class Events(Table):
     leeway: Floats = array("conditions")
     zero: Floats = array("conditions")  # sizes up to which a value is 0
 
-    # Of each section: the sign that its relation had last, 0 before the motion has left
-    # it; and what its relation may be on it, see `crossings.band`.
+    # Of each section: the last sign of its relation, 0 before the motion has left the
+    # section; and the largest value of the relation on it, see `crossings.band`.
     sides: Floats = array("sections")
     bands: Floats = array("sections")
 

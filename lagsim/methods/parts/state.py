@@ -175,7 +175,7 @@ def start(s: Clock, p: Parameters) -> None:
 
 @external
 def step(s: Clock, p: Parameters) -> int:
-    """Make one accepted step, or return a code other than DONE."""
+    """Advance by one accepted step, or return a code other than DONE."""
     raise NotImplementedError
 
 
