@@ -278,7 +278,8 @@ class Seen(NamedTuple):
     Attributes
     ----------
     faces : list of (ndarray, float)
-        The faces in front, each with the cosine of its normal to the line of sight.
+        The faces in front, each with the cosine of the angle between its normal and the
+        line of sight.
     lines, hidden : ndarray, shape (n, 2)
         Edges in front, and behind, as one path each, with gaps of nan.
     depth : float

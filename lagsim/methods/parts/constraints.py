@@ -308,8 +308,8 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
 def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     """Return a first step, h or longer, that ends far from a loss of rank.
 
-    If only the formulation of the equations has changed, return the planned step over
-    the loss instead.
+    If a step over the loss is to be repeated with another solver (`needs_loops`),
+    return its planned length instead.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
