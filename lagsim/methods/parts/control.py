@@ -80,7 +80,8 @@ class Control(Output):
     low: Floats = array("size", inf)
     high: Floats = array("size", -inf)
     tolerances: Floats = array("size")
-    # The term magnitudes of each rate, its roundoff bound, what becomes of one at rest.
+    # Sum of absolute terms of each rate, its roundoff bound, its size after the first
+    # instant from rest.
     parts: Floats = array("size")
     roundoff: Floats = array("size")
     foreseen: Floats = array("size")
@@ -96,8 +97,8 @@ class Control(Output):
     pushes: Floats = after("masses", lambda _: 1)
     joined: Floats = array("n")  # to which mechanism a coordinate belongs
     linked: Floats = array("n")  # ... where rows alone count, and not M
-    # The largest tolerance of what is linked, at the place of its first coordinate;
-    # the energy that each work is compared with.
+    # The largest tolerance of linked coordinates, at the first of their indices; the
+    # energy that each work is compared with.
     shared: Floats = array(lambda s: s.size - s.n)
 
 

@@ -92,11 +92,11 @@ class Scene(Blocks):
     m: int  # constraint rows, those of laws last
     works: int  # of the quadratures
     values: int  # parameters, modes and lengths
-    loops: int  # 1 where something is solved by loops: they need their room
-    slopes_known: int  # 1 where the Jacobian is asked for
+    loops: int  # 1 if loops solve linear systems, which need working memory
+    slopes_known: int  # 1 if the method needs the Jacobian
     augmented: float  # 1: M alone is singular
-    gain: float  # of what pulls the state to the constraints
-    constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
+    gain: float  # the rate a of Baumgarte's stabilisation
+    constant: float  # constant in an arc: 1 the factors of M, 2 the factors of A too
 
     fixed: Floats = array("values")
     worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
@@ -125,34 +125,35 @@ class Knots(Scene):
 class Surfaces(Knots):
     """Surfaces on which switches lie, their modes, and the motion along them."""
 
-    surfaces: int  # that switches lie on
-    elements: int  # of J, their rows, that do not vanish
-    sliding: float  # how many surfaces the motion slides along
-    corners: int  # how many of them are corners of equalities
+    surfaces: int  # number of surfaces of switches
+    elements: int  # number of nonzero elements of their rows J
+    sliding: float  # number of surfaces that the motion slides along
+    corners: int  # number of surfaces that are corners of equalities
 
     side: Floats = array("surfaces")  # the mode variables
     slides: Floats = array("surfaces")  # see FOLLOWED
     # Values of the mode variable on the two sides of a surface that the motion follows.
     low: Floats = array("surfaces")
     high: Floats = array("surfaces")
-    # Between these the expression of the surface stays; while it slides they are what
-    # the residual and the rate are kept at.
+    # Bounds of the expression of the surface in its mode; while the motion slides, the
+    # targets of the residual and of the rate.
     least: Floats = array("surfaces")
     most: Floats = array("surfaces")
-    # Of the upper side, in the combination that stays on the surface.
+    # Share of the upper side in the combination of forces that stays on the surface.
     share: Floats = array("surfaces")
-    # A corner of an equality is 1; a force along its gradient; by how much this jumps.
+    # 1 for a corner of an equality; a force along its gradient; the jumps of this
+    # force.
     corner: Floats = array("surfaces")
     push: Floats = array("surfaces")
     levers: Floats = array(lambda p: p.surfaces * (1 + p.m) if p.corners else 0)
-    # Levels of tables between these are passed without a jump of y', and between these
-    # by the rate at which they are met, see `surfaces.Side`.
+    # Levels of tables that are passed without a jump of y' (first to last), and levels
+    # that are passed by the rate of the surface, see `surfaces.Side`.
     first_smooth: Floats = array("surfaces")
     last_smooth: Floats = array("surfaces")
     first_met: Floats = array("surfaces")
     last_met: Floats = array("surfaces")
     side_before: Floats = array("surfaces")  # the sides, while a row has its own
-    # The number, from 1, of the sliding surface that carries it along; or 0.
+    # Number, from 1, of the sliding surface that carries the surface along; or 0.
     leader: Floats = array("surfaces")
     # Of carried surfaces: number of surfaces with ends on the upper side of their
     # leader, these ends, and the distance of the expression from the ends.
@@ -160,10 +161,10 @@ class Surfaces(Knots):
     least_above: Floats = array("surfaces")
     most_above: Floats = array("surfaces")
     margin_above: Floats = array("surfaces")
-    roundoff: Floats = array("surfaces")  # a rate so small is rounding, while it slides
-    # Roots of it are taken of no less, in the motion; see `switches.roots`.
+    roundoff: Floats = array("surfaces")  # bound of the rounding of a rate in sliding
+    # Least argument of roots of the expression in the motion; see `switches.roots`.
     floor: Floats = array("surfaces")
-    least_root: Floats = array("surfaces")  # what that is set to between rows
+    least_root: Floats = array("surfaces")  # the value of `floor` between rows
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
     row_columns: Floats = array("elements")
@@ -186,11 +187,11 @@ class Laws(Surfaces):
     """Rows that hold at times: unilateral constraints, friction, limits."""
 
     laws: int  # rows that hold at times
-    law_forces: float  # 1 where multipliers decide on the end of a mode
-    law_shares: float  # 1 where rows hold more often than they must
+    law_forces: float  # 1 if multipliers determine the end of a mode
+    law_shares: float  # 1 if redundant rows share loads
 
-    slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
-    band: Floats = array(each_watched)  # ... and must be past it for more than noise
+    slack: Floats = array(each_watched)  # distance past its end that a mode still lasts
+    band: Floats = array(each_watched)  # distance past its end that exceeds rounding
     law_kind: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
     law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
@@ -203,22 +204,23 @@ class Laws(Surfaces):
     share_left: Floats = array("laws")
     law_shared: Floats = array("laws")  # 1: redundant, and held by other laws alone
     law_mode: Floats = array("laws")
-    law_direction: Floats = array("laws")  # the sign of a force that is given
+    law_direction: Floats = array("laws")  # the sign of a force of known size
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
-    # The coordinate that alone a row acts on; or -1.
+    # The only coordinate on which a row acts; or -1.
     law_place: Floats = array("laws", -1.0)
-    law_still: Floats = array("laws")  # two slips together no faster have stopped
+    law_still: Floats = array("laws")  # speed below which two slips have stopped
     # Largest change of each rate of the state by the laws of an arc.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
-    # Two slips that begin keep about this speed's direction; 0 once they are faster. It
-    # turns, since then and so long, by a polynomial in parts of that time.
+    # Two slips that begin: the speed up to which their direction is given, 0 once they
+    # are faster; the time of the begin, the duration, and the polynomial, in the
+    # elapsed part of the duration, by which the direction turns.
     law_floor: Floats = array("laws")
     law_begun: Floats = array("laws")
     law_lasts: Floats = array("laws", inf)
     law_turn: Floats = array(lambda p: TURNS * p.laws)
-    law_rounding: Floats = array("laws")  # of its margin, while it is out of force
-    law_opens: Floats = array("laws")  # 1: parts in the step that an event has cut
+    law_rounding: Floats = array("laws")  # rounding of its margin while out of force
+    law_opens: Floats = array("laws")  # 1: opens in the step that an event has cut
     law_part: Floats = array("laws")  # of the contact's multiplier, or the force
     impulses: Floats = array("laws")  # of an impact, while its row is written
 
