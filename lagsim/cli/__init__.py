@@ -60,20 +60,20 @@ def entry() -> int:
         if signal.getsignal(kind) is not signal.SIG_IGN:
             signal.signal(kind, _leave)
     watch()
-    # What this one starts is to look for its modules where this one does, and not in
-    # the working directory, which may be a stranger's.
+    # Processes started by this one search modules where this process does, and not in
+    # the working directory, whose content may be foreign.
     os.environ.setdefault("PYTHONSAFEPATH", "1")
-    # What is not a number is reported in lagsim's words, with its place.
+    # Values that are not finite are reported by lagsim, with their place.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    # Loading and deriving make many objects and no garbage; looking through them again
-    # and again takes longer than integrating. What is left goes with the process.
+    # Loading and deriving create many objects and no garbage; repeated searches for
+    # garbage would take longer than the integration.
     gc.disable()
-    # A thread for each core takes longer to begin than what the small matrices here
-    # take; numpy's OpenBLAS looks when it is loaded.
+    # The start of a thread for each core takes longer than the computations with the
+    # small matrices here; OpenBLAS reads the variable when numpy loads it.
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Nor does anybody read here what numpy says of its compiled functions.
+    # The docstrings of numpy's compiled functions are not needed here.
     for name in ("numpy._core._add_newdocs", "numpy._core._add_newdocs_scalars"):
         sys.modules.setdefault(name, ModuleType(name))
     code = main()
@@ -93,8 +93,8 @@ def _application() -> typer.Typer:
     from lagsim.cli._faults import reporting
     from lagsim.cli._shared import ask_version
 
-    # Only the command that is called is loaded; all of them where none is, for help and
-    # for the shell that completes a line.
+    # Only the called command is loaded; without one all commands are, for help and for
+    # completion by the shell.
     called = [name for name in COMMANDS if name in sys.argv[1:2]]
     app = typer.Typer(
         name="lagsim",
@@ -107,7 +107,8 @@ def _application() -> typer.Typer:
     app.callback()(ask_version)
     for name in called or COMMANDS:
         command = import_module(f"lagsim.cli.{name}").command
-        # Given so, it is wrapped; what is taken from the long help is cut to a line.
+        # As `short_help` the summary is wrapped; a summary derived from the long help
+        # would be truncated.
         summary = (command.__doc__ or "").partition("\n")[0]
         app.command(name, short_help=summary)(reporting(command))
     return app
@@ -154,7 +155,7 @@ def _usage(error: Any) -> int:
     from lagsim.cli._shared import show_json
 
     if type(error).__name__ == "NoArgsIsHelpError":
-        # Nothing is wrong: the page that it shows has no number.
+        # This is no error, so the help page is printed without an error number.
         _shared.complain(error.format_message())
         return 2
     if getattr(error, "possibilities", None) and hasattr(error, "option_name"):
@@ -193,8 +194,8 @@ def _suggest(error: Any) -> None:
 # (LLVM, LAPACK), or loses the exception that a handler raises, would never end; a
 # thread sees the signals as well, and ends the process where nothing else has.
 
-# How long the end in order may take: after one signal, where nothing is to be kept, and
-# after a second one.
+# Time limits for an orderly end, in s: after one signal while no file is written, and
+# after a second signal.
 GRACE_SECONDS = 0.7
 SECOND_GRACE_SECONDS = 0.3
 _GLANCE_SECONDS = 0.05

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-# Exit codes of what is no fault of the input.
+# Exit codes of failures that are no fault of the input.
 BUG, STARVED = 70, 3
-# Has lagsim print what a report of a bug holds as well.
+# Option to print the report of a bug as well.
 TRACEBACK = "--traceback"
-# What keeps a path from being looked at, before anything is read or written there.
+# Errors of a path that occur before any access to the file.
 _NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES)
 # Their faults are not the model's.
 _OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
@@ -139,7 +139,7 @@ def _as_mapping(problem: Problem, file: str | None) -> dict[str, Any]:
 
 # --- What is no fault of the input
 
-# What a system says that has no more to give; some of it comes as text alone.
+# Messages of a system without free memory; some exist as text alone.
 _STARVED = re.compile(
     r"^(MemoryError|numpy\S*MemoryError|Cannot allocate memory)|allocate memory|"
     r"failed to map segment|find/load shared object|can't start new thread",

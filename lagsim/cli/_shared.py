@@ -290,13 +290,13 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
 class Measured(NamedTuple):
     """The result of an experiment, as it is written and reported."""
 
-    # Its record, the manifest, which will list its files; what else is written.
+    # The manifest, to which the list of files is added, and the other files by name.
     document: dict[str, Any]
     tables: Mapping[str, bytes]
-    # The name of its picture, and what draws it; None where there is none.
+    # The name of the chart, and the function that draws it; None without a chart.
     chart: str
     draw: Callable[[], bytes] | None
-    # Gives the closing lines, of what they say of the files; and lines for stderr.
+    # Returns the closing lines for a text on the files; and lines for stderr.
     summary: Callable[[str], str]
     remarks: Sequence[str] = ()
     # The exit code, if no signal has another.
@@ -403,7 +403,7 @@ def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
 # Where GitHub's runner reads them, it takes a line that begins with `::`, after blanks
 # too, for a command, and `##[` anywhere in a line: what is printed is made harmless.
 
-# What stands before the text of a line: an indent, and a name with two blanks after it.
+# The label of a line: an indent, and a name with two blanks after it.
 _LABEL = re.compile(r"\s*(?:\S+(?: \S+)?\s{2,})?")
 # Begins the colours that are ours, of which no file can know.
 _OWN = f"\x1b{os.urandom(8).hex()}"

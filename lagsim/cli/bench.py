@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     Document = dict[str, Any]
 
 TABLE, MANIFEST = "work_precision.csv", "work_precision.json"
-# Of curves that there was no time for so many are named; the JSON has all.
+# The largest number of curves named for lack of time; the JSON lists all.
 MOST_NAMES = 4
 # Exit codes above it are those of signals.
 SIGNALLED = 128

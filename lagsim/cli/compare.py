@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-# So many columns are listed for a person.
+# The largest number of columns in the printed list.
 LISTED = 10
 DIFFERS = "differs"
 

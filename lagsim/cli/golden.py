@@ -127,7 +127,7 @@ class _Answer(NamedTuple):
     lines: Sequence[str] = ()
     # Kind, code and text of a failure, for JUnit.
     why: tuple[str, str, str] = ("", "", "")
-    # Those of a model that cannot be run.
+    # The errors of a model that cannot be run.
     faults: Sequence[Any] = ()
 
 

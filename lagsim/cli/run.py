@@ -169,7 +169,7 @@ def command(
         )  # fmt: skip
     documents: list[Any] | None = [] if as_json else None
     job = Job(wish, folder, documents=documents)
-    # The processor time so far is close to what starting and importing took.
+    # The processor time so far is close to the time of start and imports.
     job.clock.timings["import"] = time.process_time()
     code = job.run(*text_of(models[0]), assignments(sets), options)
     for document in documents or ():

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 TABLE, MANIFEST = "stability.csv", "stability.json"
-# So many coordinates of an equilibrium, and of a mode, are named.
+# The largest numbers of coordinates named for an equilibrium, and for a mode.
 MOST_NAMED, MOST_OF_A_MODE = 8, 6
 
 

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
 
-# So many letters of a reason are shown; the table has all of it.
+# The largest number of letters of a printed reason; the table has the whole text.
 REASON = 160
 
 

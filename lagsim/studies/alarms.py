@@ -548,7 +548,7 @@ def about_constraints(run: Evidence) -> list[Caution]:
 def worst_residual(
     run: Evidence, coarse: tuple[float, Floats] | None = None
 ) -> tuple[str, float] | None:
-    """Return the first violated constraint and its residual relative to its scale.
+    """Return the worst violated constraint and its residual relative to its scale.
 
     None if all constraints are satisfied.
 

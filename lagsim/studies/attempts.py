@@ -3,7 +3,7 @@
 An attempt consists of the run, whose rows go to observers, of the repeat that estimates
 its error, and of the audit of both. If the audit has a finding, the run is attempted
 again by other means. If that attempt fails as well, the outcome of the run is
-`no answer` from the time of the finding on.
+`no-answer` from the time of the finding on.
 
 Local errors do not bound the error of the motion. The error bar is therefore the
 difference of two complete runs, which includes the growth of errors. The scale of an

@@ -61,8 +61,8 @@ if TYPE_CHECKING:
 
     Document = dict[str, Any]
 
-# Of the rows of a run one in so many is kept: as many as these, and no fewer where the
-# run has them before the horizon.
+# The numbers of rows that a golden stores, at most and at least (as far as the run has
+# rows before the horizon): one of `stride` rows is stored.
 MOST_ROWS = 200
 LEAST_ROWS = 50
 MOST_CELLS = 2400
@@ -97,19 +97,20 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     return found
 
 
-# The others are samples of what should pass: of where the steps fall at a hundred times
-# the tolerance and below, and of rounding errors, which another processor makes in
-# every step and not only in the first. The largest of them may be exceeded several
-# times over (of the shipped models by 3.3 at 85 times the tolerance), but not tenfold.
+# Bound of a column relative to the largest difference of the variants. The variants are
+# samples of runs that should pass: with other steps, at up to a hundred times the
+# tolerance, and with rounding errors, which another processor makes in every step and
+# not only in the first. Such a run may exceed the largest difference several times over
+# (shipped models by 3.3 at 85 times the tolerance), but not tenfold.
 SAFETY = 10.0
 # Values are rounded to a tenth of their bound, or better: a twentieth, added to it.
 DIGITS = 0.1
-# Past the horizon a coordinate or a velocity may be off by this part of its scale: what
-# is left says little more than where the motion can be at all.
+# The horizon is the first time at which the bound of a coordinate or a velocity exceeds
+# this part of its scale: past it a comparison shows little.
 LOST = 1 / 3
 # Bounds rise, but beside jumps. Each rise makes room for so much more: there are few.
 ROOM = 1.5
-# A difference so many times as large as in the rows around it is that of a jump, too.
+# A difference that exceeds that of both neighbouring rows by this factor is a jump.
 SPIKE = 1e3
 # Columns that are kept of long tables.
 MOST_COLUMNS = 60
@@ -280,7 +281,7 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     sizes = alone.copy()
     for k, name in enumerate(base.columns):
         sizes[k] = base.scales.get(name, sizes[k])
-        # A definition may be the difference of two others, and nothing but errors.
+        # A definition can be the difference of two others, and consist of errors only.
         if of.get(name) and kind(name, base.columns) == "definition":
             alike = [i for i, c in enumerate(base.columns) if of.get(c) == of[name]]
             sizes[k] = np.max(alone[alike])
@@ -378,7 +379,7 @@ def _bounded(
 
 # Changes of the model.
 
-# What the JSON says of changes of the model, see `responses`.
+# Key of the JSON for responses to changes of the model, see `responses`.
 CHANGES = "changes"
 
 
@@ -429,7 +430,7 @@ FOLDER = "golden"
 # How long to wait for others who store goldens of other models in the folder; each
 # takes some milliseconds.
 PATIENCE_SECONDS = 10.0
-# What a double holds, whatever its bound.
+# The largest number of digits of a value: those of a double.
 MOST_DIGITS = 17
 
 
@@ -588,7 +589,7 @@ def _broken(path: Path, why: str) -> InputError:
 
 # Verdicts.
 
-# What an invariant is called beside the column of its name.
+# Suffix of the name of an invariant, to distinguish it from the column.
 CONSTANT = " (constant)"
 
 

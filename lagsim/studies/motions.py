@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from lagsim.run.trajectory import Trajectory
 
 RESIDUAL = "residual_"
-# Of the variants: what the tolerance is multiplied by, how often the start and the
-# parameters are perturbed, and the methods that are tried besides. Each run at a larger
-# tolerance is one draw of where the steps fall, which says little of others nearby: the
-# largest of a few says what they reach.
+# Factors of the tolerance of variants, the number of variants with perturbed start and
+# parameters, and the methods of further variants. A run at a larger tolerance is one
+# sample of the positions of steps, and other runs nearby can differ more: therefore the
+# largest of several differences counts.
 LOOSER, TIGHTER = tuple(float(x) for x in range(100, 0, -10)), 0.1
 SEEDS = 4
 METHODS = ("dop853", "taylor", "radau")
@@ -187,7 +187,7 @@ def _asked(case: Case, plan: Plan) -> Iterator[Case]:
         # An error of order p becomes 2^p times larger, one of order 4 16 times.
         for factor in (2.0, 0.5):
             yield case.asking(method=name, step=factor * plan.step)
-        # Some are exact at any step: what a method with a tolerance may err by.
+        # Some methods are exact at any step; the variants then have a tolerance.
         rtol = LOOSER[0] * DEFAULT_RTOL
         yield case.asking(method=METHODS[0], rtol=rtol, atol=None)
     for seed in range(SEEDS):
@@ -199,19 +199,22 @@ def _asked(case: Case, plan: Plan) -> Iterator[Case]:
 
 # Which rows of a motion are kept.
 
-# Rows this close to an event, as a part of the spacing, may lie on either side of it;
-# so may those within so many times what the variants move it by.
+# Rows this close to an event, relative to the spacing, can lie on either side of it,
+# and so can rows within this multiple of the shift of the event in the variants.
 NEAR_EVENT = 1e-3
 TIMES_MOVED = 10.0
-# Of the spacing: how far from an event, at least, its two sides are looked at.
+# Least distance from an event at which its two sides are evaluated, relative to the
+# spacing.
 BESIDE = 1e-9
-# A difference across an event is that of slopes up to so many times the sum of those on
-# both sides, over half the time each: once, and once again for rounding errors.
+# A difference across an event is explained by slopes up to this multiple of the sum of
+# the changes on both sides, each over half of the time: one for the slopes, and one for
+# rounding errors.
 SLOPES = 2.0
-# Events near one row that are looked at, at most.
+# The largest number of events considered for one row.
 MOST_NEAR = 100
-# Impacts that are kept, at most, beside those at the times of rows: those that are at
-# least so far from other events, in what may lie on either side.
+# The largest number of stored impacts, besides those at output times, and their least
+# distance from other events, relative to the range within which rows can lie on either
+# side.
 MOST_IMPACTS = 6
 ALONE = 4.0
 

@@ -38,11 +38,11 @@ OF_PARAMETER, OF_START, OF_TABLE = 1e-4, 1e-5, 1e-2
 # Numbers of each section, and points of each table, that are changed in turn, at most:
 # evenly chosen, with both ends.
 MOST_NUMBERS, MOST_POINTS = 200, 40
-# Where it is asked whether a motion responds at all: rows so many times as close as
-# those of the run, and at most so many.
+# Rows of the test whether a motion responds: spacing relative to that of the run (its
+# inverse), and the largest number of rows.
 CLOSER, MOST_ROWS = 4, 20_000
-# Rounding errors of a column are at least so many units in the last place of its scale:
-# each value is the sum of some terms.
+# Least rounding error of a column, in units in the last place of its scale: each value
+# is the sum of several terms.
 LEAST_ROUNDING = 8.0
 
 

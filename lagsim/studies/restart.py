@@ -65,8 +65,8 @@ MOST_OF_THE_TIME = 0.05
 _KEY = "restart.key"
 _KEY_BYTES = 32
 _BLOCK = 1 << 20
-# Modules whose classes are declared, with those of methods: what a run holds that is
-# not regenerated.
+# Modules whose classes are declared, besides the modules of methods: objects of a run
+# that are not regenerated.
 _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.events.constraints",
@@ -119,7 +119,7 @@ class Restart:
         self._hash, self._hashed = hashlib.sha256(), 0
         self._due = time.monotonic()
 
-    # What was kept
+    # Loading of a checkpoint
 
     def rescue(self) -> None:
         """Load the checkpoint of the folder, if any, and move its rows out of the way.
@@ -191,7 +191,8 @@ class Restart:
         began = time.monotonic()
         if began < self._due or self._key is None or self._relay.fault is not None:
             return
-        # What is not kept now may be later; a full disk is reported by the table.
+        # A state that cannot be stored now may be storable later; a full disk is
+        # reported when the table is written.
         with contextlib.suppress(UndeclaredError, OSError):
             self._keep(run, self._key)
         ended = time.monotonic()
@@ -312,7 +313,7 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
             file.write(block)
 
 
-# What a run is made of
+# Parts of a run
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
@@ -337,7 +338,8 @@ def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
     return [*relay.others, *(x for x in noted if x is not None)]
 
 
-# What is the same in each run of a session: of a run, of one that is integrated apart.
+# Attributes that are equal in all runs of a session: of a run, and of a subsystem that
+# is integrated separately.
 _OF_RUN = (
     "first", "first.equations", "first.equations.model", "first.equations.graph",
     "first.start", "first.plan", "first.settings", "first.system",
@@ -478,7 +480,7 @@ def decoded(content: bytes, classes: Iterable[str], given: Callable[[Any], Any])
         return made[k]
 
     def make(k: int, kind: str, *rest: Any) -> None:
-        # What may hold itself is there before its content.
+        # A container that may contain itself is created before its content.
         if kind == "list":
             made[k] = []
             made[k].extend(map(value, rest))

@@ -34,18 +34,18 @@ if TYPE_CHECKING:
 
     Amplification = Callable[[complex], float]
 
-# Sizes of z = h*lambda that are looked at, by the first factor in so many directions,
-# those of the fastest eigenvalues (Kahan and Li's method of order 8 is unstable in a
-# gap of 1.4 % only), and by the second in others.
+# Sizes of z = h*lambda that are examined: with the first factor in the directions of
+# the fastest eigenvalues (Kahan and Li's method of order 8 is unstable in a gap of 1.4
+# % only), and with the second in other directions.
 SMALLEST, LARGEST = 0.02, 50.0
 FINE, COARSE, MOST_FINE = 1.008, 1.12, 12
 # A method that amplifies an oscillation at so small a step does so at any.
 AT_ONCE = 1e-3
 BISECTIONS = 40
-# An amplification exceeds that of a motion that itself grows by e^x if by more than
-# this part of x: short of it an error of the method is no instability. A motion that
-# grows by more than this part of its eigenvalue is left out: no method holds what does
-# not hold.
+# An amplification exceeds that of a motion that grows by e^x if the excess is more than
+# this part of x; a smaller excess is an error of the method, and no instability. A mode
+# whose growth is more than this part of its eigenvalue is left out, since the motion
+# itself is unstable.
 SLACK = 0.1
 
 
@@ -112,7 +112,8 @@ def predicted(
     return best if math.isfinite(best) else None
 
 
-# States that are looked at, and the most nodes evaluated for them: about 0.3 s.
+# The largest number of states that are linearised, and of nodes evaluated for all of
+# these: about 0.3 s.
 STATES = 12
 MOST_NODES = 300_000
 # Coordinates of larger models take longer than the answer is worth.
@@ -120,21 +121,23 @@ MOST_COORDINATES = 100
 # Past this part of the bound a step is close to it: Verlet's resonance of order three,
 # which spoils motion that is not linear, lies at sqrt(3)/2 of its bound.
 NEAR = 0.8
-# What oscillates has a damping ratio below this.
+# An oscillation has a damping ratio below this.
 OSCILLATING = 0.3
-# A mode is excited with this part of the energy in play (what follows slow motion has
-# the fourth power of the ratio of the frequencies), and is damped when the method would
-# take this part of its energy within the run.
+# A mode is excited if it has this part of the energy in play (a fast mode that follows
+# a slow motion has the fourth power of the ratio of the frequencies). A mode is damped
+# by a method that would remove this part of its energy within the run.
 EXCITED = 1e-4
 DAMPED = 0.1
-# A gain of baumgarte that many times faster than the model is what steps follow.
+# A gain of Baumgarte's formulation limits the steps if it is this many times faster
+# than the model.
 FASTER = 30.0
 # With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
 # to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
 RESOLVED = 2.5
-# So few steps are held by nothing: at rest they grow until the end of the run.
+# So few steps are not limited by stability: at rest, steps grow until the end of the
+# run.
 FEW = 20
-# What a mode does in steps shorter than this part of its period needs no question.
+# Steps shorter than this part of the period of a mode resolve the mode.
 SLOW = 1e-3
 
 

@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 LONGEST_LINE = 1 << 24
 # Bytes read at once.
 BLOCK = 1 << 19
-# What JSON reads as float does: no words, and no whole number that is zero with a sign.
+# Bytes of numbers that JSON parses as `float` does: no words, and no integer -0.
 DECIMALS = b"-+.,eE0123456789\r\n"
 SIGNED_ZERO = re.compile(rb"-0(?=[,\s]|\Z)")
 # Rows that are thinned at once.
 ROWS = 1 << 16
-# What time is in, in a line of units: a row that begins with words is none.
+# The unit of the time in a line of units; another line of words is no line of units.
 TIME = "s"
 
 
@@ -199,7 +199,7 @@ def _block(lines: bytes) -> Floats:
     ValueError
         If a cell is not a number.
     """
-    # Decimals as lagsim writes them are JSON, which is read in a third of the time.
+    # Decimals as lagsim writes these are JSON, which is parsed in a third of the time.
     if not lines.translate(None, DECIMALS) and not SIGNED_ZERO.search(lines):
         with contextlib.suppress(ValueError):
             cells = lines.rstrip().replace(b"\n", b"],[")

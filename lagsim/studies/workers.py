@@ -40,18 +40,18 @@ if TYPE_CHECKING:
 Piece = TypeVar("Piece")
 Found = TypeVar("Found")
 
-# Gives a crew of so many, such as `processes`.
+# Returns a context manager of a crew of a given size, such as `processes`.
 Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 
-# How long a piece may take to end in order once it has been asked to: its pictures are
-# drawn, its files synced; and where it keeps nothing, as while it is compiled.
+# Time limits for the orderly end of a piece after a request, in s: while its files are
+# written, and otherwise, such as during a compilation.
 GRACE_SECONDS = 10.0
 LEAVE_SECONDS = 0.5
-# How often an interrupt is looked for.
+# Interval between two checks for an interrupt.
 GLANCE_SECONDS = 0.1
 
-# That of a process of workers: asked where the parent wants an end. The signal, where
-# there is one, cuts what may be cut, such as pictures.
+# Interrupt of a worker process, set when the parent requests an end. The signal, where
+# there is one, interrupts work that can be left out, such as pictures.
 _ASKED = Interrupt()
 _PROMPT = getattr(signal, "SIGUSR1", None)
 

@@ -215,9 +215,9 @@ def least(solve: Callable[[], Solved]) -> Solved:
 PREFIX = "scipy:"
 SCIPY = tuple(PREFIX + name for name in ("DOP853", "RK45", "Radau", "LSODA", "BDF"))
 
-# scipy refuses what is tighter than a hundred roundings.
+# scipy refuses tolerances below a hundred units of rounding.
 LEAST_RTOL = 3e-14
-# The clock is looked at every so many evaluations.
+# Evaluations between two checks of the clock.
 LOOK = 64
 
 
@@ -304,7 +304,7 @@ class Scipy:
         f = self._derivative(patience.check)
         rows, reason = None, ""
         patience.begin()
-        # What becomes of values that are not finite is reported by the outcome.
+        # Values that are not finite are reported by the outcome.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             began = time.perf_counter()
@@ -334,9 +334,9 @@ Solver: TypeAlias = Own | Scipy
 
 # Machine, versions and date, on which the numbers of a bench depend.
 
-# What times depend on.
+# Packages whose versions affect times.
 PACKAGES = ("python", "numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
-# Besides what measures, something else was running.
+# A load of the machine above this means that other programs were running.
 BUSY = 1.5
 
 

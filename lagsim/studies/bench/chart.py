@@ -65,9 +65,10 @@ if TYPE_CHECKING:
     Document = Mapping[str, Any]
 
 MOST = 12
-# Of them at most so many of scipy's, where there are others.
+# The largest number of scipy's solvers among these, if there are other curves.
 OF_SCIPY = 2
-# A point that is further off than this costs what it does for no digits.
+# The largest error, relative to the range, of a point that counts in comparisons of
+# cost.
 AN_ANSWER = 0.1
 
 
@@ -135,7 +136,7 @@ SCIPY_MARKERS = ("x", "+", "1", "2", "3")
 GREY = "#777777"
 
 ERROR = "← more accurate      error / range"
-# Inches: a panel with its scales, what is below all of them, names beside.
+# Inches: a panel with its scales, the space below all panels, and names beside panels.
 HEIGHT, REST, NAMES = 3.3, 0.3, 3.2
 
 
@@ -326,8 +327,8 @@ def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
 
 # Maps of stability
 
-# Inches: a strip, a map, a region, one of few, a panel of work; what is below them. And
-# so many of them in a row.
+# Heights in inches of a strip, a map, a region, a region among few, a panel of work,
+# and the space below each; then the largest numbers of maps and regions in a row.
 STRIP, MAP, REGION, LARGE, WORK, BELOW = 0.27, 1.9, 1.75, 2.4, 1.0, 0.6
 MAPS, REGIONS = 3, 5
 STEPS = Column("step h", "s", np.empty(0))
@@ -354,11 +355,12 @@ AT_START = mark("o", 3.6)
 ALONG = mark(".", 3.0, "#D55E00")
 ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
 
-# The part of the plane of z that is shown, more of it where there is room, and how
-# finely it is looked at.
+# The shown part of the plane of z, the factor by which it grows where there is room,
+# and the numbers of grid points.
 REAL, IMAGINARY, ROOM = (-3.6, 1.2), (0.0, 4.0), 2.0
 GRID = (128, 54)
-# Of a panel's height: eigenvalues so near those of the start are covered by them.
+# Eigenvalues closer than this to an eigenvalue at the start are not drawn, relative to
+# the height of a panel.
 COVERED = 0.01
 
 
@@ -459,8 +461,8 @@ def _strips(part: SubFigure, document: Document) -> None:
 def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) -> None:
     """Fill the cells between borders in x and y with the colours of verdicts."""
     cells = [cell for cell in document["cells"] if cell["method"] == method]
-    # One value of the parameter after the other; the last are not there where an end
-    # was asked for.
+    # Cells are ordered by the value of the parameter; after an interrupt the last
+    # values are missing.
     values = len(document["vary"]["values"]) if document["vary"] else 1
     colours = np.zeros((values, len(document["steps"]), 4))
     flat = colours.reshape(-1, 4)

@@ -51,7 +51,8 @@ HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
 VERDICTS = (HOLDS, DECAYS, GROWS, DIVERGES, BREAKS, FAILS)
 
-# What varies anyway hides this part of its range.
+# A change smaller than this part of the range of an oscillating quantity is not
+# detected.
 HIDDEN = 0.1
 # An energy that has grown by more than this, unexplained, goes to infinity.
 BEYOND = 1e3
@@ -62,7 +63,7 @@ LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 # directions drawn from this seed.
 KICK = 1e-6
 SEED = 5
-# What replaces the amplitude about an equilibrium.
+# The relative amplitude that is assumed about an equilibrium.
 SMALL = 1e-3
 
 # States along the motion, and the most nodes and coordinates for them.
@@ -239,7 +240,7 @@ class Subject:
         residuals = ResidualMonitor(columns)
         residuals.add(rows)
         lost = {Outcome.PROJECTION_FAILED: BREAKS, Outcome.NOT_FINITE: DIVERGES}
-        # The row at which a run ends without an answer may be nothing.
+        # The last row of a failed run may be nan.
         known = np.isfinite(energy) & np.isfinite(balance)
         count = int(np.argmin(known)) if not known.all() else len(t)
         t, energy, balance = t[:count], energy[:count], balance[:count]
@@ -307,26 +308,28 @@ STRIP = 48
 MAP = (24, 16)
 # Runs that find a border, besides.
 SEARCH = 14
-# The range of steps: from this part of the smallest border predicted to so many times
-# the largest, but not wider than the third.
+# The range of steps: from BELOW times the smallest predicted border to ABOVE times the
+# largest, with a ratio of at most WIDEST.
 BELOW, ABOVE, WIDEST = 0.1, 1.6, 1e3
 # Without a border, in parts of the fastest period, or of the run.
 OF_PERIOD = (0.02, 1.0)
 OF_RUN = (1e-4, 0.1)
-# A border is known to three digits; around one that is predicted more is looked at.
+# A border is located to three digits; steps at these ratios to a predicted border are
+# run in addition.
 DIGITS = 2e-4
 AROUND = (0.99, 1.01)
 
-# Steps of a run: so many, or what the model lasts, within what all of it may cost.
+# Steps of a run: the usual number, the largest for the duration of the model, and the
+# least where the budget is short.
 STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
-# Operations, worth about 10 s; a step and its row cost so many besides those of its
-# evaluations, which a few steps tell.
+# Operations for all runs, about 10 s; the operations of a step and its row without its
+# evaluations; and the steps of the run that measures the evaluations in a step.
 BUDGET = 1e10
 OVERHEAD = 1000
 PILOT = 20
 # A switch costs about a million, and there may be one in every ten steps.
 SWITCHING = 100_000
-# The same of one in time, and those are counted: a long step takes in many of them.
+# Operations of a switch in time. Their number is known, and a long step contains many.
 ARC = 1_000_000
 
 # Why there is no map of a model with laws.

@@ -69,7 +69,7 @@ SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
 TIGHT = (1e-14, 1e-13, 1e-12, 1e-10, 1e-8, 1e-6)
 # Fixed steps are halved this often, from a quarter of a row's spacing on, ...
 HALVINGS = 10
-# Ranges are those of the motion, not of rows that may lie a period apart.
+# Rows from which ranges are computed, since output rows may lie a period apart.
 MOMENTS = 4001
 # An agreement this good ends the search for a better one.
 GOOD = 1e-12
@@ -315,7 +315,7 @@ def make_reference(
         hint = "; `lagsim run` shows where it fails, --budget allows more time"
         raise NoReferenceError(text + hint)
     patience.until = max(began + seconds, time.perf_counter() + ONE_SECONDS)
-    # Rows between those asked for, as tight, are for the ranges.
+    # Ranges include rows between the output rows, at an equal tolerance.
     own = Own(case.asking(output_step=case.settings.duration / MOMENTS), first.method)
     between = next(_solved(own, (first.value,), patience), first)
     alone = unverified(case.equations, first, between.rows)
@@ -388,20 +388,20 @@ Row = dict[str, Any]
 Key = tuple[str, str]
 
 TOLERANCES = (1e-3, 1e-13)
-# Fixed steps begin at so many rows, and are halved this often at most.
+# The longest fixed step, in output steps, and the largest number of halvings.
 LARGEST_STEP = 16
 MOST_HALVINGS = 20
 # Seconds for everything.
 BUDGET = 180.0
-# A solve may last this long, and what `auto` takes for the tightest may take this many
-# times: past it, a curve has left the picture.
+# Time limit of a solve in s, and relative to the time of `auto` at the tightest
+# tolerance: a slower curve lies outside the chart.
 PATIENCE_SECONDS = 1.0
 PATIENCE_TIMES = 30.0
 # Steps are halved until two halvings do not halve an error that is this small: it is
 # rounding.
 STALLED = 1e-6
-# Steps too long for a model may take longest: so many that are too slow end a curve
-# that has not begun.
+# Steps that are too long for a model can take the longest time. This number of slow
+# solves ends a curve without an answer.
 GIVE_UPS = 4
 TOO_SLOW, OUT_OF_TIME = "too slow", "out of time"
 # Of the seconds for everything the part that the reference may take, how many times
@@ -662,7 +662,8 @@ def measure(
         found = list(_curves(case, wish, reference, chosen, refused))
         most = longest(case, min(wish.tolerances))
         patience = Patience(min(most, ONE * wish.budget))
-    # What `auto` takes comes first, with more time: it must be known.
+    # Solvers that `auto` selects come first, with more time, since their curves are
+    # needed.
     order = sorted(range(len(found)), key=lambda k: not found[k].chosen)
     shares = [OF_AUTO if found[k].chosen else 1.0 for k in order]
     rows: dict[int, list[Row]] = {}

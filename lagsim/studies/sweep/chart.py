@@ -40,10 +40,9 @@ if TYPE_CHECKING:
 CURVES = 1.5
 # Panels at most, or rows of maps: coordinates first, then definitions.
 MOST = 6
-# Values that spread over so many times the least, and evenly so in their logarithms,
-# stand on an axis of powers of ten.
+# Least ratio of the largest to the smallest value for a logarithmic axis.
 SPREAD = 20.0
-# So many names of points have panels beside each other.
+# The largest number of swept names of points that have panels side by side.
 ABREAST = 3
 # Of a column of a run.
 END, HIGH = 0, 2

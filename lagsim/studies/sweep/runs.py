@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
 
-    # Parameters, each (runs,); positions, then velocities (runs, 2 n); what is swept
+    # Parameters, each (runs,); positions, then velocities (runs, 2 n); swept values
     # (runs, axes).
     Values = tuple[dict[str, Floats], Floats, Floats]
 
@@ -272,16 +272,16 @@ def _check_start(model: Model, name: str) -> None:
         raise unusable("unknown-name", text, hint=hint)
 
 
-# A run whose energy less work ends so far from where it began, as a part of what is in
-# play at both ends, is looked at by its rows: a tenth of what the audit finds there.
+# A run is made separately, with all rows, if its energy less work changes by more than
+# this part of the bound of the audit.
 KEPT = 0.1
 ENERGIES = ("energy", "work", "kinetic", "potential")
-# So many ways of compiling a model are kept; the one longest out of use goes.
+# The largest number of compiled forms of a model; the least recently used is dropped.
 MOST_FORMS = 16
-# Runs that are looked at and made together: some tens of milliseconds.
+# Runs in a batch: some tens of milliseconds.
 AT_ONCE = 256
-# Runs leave circles of objects behind, which are collected after so many: the young
-# ones only, all else is there to stay.
+# Runs between two collections of the young generation of objects, since runs leave
+# reference cycles.
 COLLECTED = 50
 DONE = Outcome.DONE.word
 INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
@@ -539,7 +539,7 @@ class Runs:
             self.batch = None if batch.refusal else batch
         model, complete = session.case.model, trajectory.outcome.complete
         numbers = extremes.end[None] if work.ends else extremes.stacked
-        # What a run of other members has not is nan.
+        # Columns that a run with other members lacks are nan.
         cells = np.full((len(numbers), len(self.columns)), np.nan)
         cells[:, [self.columns.index(name) for name in own]] = numbers
         return Row(
@@ -597,7 +597,7 @@ class Runs:
         return found
 
 
-# What this process makes the runs of a sweep with.
+# The runs of a sweep in this process, cached by the work.
 runs_of = functools.lru_cache(maxsize=2)(Runs)
 
 

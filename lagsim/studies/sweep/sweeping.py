@@ -57,18 +57,17 @@ if TYPE_CHECKING:
 
 TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
 JOURNAL = "sweep.rows.jsonl"
-# How often the system is asked to put rows on the disk itself: what it takes then is a
-# part of nothing.
+# Interval between two calls that force rows to the disk, whose time is then negligible.
 SYNC_SECONDS = 1.0
-# This process begins alone: for so long, to learn how long a run takes, and to compile
-# what the others then find.
+# Time for which this process works alone, to measure the time of a run and to compile
+# functions that the others load from the cache.
 ALONE_SECONDS = 0.5
 # Others are worth beginning where so much is left to do.
 WORTH_SECONDS = 5.0
 # A piece takes about so long; each process gets some.
 PIECE_SECONDS = 0.5
 PIECES = 4
-# A clock may stand still for so long.
+# Resolution of the clock.
 SHORTEST_SECONDS = 1e-6
 DIED = "died"
 
@@ -199,7 +198,7 @@ def _made(
 ) -> Iterator[Sequence[tuple[int, Row]]]:
     """Yield rows when complete; this process computes the first rows, or all."""
     missing = found.missing
-    # What this process works, whatever others do beside it.
+    # The processor time of this process alone.
     done, began, lasted = 0, time.process_time(), 0.0
     for rows in made(found.work, missing, interrupt):
         yield rows
