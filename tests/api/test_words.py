@@ -164,7 +164,7 @@ def test_help_explains_each_argument(name):
     function = getattr(lagsim, name)
     said = inspect.getdoc(function)
     parameters = said.partition("Parameters\n----------\n")[2].partition("Raises")[0]
-    heads = re.findall(r"(?m)^(\S.*)$", parameters)
+    heads = re.findall(r"(?m)^(\S.*?)(?: : .*)?$", parameters)  # without the types
     named = ", ".join(heads).replace("*", "")
     if name == "sweep":
         named = named.replace(
