@@ -94,7 +94,16 @@ class Accelerations:
     def motion(
         self, t: float | Floats, q: Numbers, q_dot: Numbers, s: Numbers = ()
     ) -> Motion:
-        """Return the accelerations, the multipliers and the rates of the states."""
+        """Return accelerations, multipliers and rates of first-order states.
+
+        Parameters
+        ----------
+        t : float or ndarray, shape (k,)
+        q, q_dot : ndarray, shape (n,) or (k, n)
+            In the order of `model.coordinates`.
+        s : ndarray, shape (l,) or (k, l)
+            Values of first-order states, in the order of `model.states`.
+        """
         e, first = self._equations, self._first
         x, v = self._states("q", q, e.q), self._states("q_dot", q_dot, e.q)
         z = self._states("s", s, first) if first else np.empty((*x.shape[:-1], 0))

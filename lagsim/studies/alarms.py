@@ -279,7 +279,17 @@ def _between(
 
 
 def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
-    """Return the error of an energy for given errors (2 n,) of the state at a row."""
+    """Return the error of an energy for given errors of the state.
+
+    Parameters
+    ----------
+    node : int
+        The node of the energy.
+    row : ndarray
+        Time, coordinates, velocities, and further columns.
+    errors : ndarray, shape (2 n,)
+        Error bounds of coordinates and velocities.
+    """
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
     names, off = ("t", *equations.state), [0.0, *errors.tolist()]
     state = zip_longest(row[: len(names)].tolist(), off, fillvalue=0.0)

@@ -50,7 +50,13 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Mark times (rows,) that lie within one of the intervals `pairs` (k, 2)."""
+    """Mark times (rows,) that lie within one of the intervals `pairs` (k, 2).
+
+    Examples
+    --------
+    >>> within(np.array([0.0, 1.0, 2.0]), np.array([[1.5, 0.5]]))
+    array([False,  True, False])
+    """
     found = np.zeros(len(t), bool)
     for pair in pairs:
         found |= (np.min(pair) <= t) & (t <= np.max(pair))
@@ -76,7 +82,13 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
 
 
 def partners(mine: Floats, theirs: Floats) -> Floats:
-    """Return the pairs of mutually nearest times of two runs, shape (k, 2)."""
+    """Return the pairs of mutually nearest times of two runs, shape (k, 2).
+
+    Examples
+    --------
+    >>> partners(np.array([1.0, 2.0]), np.array([1.1, 5.0]))
+    array([[1. , 1.1]])
+    """
     if not (len(mine) and len(theirs)):
         return np.empty((0, 2))
     there, back = nearest(mine, theirs), nearest(theirs, mine)

@@ -50,7 +50,15 @@ SLACK = 0.1
 
 
 def exceeds(amplification: Amplification, z: complex) -> bool:
-    """Whether a step amplifies a mode more than the exact motion does."""
+    """Whether a step amplifies a mode more than the exact motion does.
+
+    Parameters
+    ----------
+    amplification : callable
+        |R(z)|, with the stability function R of a method.
+    z : complex
+        The step times the eigenvalue of the mode.
+    """
     grows = max(0.0, z.real)
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
     with np.errstate(all="ignore"):
@@ -61,7 +69,19 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
 def limit(
     amplification: Amplification, direction: complex, most: float, factor: float = FINE
 ) -> float:
-    """Return the smallest unstable |z| in a direction; inf if none is below `most`."""
+    """Return the smallest unstable |z| in a direction; inf if none is below `most`.
+
+    Parameters
+    ----------
+    amplification : callable
+        |R(z)|, with the stability function R of a method.
+    direction : complex
+        Of absolute value 1.
+    most : float
+        The largest |z| to examine.
+    factor : float
+        The ratio of consecutive |z| that are examined.
+    """
     if exceeds(amplification, AT_ONCE * direction):
         return 0.0
     low, high = AT_ONCE, SMALLEST
@@ -81,12 +101,16 @@ def limit(
 def predicted(
     amplification: Amplification, eigenvalues: Iterable[complex], span: float
 ) -> float | None:
-    """Return the smallest step that is unstable for an eigenvalue.
+    """Return the smallest step that is unstable for one of the eigenvalues.
 
     The value is 0 if every step is unstable, and None if no unstable step is found.
 
     Parameters
     ----------
+    amplification : callable
+        |R(z)|, with the stability function R of a method.
+    eigenvalues : iterable of complex
+        In 1/time.
     span : float
         The length of a run: slower eigenvalues have no effect within it.
     """
