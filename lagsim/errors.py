@@ -190,6 +190,15 @@ class LagsimError(Exception):
         The exit code of the command.
     code : str
         The stable code of the error.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> try:
+    ...     lagsim.load("no-such-file.yaml")
+    ... except lagsim.LagsimError as error:
+    ...     error.exit_code, error.code
+    (2, 'unreadable')
     """
 
     exit_code = 2
