@@ -1,1 +1,1 @@
-"""Expressions: text -> hash-consed graph -> values and derivatives."""
+"""Expression language: text, hash-consed graph, values and derivatives."""

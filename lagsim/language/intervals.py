@@ -568,7 +568,18 @@ class Enclosures:
                 self.program.append((n, RULES[op], args))
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
-        """Return the enclosure of each node over the intervals from `lo` to `hi`."""
+        """Return the enclosure of each node over the intervals from `lo` to `hi`.
+
+        Parameters
+        ----------
+        lo, hi : ndarray, shape (k,)
+            Bounds of the intervals.
+
+        Returns
+        -------
+        list of Interval
+            One for each node, with arrays of shape (k,).
+        """
         found = dict(self.fixed)
         found |= dict.fromkeys(self.running, interval(lo, hi))
         with np.errstate(all="ignore"):

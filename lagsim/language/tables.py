@@ -162,7 +162,19 @@ def table_power(j: int, order: float) -> float:
 def table_piece(
     axis: Floats, pieces: Floats, order: float, x: float, piece: float
 ) -> float:
-    """Return a derivative of a piece of a table of one argument."""
+    """Return a derivative of a piece of a table of one argument.
+
+    Parameters
+    ----------
+    axis, pieces : ndarray
+        The table's data, see the module.
+    order
+        Order of the derivative.
+    x
+        The argument.
+    piece
+        Number of the piece, -1 to m.
+    """
     p = int(pieces[0])
     cell = table_chosen(axis, x, piece)
     first = 1 + p * table_row(axis, cell)
@@ -185,7 +197,19 @@ def table_piece2(
     piece: float,
     piece2: float,
 ) -> float:
-    """Return a partial derivative of a piece of a table of two arguments."""
+    """Return a partial derivative of a piece of a table of two arguments.
+
+    Parameters
+    ----------
+    axis, other, pieces : ndarray
+        The axes of both arguments, and the coefficients, see the module.
+    order, order2
+        Orders of the derivative in x and y.
+    x, y
+        The arguments.
+    piece, piece2
+        Numbers of the piece along both axes.
+    """
     p = int(pieces[0])
     cell = table_chosen(axis, x, piece)
     cell2 = table_chosen(other, y, piece2)
@@ -210,7 +234,7 @@ KERNELS = (table_knot, table_rate, table_piece, table_piece2)
 
 
 def functions() -> list[Callable[..., Any]]:
-    """Return the kernels and all functions that they call."""
+    """Return all kernels of this module."""
     return [f for name, f in globals().items() if name.startswith("table_")]
 
 
