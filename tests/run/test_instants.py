@@ -185,6 +185,35 @@ events:
     assert found.record["end"] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("events", "acts", "end"),
+    [
+        # Both are due at once; the second restores the mode, and no event follows.
+        ("a: {at: x >= 0.5, set: {u: 1 - u}}, b: {at: x >= 0.5, set: {u: 1 - u}}",
+         ["a", "b"], 1.0),
+        ("a: {at: x >= 0.5, set: {u: 1}}, b: {at: x >= 0.5, set: {u: 0}}",
+         ["a", "b"], 1.0),
+        ("a: {at: x - u >= 0.5, set: {u: 1}}, b: {at: x - u <= -0.2, set: {u: 0}}",
+         ["a", "b"], 0.5),
+    ],
+)  # fmt: skip
+def test_events_that_restore_a_mode_end_the_run_only_in_a_cycle(events, acts, end):
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+modes: {{u: 0}}
+events: {{{events}}}
+initial: {{x: 0, x_dot: 1}}
+simulation: {{duration: 1, output_step: 0.1}}
+"""
+    found = simulate(text, error_bar="never")
+    assert [event.name for event in found.events] == acts
+    assert found.t[-1] == end
+    if end < 1.0:
+        assert found.record["failure"]["number"] == "E512"
+        assert "`a`, `b`" in found.reason
+
+
 def test_a_jump_of_a_mode_through_0_counts_and_one_of_the_relation_does_not():
     text = """
 modes: {level: 0, by_mode: 0, by_mod: 0, by_floor: 0, by_if: 0}

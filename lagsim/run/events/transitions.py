@@ -48,9 +48,9 @@ class Transitions(Source):
     ----------
     next : list of int
         The number of the next act of each that is periodic; -1 where none follows.
-    acted : list of (str, dict)
-        The located events that have acted at the last instant since the state jumped,
-        with the modes before each.
+    rounds : list of (list of str, dict)
+        The rounds at the last instant since the state jumped: names of the located
+        events that acted together, and the modes before them.
     is_over : bool
         Whether `until` has come true.
     """
@@ -62,7 +62,7 @@ class Transitions(Source):
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
-        self.acted: list[tuple[str, dict[str, float]]] = []
+        self.rounds: list[tuple[list[str], dict[str, float]]] = []
         self.acts = [0] * len(events)  # of each, at the last instant
         self.time = math.nan  # of that
         self.sequences = [Sequence(settings.start, settings.duration) for _ in events]
@@ -120,7 +120,7 @@ class Transitions(Source):
         struck : velocities have jumped, so that it is another state.
         """
         if struck:
-            self.acted.clear()
+            self.rounds.clear()
         if not len(arc.state.orientation):
             return NOTHING
         truth = self._truth or Truth(arc, set_by_modes=self.set_by_modes)
@@ -132,7 +132,7 @@ class Transitions(Source):
         """Let events act until none is due: periodic ones, and those of conditions."""
         if arc.t != self.time:
             self.time, self.acts = arc.t, [0] * len(self.acts)
-            self.acted.clear()
+            self.rounds.clear()
         events = arc.equations.model.events
         event_of = self.event_of
         y = arc.y.copy()
@@ -145,9 +145,11 @@ class Transitions(Source):
             if self._truth is not None:
                 once = [c for k, c in own.items() if events[k].once]
                 self._truth.hold(due.conditions, for_ever=once)
+            self.rounds.append(([events[k].name for k in sorted(own)], arc.modes))
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
                 ending = ending or self._set(arc, k)
+            ending = ending or self._undone(arc)
             due = NOTHING
             if found and self._truth is not None:
                 due = Due(conditions=frozenset(self._truth.changed()))
@@ -161,7 +163,7 @@ class Transitions(Source):
         """Let one event set its modes; tell how the run ends if it does by that."""
         events = arc.equations.model.events
         event, first = events[k], sum(len(x.sets) for x in events[:k])
-        before, every = arc.modes, sum(len(x.sets) for x in events)
+        every = sum(len(x.sets) for x in events)
         values = arc.runner.function("sets", every)(arc.t, arc.y)[first:].tolist()
         ending = None
         for (mode, _), value in zip(event.sets, values, strict=False):
@@ -173,22 +175,28 @@ class Transitions(Source):
         if event.at is None:
             self.next[k] += 1
             return ending
-        return ending or self._chatters(arc, k, before)
+        return ending or self._chatters(arc, k)
 
-    def _chatters(self, arc: Arc, k: int, before: dict[str, float]) -> Ending | None:
-        """End the run where a located event has undone others without time passing."""
-        name, after = arc.equations.model.events[k].name, arc.modes
-        self.acted.append((name, before))
+    def _undone(self, arc: Arc) -> Ending | None:
+        """End the run where a round restores modes from before an earlier round.
+
+        Its events undo others without time passing. Events of one round may restore a
+        mode together: all were due at once, and none follows from another.
+        """
+        *earlier, (_, before) = self.rounds
+        seen = [modes for _, modes in earlier]
+        if arc.modes == before or arc.modes not in seen:
+            return None
+        cycle = self.rounds[seen.index(arc.modes) :]
+        about = quoted(name for names, _ in cycle for name in names)
+        return Ending(Outcome.EVENTS_CHATTER, about)
+
+    def _chatters(self, arc: Arc, k: int) -> Ending | None:
+        """End the run where an event acts ever again in hardly any time."""
         self.acts[k] += 1
         if self.acts[k] == 1:
             self.sequences[k].add(arc.t, k)
-        first = len(self.acted)
-        if after != before:
-            modes = [x for _, x in self.acted]
-            first = modes.index(after) if after in modes else first
-        if self.acts[k] > MOST_ACTS or self.sequences[k].is_stuck(STUCK * HARDLY):
-            first = 0
-        if first == len(self.acted):
+        if self.acts[k] <= MOST_ACTS and not self.sequences[k].is_stuck(STUCK * HARDLY):
             return None
-        about = quoted(x for x, _ in self.acted[first:])
-        return Ending(Outcome.EVENTS_CHATTER, about)
+        names = [name for names, _ in self.rounds for name in names]
+        return Ending(Outcome.EVENTS_CHATTER, quoted(names))
