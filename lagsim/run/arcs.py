@@ -472,11 +472,12 @@ class Run:
         self, source: Source | None, decision: Decision, before: Before | None
     ) -> Ending | None:
         """Do what a source has decided, and what becomes due by that."""
+        impacts = self.impacts
         self._take(decision)
         turn = decision.turn
         if decision.ending is not None or turn is Turn.NONE:
             return decision.ending
-        ending = self._settle(source, turn, before)
+        ending = self._settle(source, turn, before, impacts)
         if self.transitions is not None and self.transitions.is_over:
             return Ending(Outcome.UNTIL)
         if ending is not None:
@@ -487,14 +488,14 @@ class Run:
         return None
 
     def _settle(
-        self, source: Source | None, turn: Turn, before: Before | None
+        self, source: Source | None, turn: Turn, before: Before | None, impacts: int
     ) -> Ending | None:
         """Let modes be set, impacts take place, and events act, until none is due.
 
         source : which has set its own mode if the turn is MODE.
+        impacts : the number of impacts before the instant.
         """
         while True:
-            impacts = self.impacts
             if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
                 ending = self._set_modes(source if turn is Turn.MODE else None)
                 if ending is not None:
@@ -505,7 +506,7 @@ class Run:
                     return ending
             if self.transitions is None or self.transitions.is_over:
                 return None
-            struck = self.impacts != impacts
+            struck, impacts = self.impacts != impacts, self.impacts
             due = self.transitions.due_after(self.arc, struck=struck)
             if due == NOTHING:
                 return None
