@@ -423,22 +423,29 @@ class Flights:
                      if tie.tree in r.arguments]  # fmt: skip
             if not all(tie.fits(x) for x in found):
                 return None
-        if {"stick", "closed"} & set(arc.law_modes) and any(
-            self._is_placed(tie.tree)
-            and tie.tree.kind not in CONTINUOUS
-            and not first_sign(
-                arc.readings[0].arguments[tie.tree] - constant(tie.point)
-            )
-            for tie in ties
-            if tie.tree in arc.readings[0].arguments
-        ):
-            # Its value there or any between both sides: Filippov's motions are several.
+        if self._is_ambiguous(arc, ties):
             raise UndecidedError("held on a switch")
         if slide is not None and not (
             first_sign(arc.share) > 0 and first_sign(constant(1.0) - arc.share) > 0
         ):
             return None
         return arc if self._laws_fit(arc) else None
+
+    def _is_ambiguous(self, arc, ties):
+        """Tell whether a motion rests on a jump that is not all there is of its place.
+
+        Its value there or any between both sides: Filippov's motions are several.
+        """
+        known = arc.readings[0].arguments
+        rests = [
+            tie.tree
+            for tie in ties
+            if self._is_placed(tie.tree)
+            and tie.tree in known
+            and first_sign(known[tie.tree] - constant(tie.point)) == 0
+        ]
+        held = bool({"stick", "closed"} & set(arc.law_modes)) or len(rests) > 1
+        return held and any(tree.kind not in CONTINUOUS for tree in rests)
 
     def _is_placed(self, tree):
         """Tell whether the slope of an argument is known before the motion is."""
