@@ -203,6 +203,7 @@ class Tie:
     low: int
     high: int
     cell: int
+    cells: dict[Tree, int]
 
     def fits(self, argument):
         """Tell whether an argument leads into the cell, or stays in it."""
@@ -413,14 +414,15 @@ class Flights:
             else:
                 options = [low, high, 0] if tree.kind in HALVES else [low, high]
                 cell = options[script.pick(len(options))]
-            ties.append(Tie(tree, point, low, high, cell))
+            ties.append(Tie(tree, point, low, high, cell, reading.cells))
             return cell
 
         cells = [{}] if slide is None else self._sides(slide, t, y, modes)
         arc = self.solved(t, y, modes, cells, None, choose, script, slide)
         for tie in ties:
+            # In a slide each side has cells of its own.
             found = [r.arguments[tie.tree] for r in arc.readings
-                     if tie.tree in r.arguments]  # fmt: skip
+                     if r.cells is tie.cells and tie.tree in r.arguments]  # fmt: skip
             if not all(tie.fits(x) for x in found):
                 return None
         if self._is_ambiguous(arc, ties):
