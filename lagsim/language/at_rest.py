@@ -6,6 +6,11 @@ a single value of the slip v. While the motion holds v = 0, the bound is the val
 expressions: in the first, each comparison and step has its value at v = 0, in the
 second its value beside v = 0.
 
+A switch at a slip other than 0, `if(abs(v) < 1e-12, F0, F1)`, keeps its place. But at
+slip 0 rounding may not tell on which side of it v is: the bound at rest is the value at
+v = 0 exactly, where each part that vanishes with the slip is replaced by 0. If no
+computed motion has a slip between, `if(abs(v) < 1e-300, F0, F1)`, the switch is at 0.
+
 Whether the argument of a switch vanishes with the slip, and its sign beside slip 0, is
 tested at points: `abs(v)`, `v^2`, `max(v, -v)`, `hypot(v, 0)` differ only in form. A
 value counts as 0 within its computed rounding error. The test must have the same result
@@ -20,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.functions import JOINING, OPERATIONS, STEPS
-from lagsim.language.graph import DATA
+from lagsim.language.graph import DATA, TRUTH
 from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -40,6 +45,9 @@ GOLDEN, LEAST, SPAN = 0.618033988749895, 0.2, 1.6
 SPEEDS = (1e-6, 1e-3, 0.3, 7.0)
 DIRECTIONS = 64
 BENT = 1e-7
+# Under a force that grows with time a slip is faster than this after less time than the
+# rounding of the time at which it begins.
+LEAST_SLIP = 1e-30
 # A value is 0 within CERTAIN error bounds; two bounds are equal within the relative
 # difference SAME; a continuous bound changes by at most CHANGE over a slip of STEP.
 CERTAIN, SAME = 8.0, 1e-9
@@ -112,7 +120,7 @@ def bounds_at_rest(
     found = [_points(g, slips, names, velocities, x, held) for x in (known, {})]
     if not all(found):  # equalities prevent any slip
         return Bounds(node, node) if held else None
-    return _Beside(g, node, found[0], found[1]).bounds(slips)
+    return _Beside(g, node, moving, found[0], found[1]).bounds(slips)
 
 
 def _coupled(
@@ -135,6 +143,12 @@ def _is_discrete(g: Graph, n: int) -> bool:
     """Whether a node is a comparison or a step."""
     row = OPERATIONS.get(g.ops[n])
     return row is not None and g.ops[n] not in JOINING and (row.condition or row.step)
+
+
+def _is_condition(g: Graph, n: int) -> bool:
+    """Tell whether a node is true or false."""
+    row = OPERATIONS.get(g.ops[n])
+    return g.ops[n] == TRUTH or (row is not None and row.condition)
 
 
 def _points(
@@ -260,11 +274,17 @@ class _Beside:
     """Versions of an expression at slip 0 and beside slip 0."""
 
     def __init__(
-        self, g: Graph, node: int, points: list[_Point], others: list[_Point]
+        self,
+        g: Graph,
+        node: int,
+        moving: Collection[int],
+        points: list[_Point],
+        others: list[_Point],
     ) -> None:
-        self.g, self.node, self.points, self.others = g, node, points, others
+        self.g, self.node, self.moving = g, node, moving
+        self.points, self.others = points, others
         self.pair = len(points[0].ways) == 2
-        self.steps = self.even = False
+        self.steps = self.even = self.near = False
 
     def bounds(self, slips: Sequence[int]) -> Bounds | None:
         """Return the bound at rest and while it slides; None where that is unclear."""
@@ -275,16 +295,17 @@ class _Beside:
             same = self._is_continuous()
             return Bounds(node, node) if same else None
         rest, above, below, even = versions
+        own = Bounds(rest if self.near and self._falls(rest) else node, node)
         if not self.steps:
-            return Bounds(node, node)
+            return own
         if above == below:
             return Bounds(rest, above) if self._has_value(above) else None
         if not self.even and self._is_continuous():
-            return Bounds(node, node)
+            return own
         if self._same(above, below):
             up = g.call("gt", slips[0], g.zero)
             return Bounds(rest, g.call("if", up, above, below))
-        return Bounds(rest, even) if self.even else Bounds(node, node)
+        return Bounds(rest, even) if self.even else own
 
     def _versions(self) -> list[int]:
         """Return the versions of the expression: REST, ABOVE, BELOW and EVEN."""
@@ -292,39 +313,80 @@ class _Beside:
         done: dict[int, list[int]] = {}
         for n in g.cone([self.node]):
             args = g.args[n]
-            if not args or g.ops[n] == DATA:
-                done[n] = [n] * 4
-                continue
             below = [[done[a][v] for a in args] for v in range(4)]
             done[n] = [
                 n if new == list(args) else g.call(g.ops[n], *new) for new in below
             ]
+            if n not in self.moving or g.ops[n] == DATA:
+                continue
             if _is_discrete(g, n):
                 self._decide(n, below, done)
+            elif not _is_condition(g, n) and self._is_zero(done[n][REST]):
+                done[n][REST] = g.zero
         return done[self.node]
 
     def _decide(
         self, n: int, below: list[list[int]], done: dict[int, list[int]]
     ) -> None:
-        """Decide a switch whose argument vanishes at slip 0."""
+        """Decide a switch whose argument vanishes at slip 0, or so near to it."""
         g, op = self.g, self.g.ops[n]
         parts = [args[0] if op in STEPS else g.call("sub", *args) for args in below]
-        if not self._vanishes(parts[REST], whole=op in WHOLE):
-            return
+        vanishes = self._vanishes(parts[REST], whole=op in WHOLE)
         if op in WHOLE:
-            self._refuse_jump(done[n])
+            if vanishes:
+                self._refuse_jump(done[n])
+            return
+        if vanishes:
+            done[n][REST] = _decided(g, op, 0.0)
+        elif not self._steps_near(parts):
             return
         if self.pair:
             up = down = self._sign_around(parts[ABOVE])
         else:
             up, down = self._sign(parts[ABOVE], 1.0), self._sign(parts[BELOW], -1.0)
         self.steps = True
-        done[n][REST] = _decided(g, op, 0.0)
         done[n][ABOVE] = _decided(g, op, up)
         done[n][BELOW] = _decided(g, op, down)
         if up == down:
             self.even = True
             done[n][EVEN] = done[n][ABOVE]
+
+    def _steps_near(self, parts: Sequence[int]) -> bool:
+        """Whether an argument changes its sign before any slip; note it if near 0."""
+        near = [self._changes(parts, x, SPEEDS[0]) for x in self.points]
+        self.near = self.near or any(map(any, near))
+        near += [self._changes(parts, x, SPEEDS[0]) for x in self.others]
+        every = (*self.points, *self.others)
+        least = [self._changes(parts, x, LEAST_SLIP) for x in every]
+        return all(map(any, near)) and least == near
+
+    def _changes(self, parts: Sequence[int], point: _Point, slip: float) -> list[bool]:
+        """Whether the sign at a slip in each direction is not that at slip 0."""
+        found = []
+        here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
+        for way in _AROUND if self.pair else _UP_AND_DOWN:
+            beside = _plain(point.beside(*[slip * x for x in way]))
+            side = BELOW if way == _UP_AND_DOWN[1] else ABOVE
+            there = evaluate(self.g, [parts[side]], beside)[0]
+            found.append(here * there <= 0.0)
+        return found
+
+    def _falls(self, rest: int) -> bool:
+        """Whether the bound is less beside slip 0 than at rest."""
+        for point in self.points:
+            here = evaluate(self.g, [rest], _plain(point.values))[0]
+            for way in _AROUND if self.pair else _UP_AND_DOWN:
+                beside = _plain(point.beside(*[SPEEDS[0] * x for x in way]))
+                if not evaluate(self.g, [self.node], beside)[0] <= here:
+                    return False
+        return True
+
+    def _is_zero(self, part: int) -> bool:
+        """Whether an expression is 0 at slip 0, in any place and by any parameters."""
+        try:
+            return self._vanishes(part, whole=False)
+        except _UnclearError:
+            return False
 
     def _vanishes(self, part: int, *, whole: bool) -> bool:
         """Whether an expression is 0, or a whole number (`whole`), at slip 0.

@@ -25,6 +25,10 @@ SPELLINGS = (
     "if(min(abs(s), 1) > 0, F1, F0)", "if(0 < 2*abs(-s), F1, F0)",
     "if(s > 0, F1, if(s < 0, F1, F0))", "if(sign(abs(s)) > 0.5, F1, F0)",
     "if(abs(s)*(1 + x^2) > 0, F1, F0)",
+    # No slip that is computed is so slow.
+    "if(abs(s) < 1e-300, F0, F1)", "if(abs(s) > 1e-30, F1, F0)",
+    "F1 + (F0 - F1)*(1 - heaviside(abs(s) - 1e-300))", "if(s^2 > 1e-80, F1, F0)",
+    "if(s > -1e-30 and s < 1e-300, F0, F1)",
 )  # fmt: skip
 MAPPING = {"static": "F0", "dynamic": "F1"}
 
@@ -83,6 +87,50 @@ def spelled(text, slip):
 @pytest.mark.parametrize("spelling", SPELLINGS)
 def test_a_switch_at_slip_0_is_static_friction(spelling):
     holds(play(pulled(spelled(spelling, "x_dot"))))
+
+
+@pytest.mark.parametrize(
+    ("least", "spelling"),
+    [
+        (1e-9, "if(abs(s) < least, F0, F1)"), (1e-12, "if(abs(s) < 1e-12, F0, F1)"),
+        (1e-13, "F0 - (F0 - F1)*heaviside(abs(s) - least)"),
+        (1e-14, "if(s^2 > 1e-28, F1, F0)"), (1e-15, "if(abs(s) < least, F0, F1)"),
+        (1e-18, "if(abs(s) < 1e-18, F0, F1)"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("floor", [0.0, 0.7])
+def test_a_switch_at_a_slip_that_is_nearly_0(floor, least, spelling):
+    """The block keeps F0 until its slip is `least`, and sticks by F0.
+
+    Then about v t - F1/k it swings, until its slip is 0: the time with F0 again just
+    before, least/(F0 - F1), is within the bound.
+    """
+    own = "x_dot - floor"
+    text = pulled(spelled(spelling, own), slip=own, speed=floor)
+    text = text.replace("parameters:", f"parameters:\n  least: {least!r}", 1)
+    found = play(text)
+    k, v, w = 10.0, 0.5, math.sqrt(10.0)
+    begin = F0 / (k * v)
+    # v (1 - cos w s) = least, and sin^2(w s/2) = least/(2 v)
+    s = 2.0 / w * math.asin(math.sqrt(least / (2.0 * v)))
+    # Within rounding of the floor's speed it is not known when the slip is `least`.
+    bound = max(GLOBAL, math.sqrt(2.0 * math.ulp(floor) / (k * v)))
+    # Until then it has moved by less than rounding.
+    off, rate = -v * (begin + s) + F1 / k, least - v
+    # -off w sin(u) + rate cos(u) = -v: its second root; the first is the start
+    turn = math.atan2(-off * w, rate) + math.acos(-v / math.hypot(off * w, rate))
+    sticks = begin + s + turn % math.tau / w
+    stops = found.times("stick", "rub")
+    assert found.times("slip", "rub")[0] == pytest.approx(begin, abs=bound)
+    assert stops[0] == pytest.approx(sticks, abs=bound)
+    u = w * (sticks - begin - s)
+    x = v * sticks - F1 / k + off * math.cos(u) + rate / w * math.sin(u)
+    # it rests until the spring pulls with F0 again
+    again = (x + F0 / k) / v
+    rests = (found.t > sticks + 1e-6) & (found.t < again)
+    assert rests.any()
+    assert found["x"][rests] - floor * found.t[rests] == pytest.approx(x, abs=bound)
+    assert found.times("slip", "rub")[1] == pytest.approx(again, abs=bound)
 
 
 @pytest.mark.parametrize("limit", [MAPPING, SPELLINGS[0], SPELLINGS[1], SPELLINGS[5]])
