@@ -253,11 +253,12 @@ class Contacts(Source):
         redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
         kinds = {self.laws[k].kind for k in redundant}
         shares = any(kind.one_sided for kind in kinds)
-        p.law_shared[:] = 0.0
-        rubs = {law.normal for law in self.laws if law.kind is Kind.SLIP}
-        bear = [k for k in held if k not in rubs and self.laws[k].kind in SHARING]
-        p.law_shared[redundant] = here.are_spanned(redundant, bear)
-        p.law_shares = p.law_shared.max()
+        p.law_shared[:] = p.law_shares = 0.0
+        if redundant:
+            rubs = {law.normal for law in self.laws if law.kind is Kind.SLIP}
+            bear = [k for k in held if k not in rubs and self.laws[k].kind in SHARING]
+            p.law_shared[redundant] = here.are_spanned(redundant, bear)
+            p.law_shares = p.law_shared.max()
         if shares or chosen.open:
             code = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
