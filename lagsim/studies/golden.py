@@ -509,7 +509,7 @@ def document(golden: Golden) -> bytes:
 
 
 def _lines(name: str, entries: Document, depth: int) -> bytes:
-    """Return a JSON object as text with one line for each entry, for short diffs."""
+    """Return a JSON object as text with one line for each entry, for human readers."""
     margin = depth * b"  "
     lines = (
         b"%b  %b: %b" % (margin, orjson.dumps(k), orjson.dumps(x))
