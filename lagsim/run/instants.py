@@ -27,7 +27,8 @@ def width(settings: Settings, time: float) -> float:
 
 def is_same(settings: Settings, time: float, other: float) -> bool:
     """Whether two times are one instant."""
-    return abs(other - time) <= max(width(settings, x) for x in (time, other))
+    size = max(abs(time), abs(other), abs(settings.start))
+    return abs(other - time) <= SAME_INSTANT * size
 
 
 def row_near(settings: Settings, time: float) -> float:

@@ -17,6 +17,7 @@ two sides, and at 0 on that to which it goes.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -122,14 +123,36 @@ class Truth:
         """
         self.set_by_modes = set_by_modes
         self.arc, self.state, self.found = arc, arc.state, found
-        self.is_far = False  # all are so far off 0 that their rates do not count
+        is_far = self.is_clear = False
         if found < 0 and arc.steps:
             values, zero = arc.located(arc.t, arc.y), arc.state.zero
-            self.is_far = bool((np.abs(values) > FAR * zero).all())
-        if self.is_far:
+            self.is_clear = self._are_clear(values)
+            is_far = self.is_clear or bool((np.abs(values) > FAR * zero).all())
+        if is_far:
             self.now = Look(values, zero.copy(), np.zeros(len(values)))
         else:
             self.now = look(arc, found)
+
+    def _are_clear(self, values: Floats) -> bool:
+        """Whether no condition can change unless the state or the modes jump.
+
+        Each is far off 0 on its side, or true for ever. There are few conditions:
+        numbers are faster than arrays.
+        """
+        state = self.state
+        arrays = values, state.zero, state.orientation, state.leeway, state.equation
+        for value, zero, side, leeway, equation in zip(
+            *(x.tolist() for x in arrays), strict=True
+        ):
+            if side == 0.0 and leeway == math.inf:
+                clear = abs(value) > FAR * zero
+            else:
+                off = value * side if side else value
+                clear = off > max(FAR * zero, 4.0 * abs(leeway))
+                clear = clear and (side != 0.0 or not equation)
+            if not clear:
+                return False
+        return True
 
     def begin(self) -> None:
         """Decide the truth of all conditions at the start.
@@ -154,12 +177,13 @@ class Truth:
 
         One that is about to become false at that time counts as false.
         """
+        if self.is_clear:
+            return set()
         state, now = self.state, self.now
         side, leeway = state.orientation, state.leeway
-        misses = now.values * side
+        misses, comes = now.values * side, now.rates * side < 0.0
         met = misses + leeway <= 0.0
-        if not self.is_far:
-            met |= (misses <= now.zero) & (now.rates * side < 0.0)
+        met |= (misses <= now.zero) & comes
         met &= side != 0.0
         if self.found >= 0:
             met[self.found] = True
@@ -189,6 +213,9 @@ class Truth:
 
         struck : velocities have jumped.
         """
+        if self.is_clear and not (struck or self.set_by_modes):
+            return set()
+        self.is_clear = False
         before, side = self.now, self.state.orientation
         if not self._may_change(struck=struck):
             return set()
