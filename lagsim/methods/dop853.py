@@ -158,8 +158,9 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     if not doubtful and error >= SLOWING and s.balanced > 0.0:
         doubtful = True
         s.balanced_alone = 1.0
-    if doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
+    while doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
         error = min(error, error_norm(s, h, errors))
+        doubtful = error >= 1.0
     if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
         constraints.note_directions(s, p, t + h, new)
         removed = h * h * constraints.forget_removed(s, p, h, errors)

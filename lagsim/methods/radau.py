@@ -179,8 +179,8 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
-    # The error may be rounding alone.
-    if error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
+    # Perhaps it is nothing but rounding.
+    while error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
@@ -412,7 +412,8 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
     s.new[:] = s.y + h * s.slope  # the stages may lead anywhere
-    control.allow_roundoff(s, p, h, s.new, s.slope, 1.0)
+    while control.allow_roundoff(s, p, h, s.new, s.slope, 1.0):
+        pass
     change = size_of_change(s)
     if change * s.rtol**0.2 >= 1.0:
         return False

@@ -88,7 +88,7 @@ def start(s: Taylor, p: Parameters) -> None:
     s.step_h = 0.0
     control.record_sizes(s, p)
     rates = c[1 + s.size :]
-    control.bound_roundoff(s, p, s.t, s.y, rates, 1.0, 0.0)
+    control.bound_roundoff(s, p, s.t, s.y, rates, 1.0, 0.0, 1)
     control.foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest.
     # One that was taken back has a length to begin with.
@@ -174,8 +174,9 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
-    if doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
+    while doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
         error = misfit(s, c[0], following[1 + size :], s.rates, h)
+        doubtful = error > PASSED
     return constraints.passable(s, error) if CONSTRAINED else error
 
 
@@ -203,7 +204,7 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
     s.h = next_
     if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
-        control.bound_roundoff(s, p, s.t, y, rates, 1.0, h)
+        control.bound_roundoff(s, p, s.t, y, rates, 1.0, h, 1)
         control.set_tolerances(s, p, s.t, y, rates, h)
         s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)

@@ -9,7 +9,7 @@ from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.plan import plan
 from tests.small_scenes import NEARLY, angle, held_pendulum, pendulum, swing
-from tests.support import run
+from tests.support import MODELS, run
 
 SIMULATION = "duration: 20, output_step: 0.1, method: taylor, rtol: RTOL"
 PENDULUM, HELD = pendulum(2, SIMULATION), held_pendulum(2, SIMULATION)
@@ -194,3 +194,14 @@ def test_rows_of_constraints_that_move_are_all_projected():
     for text, fixed in ((HELD, 1.0), (moved, 0.0)):
         found = run(text.replace("RTOL", "1e-9"))
         assert found.system.link("taylor").empty.fixed_rows == fixed
+
+
+def test_rounding_costs_one_evaluation_a_step_where_that_is_enough():
+    text = (MODELS / "failing" / "relaxation.yaml").read_text()
+    text = text.replace("duration: 20", "duration: 0.3")
+    statistics = run(text, method="taylor").trajectory.statistics
+    # A step evaluates its series and, nearby, the rates, once each. One that is rejected
+    # evaluates in two directions, again as it is repeated.
+    assert statistics.steps > 300
+    most = 2 * statistics.steps + 8 * statistics.rejections + 20
+    assert statistics.evaluations < most

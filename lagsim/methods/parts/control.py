@@ -72,7 +72,7 @@ class Control(Output):
     energy: float  # the largest kinetic energy or change of potential so far
     potential: float  # at the start of the run
     lost_below: float  # the rows have lost rank where sigma is below this
-    rounding_known: float  # 1 once its roundoff has been bounded in this step
+    rounding_known: float  # directions by which it was bounded in this step
     balanced: float  # 1 where a component has no scale but that of forces that cancel
     balanced_alone: float  # 1: the roundoff of these alone counts
     sizes: Floats = array("size")  # the largest of y so far
@@ -271,12 +271,15 @@ def allow_roundoff(
 ) -> bool:
     """Bound the roundoff in a step h to `new`, and adapt tolerances to it.
 
-    Return False if this has been done before. k : (size,), y' at the start of the step.
+    Tells whether there was more to find: at first y' is computed nearby in one
+    direction, and, where that was not enough, in two. k : (size,), y' at the start of
+    the step.
     """
-    if s.rounding_known > 0.0:
+    if s.rounding_known >= MOST_WAYS:
         return False
+    s.rounding_known += 1.0
     t = s.t
-    bound_roundoff(s, p, t, s.y, k, sigma, h)
+    bound_roundoff(s, p, t, s.y, k, sigma, h, int(s.rounding_known))
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
@@ -290,7 +293,6 @@ def allow_roundoff(
     set_tolerances(s, p, t + h, new, k, h)
     if s.states > 0 or (p.works > 0 and (p.m > 0 or p.sliding > 0.0)):
         bound_by_others(s, p, h, new, k)
-    s.rounding_known = 1.0
     return True
 
 
@@ -360,7 +362,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     relative to the change, is within the tolerance.
     """
     z, slopes = s.work, s.spare
-    bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0)
+    bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0, 1)
     foresee(s, p, k)
     span = s.end - s.t
     h = min(EULER * s.row_step, span)
@@ -427,7 +429,9 @@ PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
 GOLDEN = 0.6180339887498949
 SILVER = 0.4142135623730951
 SCRAMBLED = 1e4
-# A step that moves a position by less than this part of its size is short.
+# Directions in which a state is moved: in one alone some sum may cancel by chance.
+MOST_WAYS = 2.0
+# A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which is below that of repeats of usual runs, rounding is
 # reduced at any cost.
@@ -484,11 +488,17 @@ def add_bound(
             s.roundoff[i] = max(s.roundoff[i], VALUE_ROUNDOFF * found)
 
 
-def set_reach(s: Control, y: Floats, k: Floats, h: float) -> None:
-    """Set the largest size of each component in a step h from y, with y' = k at y."""
+def set_reach(s: Control, p: Parameters, y: Floats, k: Floats, h: float) -> None:
+    """Set the largest size of each component in a step h from y, with y' = k there.
+
+    Where there are switches velocities count as they are at y: from rest a root of one
+    has no slope there, and what a step adds is no part of its rounding.
+    """
     accelerations = k[s.velocities]
     for i in range(s.size):
-        after = y[i] + h * k[i]
+        after = y[i]
+        if p.surfaces == 0.0 or i < s.n or i >= s.velocities.stop:
+            after += h * k[i]
         if i < s.n:
             after += 0.5 * h * h * accelerations[i]
         s.reach[i] = abs(y[i])
@@ -508,9 +518,8 @@ def perturb(
 ) -> None:
     """Compute the change of rates (size,) by a relative change of state and time.
 
-    Each of the one or two `ways` changes components in another direction: in one alone,
-    terms may cancel by chance. Rates that are not finite count as unchanged. out :
-    (size,).
+    Of two ways the second goes in another direction, to the other side. What has no
+    value there counts as nothing.
     """
     size = s.size
     out[:size] = 0.0
@@ -525,14 +534,21 @@ def perturb(
 
 
 def bound_roundoff(
-    s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float, h: float
+    s: Control,
+    p: Parameters,
+    t: float,
+    y: Floats,
+    k: Floats,
+    sigma: float,
+    h: float,
+    ways: int,
 ) -> None:
     """Bound the roundoff of the rates k (size,) at y, for a step h from y.
 
-    By a bound of the rounding in the evaluation, and by y' nearby. A sigma below 1 is
-    that of rows close to a loss of rank, which enlarges the first bound; y' off the
-    constraints is of no use there. At a start, h = 0; the bound is renewed with the
-    first step.
+    From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
+    that of rows close to a loss of rank, which enlarges the former; y' off the
+    constraints says nothing there. y' is computed nearby in so many
+    directions.
     """
     n, roundoff = s.n, s.roundoff
     rounding(t, y, p, s.work)
@@ -540,8 +556,7 @@ def bound_roundoff(
     for i in range(n, s.size):
         roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
-        set_reach(s, y, k, h)
-        ways = 2 if h > 0.0 else 1
+        set_reach(s, p, y, k, h)
         perturb(s, p, t, y, k, PROBE, ways, s.far_before)
         s.evaluations += ways
         for i in range(n, s.size):

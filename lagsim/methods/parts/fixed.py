@@ -93,7 +93,7 @@ def judge(
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
     """Whether changes (n,) of the velocities v (n,) are roundoff."""
     if s.rounding_known == 0.0:
-        bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0)
+        bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0, 1)
         s.rounding_known = 1.0
     roundoff = s.roundoff[s.velocities]
     for i in range(s.n):

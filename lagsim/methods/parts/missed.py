@@ -391,7 +391,7 @@ def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
     Near a root no slope shows the effect of rounding. most : the bound, in tolerances,
     as in `differs`.
     """
-    set_reach(s, s.point, s.exact_rates, 0.0)
+    set_reach(s, p, s.point, s.exact_rates, 0.0)
     t = s.step_t + x * s.step_h
     perturb(s, p, t, s.point, s.exact_rates, TERM_ROUNDOFF, 2, s.far_before)
     for i in range(s.n, s.size):
@@ -414,7 +414,7 @@ def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
         interpolate(s, p, x, z)
         part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
         move_aside(s.size, z, z, part, way, z)
-        move_within(s, 1.0 if way == 0 else -1.0, z)
+        move_within(s, 1.0, way, z)
         signals(s.step_t + x * s.step_h, z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
     return variation(s, k) <= most
@@ -429,7 +429,7 @@ def is_beyond(s: Table, p: Parameters, x: float) -> bool:
     t = s.step_t + x * s.step_h
     z = s.point
     rounding(t, z, p, s.work)
-    move_within(s, LEFT, z)
+    move_within(s, LEFT, 0, z)
     derivative(t, z, p, s.spare)
     for i in range(s.n, s.size):
         s.spare[i] = abs(s.spare[i] - s.exact_rates[i])
@@ -447,13 +447,13 @@ def exceeds(s: Table, most: float, besides: Floats) -> bool:
     return False
 
 
-def move_within(s: Table, tolerances: float, z: Floats) -> None:
-    """Move a state by about a number of its tolerances.
+def move_within(s: Table, tolerances: float, way: int, z: Floats) -> None:
+    """Move a state by about so many of its tolerances.
 
     By a part and sign for each component, since equal changes may cancel.
     """
     for i in range(s.size):
-        part = 2.0 * scattered(i, 0) - 1.0
+        part = 2.0 * scattered(i, way) - 1.0
         part += 0.5 if part > 0.0 else -0.5
         z[i] += part * tolerances * s.tolerances[i]
 
