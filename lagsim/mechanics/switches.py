@@ -666,6 +666,8 @@ class _Finder:
         if not timed and (n not in self.moving or op in JOINING):
             return args
         discrete = n if plain else g.call(row.decided_by, *args)
+        if not g.args[discrete]:
+            return args  # what moves cancels
         if timed:
             self.time[n] = discrete
             return () if plain else args
