@@ -200,7 +200,7 @@ def test_rounding_costs_one_evaluation_a_step_where_that_is_enough():
     text = (MODELS / "failing" / "relaxation.yaml").read_text()
     text = text.replace("duration: 20", "duration: 0.3")
     statistics = run(text, method="taylor").trajectory.statistics
-    # A step evaluates its series and, nearby, the rates, once each. One that is rejected
+    # A step evaluates its series and, nearby, the rates, once each. A rejected one
     # evaluates in two directions, again as it is repeated.
     assert statistics.steps > 300
     most = 2 * statistics.steps + 8 * statistics.rejections + 20
