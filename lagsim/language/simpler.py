@@ -7,13 +7,15 @@ and no switch would be detected. For 0 < q < 1, the form is sign(u) |u|^(1 - q).
 A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5, hypot(u,
 0), max(u, -u), u*sign(u). Written as `abs`, its corner is a switch.
 
-What decides a switch loses the terms that cancel: `x + a < x + b` is `a < b`.
+Terms that cancel are dropped from comparisons and from the arguments of steps:
+`x + a < x + b` is `a < b`.
 
-A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
-slope at 0, where its power has one: the energy of a body at rest that is written with
-its speed. Only what is equal for all arguments is written otherwise: sqrt(e) has no
-value below 0, so that sqrt(e)^2 is e only where e is seen never to be negative;
-elsewhere its slopes are those of e all the same (`local_slopes`).
+A power of a root is written without the root: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3,
+abs(x)^2. A root has no slope at 0, where its power has one: the energy of a body at
+rest that is written with its speed. An expression is rewritten only where both forms
+are equal for all arguments: sqrt(e) has no value below 0, so that sqrt(e)^2 becomes e
+only where e is recognised as never negative; elsewhere its slopes are those of e
+(`local_slopes`).
 """
 
 from __future__ import annotations
@@ -67,8 +69,8 @@ _NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
 HALVES = (0.5, -0.5)
 # A sum that is smaller, as a part of the sum of the sizes of its terms, is roundoff.
 ROUNDED = 2.0**-50
-# Nodes that are looked at for a sign, or for terms that cancel: sums of squares of
-# bodies are long.
+# Largest number of nodes in the search for a sign, or for terms that cancel: sums of
+# squares can be long.
 MOST = 200
 
 

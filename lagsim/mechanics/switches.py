@@ -667,7 +667,7 @@ class _Finder:
             return args
         discrete = n if plain else g.call(row.decided_by, *args)
         if not g.args[discrete]:
-            return args  # what moves cancels
+            return args  # terms that move cancel
         if timed:
             self.time[n] = discrete
             return () if plain else args

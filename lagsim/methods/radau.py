@@ -179,7 +179,7 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
-    # Perhaps it is nothing but rounding.
+    # The error may be rounding alone.
     while error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2

@@ -271,9 +271,9 @@ def allow_roundoff(
 ) -> bool:
     """Bound the roundoff in a step h to `new`, and adapt tolerances to it.
 
-    Tells whether there was more to find: at first y' is computed nearby in one
-    direction, and, where that was not enough, in two. k : (size,), y' at the start of
-    the step.
+    Return False if no direction is left. The first call in a step evaluates y' at a
+    state moved in one direction, the second call in another one. k : (size,), y' at the
+    start of the step.
     """
     if s.rounding_known >= MOST_WAYS:
         return False
@@ -489,10 +489,10 @@ def add_bound(
 
 
 def set_reach(s: Control, p: Parameters, y: Floats, k: Floats, h: float) -> None:
-    """Set the largest size of each component in a step h from y, with y' = k there.
+    """Set the largest size of each component in a step h from y, with y' = k at y.
 
-    Where there are switches velocities count as they are at y: from rest a root of one
-    has no slope there, and what a step adds is no part of its rounding.
+    With switches, the size of a velocity is that at y: a force with a root of the
+    velocity is steep at rest, and the change in the step is no rounding of it.
     """
     accelerations = k[s.velocities]
     for i in range(s.size):
@@ -518,8 +518,9 @@ def perturb(
 ) -> None:
     """Compute the change of rates (size,) by a relative change of state and time.
 
-    Of two ways the second goes in another direction, to the other side. What has no
-    value there counts as nothing.
+    Each of the one or two `ways` changes components in another direction: in one alone,
+    terms may cancel by chance. Rates that are not finite count as unchanged. out :
+    (size,).
     """
     size = s.size
     out[:size] = 0.0
@@ -545,10 +546,10 @@ def bound_roundoff(
 ) -> None:
     """Bound the roundoff of the rates k (size,) at y, for a step h from y.
 
-    From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
-    that of rows close to a loss of rank, which enlarges the former; y' off the
-    constraints says nothing there. y' is computed nearby in so many
-    directions.
+    By a bound of the rounding in the evaluation, and by y' at states moved in `ways`
+    directions. A sigma below 1 is that of rows close to a loss of rank, which enlarges
+    the first bound; y' off the constraints is of no use there. At a start, h = 0; the
+    bound is renewed with the first step.
     """
     n, roundoff = s.n, s.roundoff
     rounding(t, y, p, s.work)

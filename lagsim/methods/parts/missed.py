@@ -448,7 +448,7 @@ def exceeds(s: Table, most: float, besides: Floats) -> bool:
 
 
 def move_within(s: Table, tolerances: float, way: int, z: Floats) -> None:
-    """Move a state by about so many of its tolerances.
+    """Move a state by about a number of its tolerances.
 
     By a part and sign for each component, since equal changes may cancel.
     """
