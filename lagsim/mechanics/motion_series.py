@@ -1,6 +1,6 @@
-"""Forms of the motion where the equations are solved on the graph.
+"""Taylor series of the motion, and exact matrices of linear scenes.
 
-Its Taylor series; and of a linear scene its matrices, exactly.
+Both are made of equations that are solved symbolically, on the expression graph.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Loop
 
 
-# What a loop over the order takes may be so much: it compiles in about a second.
+# Largest count of operations of a loop over the order: it compiles in about a second.
 MOST_OPERATIONS = 500_000
-# Operations of straight-line code that fit into the processor's nearest memory; what is
-# longer waits for its instructions, each as long as so many more take.
+# Operations of straight-line code that fit into the instruction cache; each operation
+# beyond these costs WAITING more, for the fetch of instructions from memory.
 CACHED, WAITING = 3700, 3.0
-# What an order takes in a loop, in operations of straight-line code (0.13 ns), and each
-# operation of its code (measured: 18 ns with 40 of them and 6 products, 330 ns with
-# 1,494 and 188).
+# Cost of one order in a loop, in operations of straight-line code (0.13 ns), and of
+# each operation of the loop's body (measured: 18 ns with 40 operations and 6 products,
+# 330 ns with 1,494 and 188).
 PER_ORDER, PER_NODE = 90.0, 1.2
-# Of the inner sums, eight terms of which are one instruction.
+# Cost of one term of the inner sums: one instruction adds eight terms.
 PER_TERM = 0.3
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Return y' = (q', q'', the rates of all that follows)."""
+    """Return the nodes of y' = (q', q'', rates of first-order states and works)."""
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
@@ -50,14 +50,22 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
 
 
 class Cost(NamedTuple):
-    """Cost of one step's series, in operations of straight-line code."""
+    """Cost of the Taylor series of one step.
+
+    Attributes
+    ----------
+    operations
+        In operations of straight-line code.
+    loop
+        Whether a loop over the order is cheaper than straight-line code.
+    """
 
     operations: int
     loop: bool
 
 
 def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
-    """Estimate what a series takes in the form that takes less."""
+    """Estimate the cost of a series for a tolerance, in its cheaper form."""
     g, state = equations.graph, _state(equations)
     rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))
     return _cost(g, state, rates, order_for(rtol))
@@ -66,11 +74,24 @@ def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> 
 def motion_series(
     equations: Equations, rates: Sequence[int], rtol: float, *, loop: bool = True
 ) -> list[int] | Loop:
-    """Order for a tolerance, then the coefficients (order + 1, size).
+    """Return the Taylor series of y: its order, then its coefficients.
 
-    As nodes, or as a loop over the order where that takes less, if `loop`; tapes run
-    none. `rates` is y' with its branches frozen: a series made before would not know
-    those of the arc.
+    Parameters
+    ----------
+    equations
+        The equations of motion.
+    rates
+        Nodes of y', shape (size,), with the switches frozen in the branches of an arc.
+    rtol
+        The relative tolerance, which determines the order.
+    loop
+        Whether the result may be a `Loop`: tapes have none.
+
+    Returns
+    -------
+    list of int or Loop
+        Nodes: the order, then the coefficients, shape (order + 1, size), row by row;
+        or a loop over the order where that is cheaper.
     """
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)
@@ -96,7 +117,7 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 
 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
-    """Operations of an order, and its sums of products; of squares half."""
+    """Return counts of operations and of sums of products; a square counts half."""
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)
     body = len(g.dependent(loop.made, (*ORDERS, *names)))
@@ -117,7 +138,7 @@ def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Rec
 def _shorter(
     g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """`rates`, or their normal form where its series is shorter."""
+    """Return `rates`, or their normal form where its series is shorter."""
     names = [str(g.payload(v)) for v in state]
     moving = g.dependent(rates, [*names, "t"])
     forms = rates, tuple(normal_form(g, rates, moving))
@@ -135,8 +156,9 @@ Entry = tuple[int, int, int]  # row, column, node
 def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
     """Return A of z' = A z and P of each power = z^T P z, where z = (q, q', 1).
 
-    Of each: how many entries are not zero, then i, j and the value of each of them.
-    For scenes whose `Structure` is linear and time-invariant.
+    The nodes of each matrix are the count of its nonzero entries, then row i, column j
+    and value of each nonzero entry. For scenes whose `Structure` is linear and
+    time-invariant.
     """
     g = equations.graph
     state = [g.variable(name) for name in equations.state]
@@ -163,7 +185,7 @@ def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
 
 
 def _affine(equations: Equations, node: int, state: Sequence[int]) -> list[int]:
-    """Slopes of an affine expression, and its value at zero."""
+    """Return the slopes of an affine expression, and its value at zero."""
     g = equations.graph
     at_zero = g.substitute([node], dict.fromkeys(state, g.zero))
     return [*gradient(g, node, state), *at_zero]

@@ -1,10 +1,10 @@
-"""The surfaces at which discrete functions step, and on which side of each one is.
+"""Surfaces at which discrete functions step, and the side of the state on each.
 
 A discrete function of the state (`x > 0`, `sign(x_dot)`, `floor(x)`) steps where an
 expression meets 0, or a whole number. Functions that step together share a `Side`: a
 mode variable that is -1 or 1, or the whole number below. While the motion slides along
-a surface the variable lies between the values of its two sides; so it does where the
-expression keeps its level on a whole stretch, as in a dead zone.
+a surface the variable lies between the values of its two sides; it also lies between
+these values where the expression keeps its level on an interval, as in a dead zone.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class Surface(NamedTuple):
     Attributes
     ----------
     discrete
-        The comparison or the sign, heaviside, floor or ceil.
+        The node of the comparison or of the sign, heaviside, floor or ceil.
     op
-        Its operation.
+        The operation of `discrete`.
     node
-        The expression: it meets 0, or a whole number for floor and ceil. For a
-        comparison a < b it is a - b.
+        The expression whose value 0 (a whole number for floor and ceil) is the
+        surface; a - b for a comparison a < b.
     """
 
     discrete: int
@@ -42,7 +42,7 @@ class Surface(NamedTuple):
 
 
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """`and`, `or`, `not` that make up a condition, in order of evaluation."""
+    """Return the nodes `and`, `or`, `not` of a condition, in order of evaluation."""
     found: set[int] = set()
     stack = [discrete]
     while stack:
@@ -54,7 +54,7 @@ def joined_conditions(g: Graph, discrete: int) -> list[int]:
 
 
 def surfaces(g: Graph, discrete: int) -> tuple[Surface, ...]:
-    """Take a discrete function apart into its surfaces."""
+    """Return the surfaces of a discrete function, one per comparison or step."""
     joined = joined_conditions(g, discrete)
     parts = {discrete, *(a for n in joined for a in g.args[n])} - set(joined)
     found = []
@@ -68,7 +68,7 @@ def surfaces(g: Graph, discrete: int) -> tuple[Surface, ...]:
 
 
 class Side(NamedTuple):
-    """Where the state is with respect to one surface, or to a stack of them.
+    """Position of the state relative to a surface, or to the levels of `floor`.
 
     Attributes
     ----------
@@ -77,16 +77,16 @@ class Side(NamedTuple):
     sliding
         The name of a variable that is 1 while the motion follows the surface, else 0.
     node
-        The expression that meets 0, or a whole number.
+        The expression whose value 0, or whole number, is the surface.
     whole
-        It steps at every whole number.
+        Whether the switch steps at every whole number.
     text
-        One of the switches, as it may have been written.
+        Text of one of the switches, approximately as in the model file.
     floor
-        The name of the least size of which roots of it are taken, or empty.
+        The name of the smallest argument of roots of `node`, or empty.
     smooth, met
-        Levels of a table between these, which are excluded, are passed without a jump
-        of y', or without one of velocities: then its rate tells to which side.
+        Open intervals of levels which the motion crosses without a jump of y'
+        (`smooth`) or of velocities (`met`: the rate of `node` determines the side).
     """
 
     variable: str
@@ -100,16 +100,16 @@ class Side(NamedTuple):
 
 
 class Corner(NamedTuple):
-    """Surface at which rows of equalities bend.
+    """Surface at which the rate of equality rows has a kink.
 
     Attributes
     ----------
     push : str
         The name of the variable p.
     levers : tuple of int, length 1 + m
-        Jump of the forces along du/dq, then C of each row: nodes.
+        Nodes: the jump of the forces along du/dq, then C of each row.
     rows : tuple of str
-        The names of the rows that bend.
+        The names of the rows with a kink.
     """
 
     push: str
@@ -118,9 +118,10 @@ class Corner(NamedTuple):
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
-    """Expression that vanishes with the surface's, and their common sign.
+    """Return an expression that vanishes on the surface, and its sign, 1 or -1.
 
-    The same for expressions that differ by a sign or a constant factor.
+    Expressions that differ by a sign or a constant factor have one common result. The
+    expression of the surface is positive where sign times the result is positive.
     """
     node, sign = surface.node, 1
     if surface.op in WHOLE:
@@ -140,8 +141,8 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
     """Return the value of a step, or a condition's truth, from its mode variable.
 
-    Where the expression keeps its level on a whole stretch the variable is 0, or half
-    a step below a whole number, and the value is that of the level itself.
+    Where the expression keeps its level on an interval, the variable is 0, or a whole
+    number minus 1/2, and the value of the step is its value at the level.
     """
     if op == "floor":
         return g.call("ceil", side)
@@ -167,21 +168,21 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def share(g: Graph, op: str, side: int, sign: int) -> int:
-    """Degree of truth of a condition, from 0 to 1, while its mode variable is between.
+    """Return the weight, from 0 to 1, of the true branch while the motion slides.
 
-    Filippov's combination of the two sides.
+    The weight of Filippov's convex combination of the two sides.
     """
     half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
     return g.call("add", g.constant(0.5), g.call("mul", half, side))
 
 
 def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
-    """Expressions for a message, roughly as written; `...` where they are deep."""
+    """Return expressions as text for a message; `...` replaces nodes below `depth`."""
     return ", ".join(_text(g, n, depth)[1] for n in nodes)
 
 
 def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
-    """Binding power and the text; `depth` bounds the recursion."""
+    """Return binding power and text of a node; `depth` bounds the recursion."""
     op, args = g.ops[n], g.args[n]
     if op in (VARIABLE, TRUTH):
         return 9, str(g.payload(n))
