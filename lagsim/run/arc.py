@@ -1,6 +1,6 @@
-"""An arc: a stretch of a motion by one plan, and the state that it has reached.
+"""An arc: a time interval integrated by one plan in fixed modes, and its state.
 
-The memory of a method's state goes from arc to arc, and from method to method.
+The memory of a method's state is passed from arc to arc, and from method to method.
 """
 
 from __future__ import annotations
@@ -32,25 +32,32 @@ if TYPE_CHECKING:
     Options = Sequence[tuple[str, float]]
 
 
-# The method where the motion slides along a surface and the method of the run needs
-# more of the model than y'.
+# Method for motion that slides along a surface if the method of the run needs more
+# functions of the model than y'.
 SLIDING = "dop853"
-# A method whose steps may fail for other reasons than stiffness: of them nothing is
-# said, and it is looked at after so many steps, some ten milliseconds.
+# A method whose steps may fail for other reasons than stiffness: its failed steps are
+# not reported, and its progress is examined after LONG steps, some ten milliseconds.
 SERIES = "taylor"
 LONG = 20_000
-# A state that slides is pulled back by what a step errs: a few times the tolerance
-# by a method that has one, and this part of the motion by any other.
+# The projection onto a sliding surface moves a state by the error of a step: a few
+# times the tolerance of a method that has one, else this part of the motion.
 MOST_PULLED = 1e-2
 LEAST_PULLED = 1e-9
 ERRED = 1e4
 
 
 def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
-    """Size of a change, against the reach of the coordinates that it moves.
+    """Return the size of a change of coordinates relative to their ranges.
 
-    As `methods.parts.driver.projected`: each coordinate
-    counts by its own push.
+    Changes within roundoff are ignored, and each coordinate is weighted by its own
+    force, as in `methods.parts.driver.projected`.
+
+    Parameters
+    ----------
+    masses : ndarray, shape (n,)
+        Diagonal of the mass matrix.
+    change, reach, sizes : ndarray, shape (n,)
+        Change, range and magnitude of each coordinate.
     """
     more = np.abs(change) > SURFACE_ROUNDOFF * sizes
     moved = float(masses @ np.where(more, change, 0.0) ** 2)
@@ -61,14 +68,17 @@ def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float
 
 
 def largest_shift(rtol: float | None) -> float:
-    """Largest shift by a projection, against the motion, that is no jump."""
+    """Return the largest relative shift by a projection that does not count as a jump.
+
+    rtol : relative tolerance of the method; None for one with fixed steps.
+    """
     if rtol is None:
         return MOST_PULLED
     return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
 
 
 def empty_state(runner: Runner, options: Options = ()) -> State:
-    """State of a method that nothing but its own options has been put into."""
+    """Return a new state of a method, with only the method's options set."""
     state = runner.empty.copy()
     for name, value in options:
         if name in state.fields:
@@ -77,7 +87,7 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
 
 
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
-    """State as that of another method or system, at the start of an arc."""
+    """Return a copy of a state for another method or system, at the start of an arc."""
     new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
     kept = [values.copy() for values in own]
@@ -88,32 +98,33 @@ def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
     return new
 
 
-# A loss of rank is one where the rows' independence falls below this part of what it is
-# in general.
+# Rank is lost where the smallest singular value of the constraint Jacobian falls below
+# this part of its usual value.
 LOST = 1e-5
-# Steps at the stability bound after which something may be done about it.
+# Steps at the stability bound after which the method may be replaced.
 AT_BOUND = 15
-# Rates of forces are taken over this part of the time between rows.
+# Rates of forces are differences over this part of the output interval.
 SOON = 1e-6
-# After so many steps each it is asked whether they lead to a surface or only up to it.
+# Number of steps between tests whether the motion crosses a surface or only nears it.
 NEAR = 500
 
 
 class Arc(NamedTuple):
-    """A stretch of a motion, and the state that it has reached.
+    """A time interval with fixed modes, and the state reached in it.
 
-    The state is the kernels' memory: arcs hand it on, and nothing but an arc writes it.
+    The state is the memory of the kernels. It is passed from arc to arc; only arcs
+    and kernels write to it.
 
     Attributes
     ----------
     equations : Equations
-        The full ones; `system.equations` are those that are integrated.
+        Complete equations of motion; `system.equations` are the ones integrated.
     runner : Runner
-        By the method of the plan, or the one that slides.
-    state : ndarray
-        See `methods.parts.state`.
+        Linked functions of the plan's method, or of the method for sliding.
+    state : State
+        Memory of the kernel, see `methods.parts.state`.
     end : float
-        Where the arc ends, unless something happens before.
+        Time at which the arc ends, unless an event ends it earlier.
     """
 
     equations: Equations
@@ -127,97 +138,108 @@ class Arc(NamedTuple):
 
     @property
     def t(self) -> float:
-        """The time reached."""
+        """Current time."""
         return self.state.t
 
     @property
     def steps(self) -> int:
-        """The steps made."""
+        """Number of steps so far."""
         return int(self.state.steps)
 
     @property
     def y(self) -> Floats:
-        """The state at that time: a view."""
+        """State (size,) at the current time: a view."""
         return self.state.y
 
     @property
     def velocities(self) -> Block:
-        """Block of y, and of what is known of each of its components."""
+        """Block of the velocities in y and in all arrays with one entry a component."""
         return self.state.velocities
 
     @property
     def sizes(self) -> Floats:
-        """The largest sizes of the components so far: a view."""
+        """Largest magnitudes (size,) of the components so far: a view."""
         return self.state.sizes
 
     @property
     def seen(self) -> Floats:
-        """The same, with the state reached."""
+        """Largest magnitudes (size,) so far, including the current state."""
         return np.maximum(np.abs(self.y), self.sizes)
 
     @property
     def ranges(self) -> Floats:
-        """Range of each component, including the state reached."""
+        """Range (size,) of each component so far, including the current state."""
         return self.ranges_to(self.y)
 
     @property
     def masses(self) -> Floats:
-        """The diagonal of M (n,) where it was last measured."""
+        """Diagonal of the mass matrix M (n,) where it was last evaluated."""
         return np.maximum(self.state.masses[: self.system.n], 0.0)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The values of the parameters, and of the modes at the time reached."""
+        """Values of the parameters, and of the file's modes at the current time."""
         return {p.name: p.value for p in self.equations.model.parameters} | self.modes
 
     @property
     def modes(self) -> dict[str, float]:
-        """The values of the modes at the time reached."""
+        """Values of the file's modes at the current time."""
         p, names = self.system.p.flat, self.equations.model.modes
         return {name: float(p[self.system.place(name)]) for name in names}
 
     @property
     def slides(self) -> bool:
-        """Whether the motion follows a surface."""
+        """Whether the motion slides along a switching surface."""
         return self.system.p.sliding > 0.0
 
     @property
     def moment(self) -> float:
-        """A short time, over which rates of forces are taken."""
+        """Short time interval over which rates of forces are computed."""
         return SOON * self.state.row_step
 
     def later(self, y: Floats, rates: Floats, moment: float) -> Floats:
-        """State (size,) a moment after y, to second order, by its rates (size,)."""
+        """Return the state (size,) after a short time, to second order in `moment`.
+
+        Parameters
+        ----------
+        y, rates : ndarray, shape (size,)
+            State and its rates y'.
+        moment : float
+            The time step.
+        """
         state, y = self.state, y + moment * rates
         y[state.positions] += moment**2 / 2.0 * rates[state.velocities]
         return y
 
     @property
     def is_looked_at(self) -> bool:
-        """Whether it is asked now if steps lead to a surface."""
+        """Whether approach to a surface is tested after the current step."""
         return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
-        """Range of each component, including y."""
+        """Return the range (size,) of each component so far, including state y."""
         state = self.state
         return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
     def rates(self, t: float, y: Floats) -> Floats:
-        """Rates y' (size,) at t and y."""
+        """Evaluate the rates y' (size,) at t and y."""
         return self.runner.function("derivative", self.system.size)(t, y)
 
     def field(self, t: float, y: Floats) -> Floats:
-        """Rates y' (size,) at t and y, with the sides of surfaces as they are."""
+        """Evaluate the rates y' (size,) at t and y, with surfaces on current sides."""
         size = self.system.size
         return self.runner.function("field", size + self.system.m)(t, y)[:size]
 
     def located(self, t: float, y: Floats) -> Floats:
-        """Conditions of events, then `until`, at t and y; >= 0 where they are true."""
+        """Evaluate the conditions of events, then of `until`; >= 0 where true."""
         count = len(self.state.orientation)
         return self.runner.function("located", count)(t, y) if count else np.zeros(0)
 
     def surface_rows(self, t: float, y: Floats) -> tuple[Floats, Floats]:
-        """Residuals, rates, b, scales (4, K) of the surfaces; their rows (K, n + l)."""
+        """Evaluate the K surfaces at t and y.
+
+        Returns residuals, rates, b and scales (4, K), and Jacobian rows (K, n + l).
+        """
         K, (starts, columns) = self.system.surfaces, self.system.pattern
         found = self.runner.function("surface_rows", 4 * K + len(columns))(t, y)
         J = np.zeros((K, len(y[self.state.driven])))
@@ -225,19 +247,19 @@ class Arc(NamedTuple):
         return found[: 4 * K].reshape(4, K), J
 
     def row(self, y: Floats | None = None) -> Floats:
-        """Time and state (1, 1 + size), the one reached or y."""
+        """Return time and state (1, 1 + size), by default the current state."""
         row = np.empty((1, 1 + self.system.size))
         row[0, 0], row[0, 1:] = self.t, self.y if y is None else y
         return row
 
     def observed(self, y: Floats | None = None) -> Floats:
-        """Columns of the state reached, or of y."""
+        """Return the output columns (k,) of the current state, or of y."""
         return np.asarray(self.runner.tabulate(self.row(y))[0])
 
     def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
-        """Energies (works,) of what each work is done on, at this time.
+        """Return the energies (works,) to which the work integrals belong, at time t.
 
-        shown : the columns of y, where they are known.
+        shown : output columns of y, if they are already computed.
         """
         if self.system.has_energies:
             return self.runner.function("energies", self.system.works)(self.t, y)
@@ -246,29 +268,35 @@ class Arc(NamedTuple):
         return columns[first : first + self.system.works]
 
     def add_work(self, y: Floats, before: Floats) -> Floats:
-        """Add the change of energies since a jump to works of y; return it (works,)."""
+        """Add the change of the energies in a jump to the work integrals in y.
+
+        before : energies (works,) before the jump. Returns the change (works,).
+        """
         changes = self.energies(y) - before
         y[self.state.quadratures][: self.system.works] += changes
         return changes
 
     def row_time(self, k: int) -> float:
-        """Time of the next row (k = 0), or of one before or after it."""
+        """Return the time of the next output row (k = 0), or k rows later."""
         state = self.state
         return float(state.row_start + (state.row + k) * state.row_step)
 
     def advance(self, rows: int, budget: int) -> int:
-        """Integrate on, by one call of the kernel; return its code."""
+        """Integrate by one call of the kernel; return its code.
+
+        rows, budget : the most output rows, and the most steps, of this call.
+        """
         if self.settings.moments and self.state.extras:
             self.state.extra = self._moment
         return self.runner.advance(self.state, rows, budget)
 
     @property
     def _moment(self) -> float:
-        """The time of the next state beside the rows, where there is one."""
+        """Next requested output time between rows."""
         return self.settings.moments[-int(self.state.extras)]
 
     def pass_shown(self) -> None:
-        """Take it that what is shown at the time reached has been."""
+        """Mark the output due at the current time as written."""
         state = self.state
         if self.row_time(0) == self.t:
             state.row += 1.0
@@ -276,21 +304,21 @@ class Arc(NamedTuple):
             state.extras -= 1.0
 
     def put(self, y: Floats) -> None:
-        """Let the state jump; how large it was, and where, stays known."""
+        """Replace the state by y (size,); magnitudes and ranges keep the old state."""
         self.sizes[:] = self.seen
         np.minimum(self.state.low, self.y, out=self.state.low)
         np.maximum(self.state.high, self.y, out=self.state.high)
         self.y[:] = y
 
     def store(self, numbers: Mapping[str, float]) -> None:
-        """Write numbers of the state's header, by their names."""
+        """Write fields of the state's header, by their names."""
         for name, number in numbers.items():
             setattr(self.state, name, number)
 
     def next(self, end: float, ahead: float) -> Arc:
-        """Arc that begins at the state reached.
+        """Return the arc that begins at the current state and ends at `end`.
 
-        And is looked at again at the time `ahead`, if that comes before its end.
+        ahead : time at which the kernel pauses, if it is earlier than the end.
         """
         settings, runner, state = self.settings, self.runner, self.state
         if self.system.watched:
@@ -312,7 +340,7 @@ class Arc(NamedTuple):
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
-        """Return same arc by another method or another system, with its own state."""
+        """Return the arc with another method or system, on a copy of the state."""
         runner = system.link(plan.method)
         if system is not self.system:
             system.begin(self.start)
@@ -332,7 +360,7 @@ def first_arc(
     settings: Settings,
     longest_step: float = 0.0,
 ) -> Arc:
-    """State at a start, on no way yet."""
+    """Return the first arc of a run, at its start and before the first step."""
     runner = system.link(plan.method)
     y = system.begin(start)
     state = empty_state(runner, settings.options)
@@ -353,7 +381,7 @@ def first_arc(
 
 
 def _set_watch(state: State, plan: Plan) -> None:
-    """Set when a loss of rank is looked for, and what counts as one."""
+    """Set the thresholds of the smallest singular value that signal a loss of rank."""
     state.close_below = CLOSE * plan.smallest_singular_value
     state.lost_below = LOST * plan.smallest_singular_value
     straight = plan.elimination is not None

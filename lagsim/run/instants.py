@@ -1,10 +1,10 @@
-"""Instants: which times are one, and the one time that they all get.
+"""Instants: identification of nearly equal times, and their common representative.
 
-Times within 4 units in the last place (`SAME_INSTANT`) are one instant: those of
-periodic events, of strobes, of breaks, those located, and the times of rows. Its time
-is that of a row, where one is that close, else that of the first of them in the order
-of the file. All that happens at an instant happens at this one double, and rows, lists
-and `result.at` show it.
+Times within 4 units in the last place (`SAME_INSTANT`) are one instant: times of
+periodic events, of strobes, of breaks, of located events and of output rows. The time
+of an instant is the time of an output row, if a row lies within the instant, else the
+first of its times in the order of the file. All events of an instant are dated with
+this one double, which rows, lists and `result.at` report.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 def width(settings: Settings, time: float) -> float:
-    """Return the largest difference of a time from another that is the same instant."""
+    """Return the largest difference between `time` and another time of its instant."""
     return SAME_INSTANT * max(abs(time), abs(settings.start))
 
 
 def is_same(settings: Settings, time: float, other: float) -> bool:
-    """Whether two times are one instant."""
+    """Whether two times belong to one instant."""
     size = max(abs(time), abs(other), abs(settings.start))
     return abs(other - time) <= SAME_INSTANT * size
 
 
 def row_near(settings: Settings, time: float) -> float:
-    """Return the time of the row that is closest to a time, of the end too."""
+    """Return the output time closest to `time`, the end of the run included."""
     start, step, end = settings.start, settings.output_step, settings.end
     row = start + max(math.floor((time - start) / step + 0.5), 0) * step
     row = row if row < end - SAME_STEP * step else end
@@ -40,12 +40,13 @@ def row_near(settings: Settings, time: float) -> float:
 
 
 def instant(settings: Settings, times: Iterable[float]) -> float:
-    """Return the time of the instant that the earliest of some times belongs to.
+    """Return the time of the instant to which the earliest of `times` belongs.
 
     Parameters
     ----------
     times
-        In the order of the file; inf where nothing follows.
+        Candidate times in the order of the file; inf for an event that never occurs
+        again. The result is inf if all times are.
     """
     found = [time for time in times if time < math.inf]
     if not found:

@@ -1,6 +1,6 @@
-"""Result of a run: outcome, counts, events; and the sources of events.
+"""Result of a run (outcome, counts, events), and the base class of event sources.
 
-A `Source` pauses or ends arcs and answers with a `Decision`, on which the run acts.
+A `Source` pauses or ends arcs and returns a `Decision`, which the run carries out.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ class Outcome(Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether something kept the run from its end, but for a signal."""
+        """Whether the run ended early for another reason than a signal."""
         return not self.complete and self is not Outcome.INTERRUPTED
 
     @property
     def word(self) -> str:
-        """Outcome in run.json."""
+        """Name of the outcome in run.json; `failed` for all failures."""
         return "failed" if self.failed else str(self.value)
 
     @property
     def failure(self) -> dict[str, Any] | None:
-        """Entry of run.json for a failure: code, number, advice."""
+        """Entry of run.json for a failure: code, number, advice; None without one."""
         if not self.failed:
             return None
         from lagsim.codes import failure
@@ -62,20 +62,20 @@ class Outcome(Enum):
 
     @property
     def advice(self) -> str:
-        """Advice for a failure."""
+        """Advice on a failure; empty if the run did not fail."""
         found = self.failure
         return found["hint"] if found else ""
 
     @property
     def complete(self) -> bool:
-        """Whether all that was asked for has been computed."""
+        """Whether the run reached its end time or its `until` condition."""
         return self in (Outcome.DONE, Outcome.UNTIL)
 
 
 class Statistics(NamedTuple):
-    """Counts of the work done, and the smallest step; None after a few steps only.
+    """Operation counts of a run, and its smallest step.
 
-    `arcs` are counted as they begin.
+    `smallest_step` is None after a few steps only. An arc is counted at its start.
     """
 
     steps: int = 0
@@ -87,13 +87,14 @@ class Statistics(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """The result of a run; its rows have gone to the observers.
+    """Result of a run, without its rows, which were passed to the observers.
 
-    `reason` says in words why it ended where it did; `end` is the time reached;
-    `event_counts` how many events of each kind there were, listed in `events` or not;
-    `choices` are those made on the way; `extents` the least and the greatest value of
-    components of the state over the steps, where they were noted. `largest_energy` is
-    the largest kinetic energy, or change of the potential, at the ends of steps.
+    `reason` states in words why the run ended; `end` is the time reached;
+    `event_counts` is the number of events of each kind, listed in `events` or not;
+    `choices` are the choices made during the run; `extents` holds the least and the
+    greatest value of components of the state over the steps, if they were recorded.
+    `largest_energy` is the largest kinetic energy, or change of the potential energy,
+    at the ends of steps.
     """
 
     outcome: Outcome
@@ -111,7 +112,7 @@ class Trajectory(NamedTuple):
 
 
 class Turn(Enum):
-    """Continuation of a run."""
+    """Continuation of a run after the decision of a source."""
 
     NONE = "the arc goes on"
     ARC = "another arc begins, in the mode that there is"
@@ -120,14 +121,14 @@ class Turn(Enum):
 
 
 class Ending(NamedTuple):
-    """End of a run; `about` names the constraints or switches that end it."""
+    """End of a run; `about` names the constraints or switches that caused it."""
 
     outcome: Outcome
     about: str = ""
 
 
 def quoted(names: Iterable[str]) -> str:
-    """Names as a message has them, each once."""
+    """Return names for a message: quoted, separated by commas, without duplicates."""
     return ", ".join(f"`{name}`" for name in dict.fromkeys(names))
 
 
@@ -137,22 +138,24 @@ class Decision(NamedTuple):
     Attributes
     ----------
     events, cautions, choices
-        To be kept.
+        Records to be added to the result of the run.
     arc : Arc or None
-        Takes the place of the one that there was.
+        Arc that replaces the current one.
     numbers
-        Of the state's header, by their names in `methods.parts.state`.
-    sizes : ndarray or None
-        What counts as the sizes of the components (size,).
-    y : ndarray or None
-        The state jumps to it.
-    rows : ndarray or None
-        Columns (1, k) to be shown from before it jumps.
+        New values of fields of the state's header, by their names in
+        `methods.parts.state`.
+    sizes : ndarray, shape (size,), or None
+        New magnitudes of the components of the state.
+    y : ndarray, shape (size,), or None
+        State after a jump.
+    rows : ndarray, shape (1, k), or None
+        Columns just before the jump, to be written as a row.
     ending : Ending or None
-        The run ends.
+        Reason to end the run.
     turn : Turn
+        Continuation of the run.
     ahead : float
-        The arc that begins is looked at again at this time.
+        Time at which the sources examine the next arc again.
     """
 
     events: tuple[Event, ...] = ()
@@ -172,35 +175,35 @@ GO_ON = Decision()
 
 
 class Source:
-    """Source of events, which pause or end arcs, and of the motion after them.
+    """Source of events that pause or end arcs, and of the modes after the events.
 
-    It may remember what it has seen, and changes nothing else than the mode that it
-    answers for.
+    A source may store data about past events. It changes only the modes of its own
+    surfaces or constraints; all other changes are returned in a `Decision`.
     """
 
     _warned: frozenset[str] = frozenset()
 
     def once(self, code: str, text: str, about: str = "") -> tuple[Caution, ...]:
-        """Warn, unless that has been done by this code, and about the same things."""
+        """Return a caution, or none if one with this code and subject was returned."""
         if f"{code} {about}" in self._warned:
             return ()
         self._warned |= {f"{code} {about}"}
         return (Caution(code, text),)
 
     def begin(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Set the mode at the state reached, where all of them are set."""
+        """Select the mode of this source at the current state, with all other modes."""
         return GO_ON
 
     def times(self, arc: Arc) -> Iterable[float]:  # noqa: ARG002
-        """Return times known in advance at which an arc ends; inf where none is."""
+        """Return times known in advance at which the arc ends; inf for no such time."""
         return ()
 
     def set_out(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Prepare an arc that begins."""
+        """Prepare an arc at its start."""
         return GO_ON
 
     def passed(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Take note of what the kernel has gone through by itself."""
+        """Record the events that the kernel passed without ending the arc."""
         return GO_ON
 
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002
@@ -208,5 +211,8 @@ class Source:
         return MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:  # noqa: ARG002
-        """Answer what the kernel has returned for; None where it is another's."""
+        """Return the decision on a return code of the kernel.
+
+        None where the code concerns another source.
+        """
         return None
