@@ -1,31 +1,32 @@
-"""The times at which discrete functions of t alone change: rigorous, lazy, exact.
+"""Break times: the times at which discrete functions of t alone change value.
 
-Interval arithmetic rules out every stretch of time on which a function provably keeps
-its value. Where each surface that could change it is provably monotone, its crossing is
-located to the double. All else is divided further, into cells, the leftmost first and a
-batch at a time, so that memory is bounded. So no pulse is missed, however narrow, as
-long as it is wider than a few units in the last place of t.
+The search is rigorous and lazy. Interval arithmetic discards every time interval on
+which a function provably keeps its value. Where each surface that could change the
+value is provably monotone, its crossing is located to the double. All other intervals
+are divided further, into cells, the leftmost first and a batch at a time, so that
+memory is bounded. Therefore no pulse is missed that is wider than a few units in the
+last place of t.
 
 The conventions:
 
-- A break is the first double at which the function has no longer its old value:
+- A break is the first double at which the function no longer has its old value:
   `heaviside(t - 1)` and `sign(t - 1)` break at 1.0, `t > 1` at the next double.
-- A value taken at one instant only (sign(0), a touching root) makes no break.
-- Breaks closer than 4 units in the last place are one, the first; so are those that
-  close to the start or the end with these, which are not reported.
+- A value that holds at one instant only (sign(0), a touching root) causes no break.
+- Breaks closer than 4 units in the last place count as one break, the first. Breaks
+  that close to the start or the end are not reported.
 - A surface that passes zero by no more than a few times the rounding error of its own
-  evaluation may not switch at all; the values on both sides of the doubtful stretch
-  decide, and if they differ it breaks once, where the computed value changes.
-- Where nothing can be decided down to neighbouring doubles (a square wave of `floor`s
-  faster than they are, atan2(0, 0)), the stretch left undecided may grow, by cells of
-  up to 1/64 of its length, until something can; it breaks once if the values on both
-  sides differ. Breaks that accumulate (sin(1/t) toward 0) come one by one, as far as
-  rounding lets them be told apart.
-- After 200,000 cells without a break the time reached is reported as a needless
-  one, so that each request returns within seconds. It costs a restart of the
-  method, nothing else.
+  evaluation may not switch at all. The function values on both sides of the doubtful
+  interval decide: if they differ, there is one break, where the computed value
+  changes.
+- Where the value is undecidable down to neighbouring doubles (a square wave of `floor`
+  whose period is shorter than their spacing, atan2(0, 0)), the undecided interval may
+  grow, by cells of up to 1/64 of its length, up to the next decidable cell. It has one
+  break if the values on both sides differ. Breaks that accumulate (sin(1/t) toward 0)
+  are returned one by one, as far as rounding can separate them.
+- After 200,000 cells without a break the time reached is reported as a break, so that
+  each request returns within seconds. The only cost is a restart of the method.
 
-Near t = 0 times are resolved to 1e-32 of the larger of start and end.
+Near t = 0 times are resolved to 1e-32 of the larger of |start| and |end|.
 """
 
 from __future__ import annotations
@@ -55,11 +56,20 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.language.tables import Data
 
-    Cells = NDArray[np.void]  # stretches of time: lo, hi, task, states of surfaces
+    Cells = NDArray[np.void]  # time intervals: lo, hi, task, states of surfaces
 
 
 class Values:
-    """Evaluates nodes at one time after the other, as `evaluate` does, but faster."""
+    """Values of graph nodes at successive times; a faster `evaluate`.
+
+    Parameters
+    ----------
+    g : Graph
+    nodes : sequence of int
+        Nodes to evaluate; they depend on t and on parameters only.
+    values : mapping of str to float
+        Values of the parameters.
+    """
 
     def __init__(
         self, g: Graph, nodes: Sequence[int], values: Mapping[str, float]
@@ -77,7 +87,7 @@ class Values:
         ]
 
     def __call__(self, t: float) -> list[float]:
-        """Return the values at `t`."""
+        """Return the values of the nodes at time `t`, in the order of `nodes`."""
         found = self.found
         found[self.time] = t
         for n, row, args in self.program:
@@ -86,28 +96,32 @@ class Values:
 
 
 def first_change(discrete: Values, lo: float, hi: float) -> float:
-    """Return first double after `lo` at which `discrete` is not what it is there."""
-    old = repr(discrete(lo))  # nan equals nan
+    """Return the first double in (lo, hi] where `discrete` has not its value at `lo`.
+
+    Located by bisection, which supposes one change in the interval.
+    """
+    old = repr(discrete(lo))  # in repr, nan equals nan
     while lo < (t := lo + 0.5 * (hi - lo)) < hi:
         lo, hi = (t, hi) if repr(discrete(t)) == old else (lo, t)
     return hi
 
 
-PARTS = 8  # into which a cell is divided
-BATCH = 1024  # cells looked at together, at most
-FAINT = 4.0  # rounding errors of a surface within which it counts as zero
-GROWTH = 64  # an undecidable stretch over the cells it may swallow
-PATIENCE = 200_000  # cells looked at without a crossing
+PARTS = 8  # parts into which a cell is divided
+BATCH = 1024  # largest number of cells evaluated together
+FAINT = 4.0  # multiple of its rounding error within which a surface counts as zero
+GROWTH = 64  # length of an undecidable interval over that of a cell added to it
+PATIENCE = 200_000  # cells evaluated without a crossing before a pause is reported
 
-# What a surface does in a cell: keep its discrete value; cross once, monotone, with
-# known values at both ends; stay within rounding of where it steps; or who knows.
+# State of a surface in a cell: its discrete value is constant; it crosses once,
+# monotone, with known values at both ends; it stays within rounding of a step; or
+# undecided.
 KEPT, CROSSED, HIDDEN, OPEN = range(4)
-# What is done with a cell.
+# Task of a cell: evaluate, discard, divide, or return.
 _NEW, _CLEAR, _SPLIT, _READY = range(4)
 
 
 class Cell(NamedTuple):
-    """A stretch of time, and what each surface does there; empty for a pause."""
+    """A time interval with the state of each surface in it; no states for a pause."""
 
     lo: float
     hi: float
@@ -115,7 +129,18 @@ class Cell(NamedTuple):
 
 
 class Division:
-    """The changes of one discrete function of t, where time is divided for it."""
+    """Search for the changes of one discrete function of t, by division of time.
+
+    Parameters
+    ----------
+    g : Graph
+    discrete : int
+        Node of the discrete function.
+    values : mapping of str to float
+        Values of the parameters.
+    start, end : float
+        The time interval that is searched.
+    """
 
     def __init__(
         self,
@@ -142,14 +167,17 @@ class Division:
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
 
     def times(self) -> Iterator[tuple[float, bool]]:
-        """Return times at which it may change, and whether each is a pause."""
+        """Return the times of possible changes, in order, each with a pause flag.
+
+        A pause is a time reached after `PATIENCE` cells without a crossing.
+        """
         last = self.start
         for cell in self._cells():
             states: Sequence[int | None] = cell.states or [None] * len(self.locators)
             pairs = zip(self.locators, states, strict=True)
             found = [time for x, state in pairs for time in x.times(cell, state)]
-            # A doubtful stretch is known to step only when it ends. Where in it, nobody
-            # can tell: no earlier than what has been reported.
+            # A doubtful interval is known to step only when it ends. The place of the
+            # step in it is unknown: it is put no earlier than the last reported time.
             for time in sorted(found):
                 last = max(last, time)
                 yield last, False
@@ -160,12 +188,12 @@ class Division:
             yield max(last, time), False
 
     def _cells(self) -> Iterator[Cell]:
-        """Cells in which the function may change, in order."""
+        """Return the cells in which the function may change, in order of time."""
         states = ("states", np.int8, (len(self.surfaces),))
         whole = np.zeros(1, [("lo", float), ("hi", float), ("task", np.int8), states])
         whole["lo"], whole["hi"] = self.start, self.end
         stack = [whole]
-        rough = (math.nan, math.nan)  # the last stretch that was given up
+        rough = (math.nan, math.nan)  # the last interval left undecided
         effort = 0
         while stack:
             cells = stack.pop()
@@ -193,7 +221,10 @@ class Division:
                 stack.append(_divided(cells[ready:]))
 
     def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
-        """Divide no cell that is too narrow, or beside a long undecidable stretch."""
+        """Mark as ready the cells to be split that are too narrow to be divided.
+
+        The least width is larger beside a long undecidable interval `rough` (lo, hi).
+        """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
         if not len(cells):
             return
@@ -208,13 +239,13 @@ class Division:
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _look(self, cells: Cells) -> None:
-        """Find what each surface does in the new cells, and what to do with those."""
+        """Compute the state of each surface in the new cells, and the cells' tasks."""
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
         lo, hi = cells["lo"][new], cells["hi"][new]
         middle, beside = lo + 0.5 * (hi - lo), lo + 0.0713 * (hi - lo)
-        # Two neighbouring doubles each: at a single one a sum may happen to be exact.
+        # Two neighbouring doubles each: at a single one a sum may be exact by chance.
         found = self.enclose(
             np.concatenate((lo, lo, hi, middle, beside)),
             np.concatenate((hi, lo, hi, _next(middle, hi), _next(beside, hi))),
@@ -235,12 +266,12 @@ class Division:
 
 
 def finest(start: float, end: float) -> float:
-    """Width of cells that are not divided further near t = 0."""
+    """Return the width of the narrowest cells near t = 0, in units of time."""
     return 2.0**-106 * max(abs(start), abs(end))
 
 
 def _divided(cells: Cells) -> Cells:
-    """Divide the undecided cells, and keep the others."""
+    """Return the cells, with each that is to be split divided into `PARTS` new ones."""
     split = cells["task"] == _SPLIT
     lo, hi = cells["lo"], cells["hi"]
     edges = (hi - lo)[:, None] * (np.arange(PARTS + 1) / PARTS) + lo[:, None]
@@ -260,12 +291,17 @@ def _next(t: Floats, most: Floats) -> Floats:
 def _seen(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
-    """Discrete values of a surface over cells (n,), and what it does in each.
+    """Return enclosures of a surface's discrete values in cells (n,), and its states.
 
     Parameters
     ----------
-    s, slope
-        Of the surface over the cells; then at lo, at hi, at the middle, and beside it.
+    op : str
+        The discrete function: `sign`, `floor`, a comparison.
+    s, slope : Interval, shape (5n,)
+        Values and slopes of the surface over the cells; then at lo, at hi, at the
+        middle, and beside it.
+    lo, hi, middle : ndarray, shape (n,)
+        Ends and middles of the cells.
     """
     n = len(lo)
     cell, at_lo, at_hi, at_middle, beside = (
@@ -276,7 +312,7 @@ def _seen(
     steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
     reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + TERM_ROUNDOFF)
     reach = np.where(tame, reach, math.inf)
-    # The mean value theorem: an error of second order in the width of the cell.
+    # By the mean value theorem: its error is of second order in the width of the cell.
     refined = Interval(
         np.fmax(cell.lo, np.nextafter(at_middle.lo - reach, -math.inf)),
         np.fmin(cell.hi, np.nextafter(at_middle.hi + reach, math.inf)),
@@ -286,7 +322,7 @@ def _seen(
     undefined = cell.undefined
     refined.lo[undefined] = refined.hi[undefined] = math.nan
     verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
-    # Monotone, with known values at both ends: clear if they are equal.
+    # Monotone, with known values at both ends: constant if these are equal.
     steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
     monotone = steep & at_lo.single & at_hi.single
     equal = monotone & (at_lo.lo == at_hi.lo)
@@ -296,18 +332,18 @@ def _seen(
         verdict.partial,
     )
     crossed: Flags = monotone & ((op == "sign") | (verdict.width <= 1.0))
-    # Nothing more is seen by looking closer: rounding errors hide the step.
+    # Further division is of no use: rounding errors hide the step.
     error = np.minimum(at_middle.width, beside.width)
     about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
     hidden = tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
-    # Errors grow with t (a phase): they are compared within a factor of two of it.
+    # Errors grow with t (a phase): they are compared only within a factor of 2 in t.
     hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
     state = np.select([known.single, crossed, hidden], [KEPT, CROSSED, HIDDEN], OPEN)
     return known, state
 
 
 def _steps(op: str, s: Interval) -> Interval:
-    """Return the values of the discrete function `op` of a surface."""
+    """Return the enclosure of the discrete function `op` over surface values `s`."""
     return RULES[op](s) if op in STEPS else RULES[op](s, interval(0.0, 0.0))
 
 
@@ -321,16 +357,18 @@ def break_times(
     start: float,
     end: float,
 ) -> Iterator[float]:
-    """Return the times at which any of `discrete` changes, in order, one at a time.
+    """Return an iterator over the times at which any of `discrete` changes, in order.
 
     Parameters
     ----------
-    g, discrete
-        Conditions or sign, heaviside, floor, ceil, of t and parameters only.
-    values
-        The parameters.
-    start, end
-        The breaks lie strictly between them.
+    g : Graph
+    discrete : sequence of int
+        Nodes of conditions or of sign, heaviside, floor, ceil, that depend on t and on
+        parameters only.
+    values : mapping of str to float
+        Values of the parameters.
+    start, end : float
+        Times; the breaks lie strictly between `start` and `end`.
     """
     if not discrete or not start < end:
         return
@@ -347,7 +385,7 @@ def break_times(
 def _times_of(
     g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
 ) -> Iterator[tuple[float, bool]]:
-    """Return times at which one may change, see `Division.times`."""
+    """Return the times at which node `discrete` may change, see `Division.times`."""
     clock = Clock.of(g, discrete)
     if clock is None:
         return Division(g, discrete, values, start, end).times()
@@ -355,7 +393,15 @@ def _times_of(
 
 
 class Clock(NamedTuple):
-    """Argument a t + b of a table, a node, and its rate a, another one."""
+    """Table whose argument is linear in t: a t + b.
+
+    Attributes
+    ----------
+    axis
+        The arguments (knots) of the table.
+    argument, rate
+        Nodes of a t + b and of a.
+    """
 
     axis: Data
     argument: int
@@ -363,7 +409,10 @@ class Clock(NamedTuple):
 
     @classmethod
     def of(cls, g: Graph, discrete: int) -> Clock | None:
-        """Return that of which a discrete function of t is the cell, if it is one."""
+        """Return the clock whose table cell is the node `discrete`, or None.
+
+        None where the node is no cell of a table, or its argument is not linear in t.
+        """
         cell = cell_of(g, discrete)
         if cell is None or _jumps(g, cell[1]):
             return None
@@ -373,9 +422,10 @@ class Clock(NamedTuple):
     def knots(
         self, g: Graph, values: Mapping[str, float], start: float, end: float
     ) -> Iterator[tuple[float, int, int]]:
-        """Return times of knots on the way, to rounding, the cells before and after.
+        """Return the times of knots in the interval, with the cells before and after.
 
-        However many there are: each is computed when it is asked for.
+        The times are exact to rounding. The iterator is lazy: each time is computed
+        when it is requested.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)
@@ -385,7 +435,7 @@ class Clock(NamedTuple):
 
 
 def _jumps(g: Graph, argument: int) -> bool:
-    """Whether an argument has a step in t, which its derivative does not show."""
+    """Whether an argument may have a step in t, which its derivative does not show."""
     timed = g.dependent([argument], ("t",))
     return any(g.ops[n] in STEPS | CHOOSING for n in timed)
 
@@ -397,7 +447,10 @@ def _knots_located(
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
-    """Return the times at which the cell changes, among the doubles beside each."""
+    """Return the first doubles at which the table cell changes, with pause flag False.
+
+    Each lies near the time of a knot computed by `Clock.knots`. `ends`: start and end.
+    """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):
         reach = max(math.ulp(time), finest(*ends))
@@ -407,7 +460,7 @@ def _knots_located(
 
 
 class _Cluster(NamedTuple):
-    """Breaks that count as one."""
+    """First and last time of breaks that count as one break."""
 
     first: float
     last: float
@@ -417,7 +470,7 @@ class _Cluster(NamedTuple):
 def _clusters(
     times: Iterable[tuple[float, bool]], start: float, end: float
 ) -> Iterator[_Cluster]:
-    """Start, the clusters inside, and the end."""
+    """Return the start, the clusters strictly between, and the end, as clusters."""
 
     def near(t: float) -> float:
         return max(NEIGHBOURS * math.ulp(t), finest(start, end))
@@ -437,15 +490,18 @@ def _clusters(
 
 
 class _Locator:
-    """Locates the steps of the discrete value of one surface, cell after cell."""
+    """Location of the steps of one surface's discrete value, cell by cell."""
 
     def __init__(self, discrete: Values) -> None:
         self.discrete = discrete
-        # The doubtful stretch that has not ended yet, and its state.
+        # The doubtful interval (lo, hi) that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
-        """Return steps known by the end of `cell`; `state` is that of the surface."""
+        """Return the times of steps known by the end of `cell`.
+
+        `state`: the surface's state in the cell; None for a pause.
+        """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:
             return []
@@ -458,7 +514,7 @@ class _Locator:
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Return the steps of the doubtful stretch, which has ended."""
+        """Return the time of the step in the doubtful interval, if any, and end it."""
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful
