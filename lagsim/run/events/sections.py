@@ -1,4 +1,4 @@
-"""Rows of sections, as a run finds them."""
+"""Storage of the rows of the sections of a run."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.run.arc import Arc
 
-# Rows of a strobe at most.
+# Largest number of rows of one strobe.
 STROBES = 1_000_000
 DIRECTIONS = {"both": 0.0, "up": 1.0, "down": -1.0}
 
 
 class Sections:
-    """Keeps the rows of the sections of a run, which its kernels find on the way.
+    """Rows of the sections of a run, located by its compiled kernels.
 
     Attributes
     ----------
     names : list of str
-        Of located sections, then of strobes: by the numbers that kernels give them.
+        Names of the located sections, then of the strobes, in the order of the numbers
+        by which the kernels identify sections.
     """
 
     def __init__(self, model: Model, columns: int) -> None:
@@ -35,7 +36,7 @@ class Sections:
         self._blocks: list[list[Floats]] = [[] for _ in asked]
 
     def begin(self, arc: Arc) -> None:
-        """Ask the kernels for sections."""
+        """Activate the search for sections in the kernels."""
         state, model = arc.state, arc.equations.model
         asked = model.output.sections
         state.sought = 1.0
@@ -43,7 +44,10 @@ class Sections:
         state.periods[:] = periods(model)
 
     def take(self, arc: Arc, until: float = np.inf) -> None:
-        """Take the rows that kernels have found up to a time, in the arc's modes."""
+        """Store the rows located up to the time `until`, with the modes of the arc.
+
+        States located later than `until` remain in the memory of the kernels.
+        """
         state = arc.state
         found, width = int(state.states_found), 2 + arc.system.size
         if not found:
@@ -59,13 +63,21 @@ class Sections:
         state.states_found = float(len(later))
 
     def finish(self, arc: Arc, *, whole: bool) -> None:
-        """Take what the end of a run crosses; `whole` if it has come to its end."""
+        """Store the rows of sections that the end of the run crosses.
+
+        Parameters
+        ----------
+        arc
+            The last arc of the run.
+        whole
+            Whether the run has reached the end of its duration.
+        """
         self.take(arc)
         arc.runner.finish(arc.state, whole=whole)
         self.take(arc)
 
     def tables(self, order: list[str]) -> dict[str, Floats]:
-        """Rows (k, columns) of each section, by name."""
+        """Return the rows of each section, shape (k, columns), by name."""
         nothing = np.empty((0, self._columns))
         return {
             name: np.concatenate([nothing, *self._blocks[self.names.index(name)]])
@@ -74,13 +86,16 @@ class Sections:
 
 
 def periods(model: Model) -> list[float]:
-    """Periods of the strobes of a model."""
+    """Return the periods of the strobes of a model, in units of time."""
     nodes = [x.every for x in model.output.sections if x.every is not None]
     return evaluate(model.graph, nodes, model.parameter_values)
 
 
 def too_many_strobes(model: Model, settings: Settings) -> list[Problem]:
-    """Faults of periods of strobes that a run has too many of, or that are none."""
+    """Return a problem for each strobe whose period is too short or not positive.
+
+    A period is too short where the run has `STROBES` of these periods or more.
+    """
     strobes = [x for x in model.output.sections if x.every is not None]
     return [
         Problem(

@@ -1,4 +1,4 @@
-"""Switches that come ever faster: whether they do, and to what limit."""
+"""Detection of accumulating switches and impacts, and estimates of their limit."""
 
 from __future__ import annotations
 
@@ -6,36 +6,57 @@ import itertools
 import math
 from collections import deque
 
-# Switches accumulate where what is left of them, at the ratio at which they come ever
-# faster, is less than this part of the time since they do. What is left of the motion
-# then is about the square of that.
+# The intervals between accumulating switches shrink at a ratio. Switches count as
+# accumulated where the time left to their limit, extrapolated at this ratio, is at most
+# the part SHORT of the longest interval so far, and of the longest window since they
+# began to accumulate. The remaining motion is then about SHORT squared of the motion in
+# that window.
 WINDOW = 4
 SHORT = 4e-6
-# A stretch this many times longer than the ratio has it is none of theirs.
+# A window that is longer, by this factor, than the ratio predicts does not belong to
+# the accumulation.
 REGULAR = 16.0
-# So many switches in no time, a few units in the last place of times of this size: no
-# motion leads on from there.
+# The motion cannot continue past STUCK switches within NO_TIME, a few units in the last
+# place relative to the time.
 STUCK = 40
 NO_TIME = 2.0**-47
-# Or so many of one surface, each within this part of the run after the last.
+# Nor past STUCK switches of one surface at an average interval of at most this
+# part of the duration.
 HURRIES = 1e-12
-# So many are remembered.
+# Number of switches that are stored.
 MOST = 4000
-# What bounces is judged by so many of its last flights: three of them have a ratio.
+# Number of the last flights of a contact from which its limit is extrapolated.
 FLIGHTS = 4
-# A ratio this near 1 is none. What has not struck for so many flights does not bounce.
+# Largest ratio that counts as a decrease. A contact without a strike for LATE times its
+# last flight no longer bounces.
 STEADY = 0.999
 LATE = 10.0
-# What comes to rest so often, in this part of a run, and never stays so: its laws are
-# beyond what doubles hold.
+# A contact that comes to rest RESTS times within this part of the duration, and leaves
+# rest each time, cannot be resolved in double precision.
 RESTS = 200
 NO_PART = 1e-4
 
 
 class Sequence:
-    """The last switches of a run, which lasts for `span`.
+    """The last switches of a run, and the limit to which they accumulate.
 
-    They are compared by stretches of `window`.
+    Parameters
+    ----------
+    start
+        The time at which the run starts.
+    span
+        The duration of the run.
+    window
+        Number of intervals between switches in each of the windows that are compared.
+
+    Attributes
+    ----------
+    last : float
+        The time of the last switch.
+    longest : float
+        The longest interval between two successive switches so far.
+    recent : deque of (float, int)
+        Times and surfaces of the last switches.
     """
 
     def __init__(self, start: float, span: float, window: int = WINDOW) -> None:
@@ -44,33 +65,40 @@ class Sequence:
         self.window = window
         self.longest = 0.0
         self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
-        self.own: dict[int, deque[float]] = {}  # times of each surface, the last few
+        self.own: dict[int, deque[float]] = {}  # last times of each surface
 
     def add(self, time: float, surface: int) -> None:
-        """Take one more switch."""
+        """Store a switch of a surface at a time."""
         self.longest = max(self.longest, time - self.last)
         self.last = time
         self.recent.append((time, surface))
         self.own.setdefault(surface, deque(maxlen=STUCK)).append(time)
 
     def lately(self) -> list[int]:
-        """Surfaces of the last switches."""
+        """Return the sorted numbers of the surfaces in the last two windows."""
         return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
 
     def ratio(self) -> float:
-        """Ratio of intervals between the last switches to those before; else inf."""
+        """Return the ratio of the lengths of the last two windows, the later on top.
+
+        It is infinite where there are too few switches or the earlier window has length
+        zero.
+        """
         if len(self.recent) <= 2 * self.window:
             return math.inf
         last, former = self._stretch(0), self._stretch(1)
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """How long one stretch of switches took, k stretches ago."""
+        """Return the length in time of a window; k = 0 is the last one."""
         first = -1 - k * self.window
         return self.recent[first][0] - self.recent[first - self.window][0]
 
     def limit(self) -> float | None:
-        """Time at which switches accumulate, if they do so right now."""
+        """Return the time at which switches accumulate, or None.
+
+        None where this time is not close enough to the last switch (`SHORT`).
+        """
         end = self.end()
         if end is None:
             return None
@@ -81,14 +109,21 @@ class Sequence:
         return end
 
     def end(self) -> float | None:
-        """Limit that the last switches would have if they went on so."""
+        """Return the limit of the switch times, extrapolated as a geometric series.
+
+        None where the lengths of the windows do not decrease.
+        """
         ratio = self.ratio()
         if ratio >= 1.0 or ratio == 0.0:
             return None
         return self.recent[-1][0] + self._stretch(0) * ratio / (1.0 - ratio)
 
     def _since(self, ratio: float) -> float:
-        """Longest stretch since they come ever faster, at about one ratio."""
+        """Return the length of the longest window since the lengths began to decrease.
+
+        Windows count from the last one back, while their lengths grow by at most
+        REGULAR / ratio.
+        """
         longest = self._stretch(0)
         for k in range(1, (len(self.recent) - 1) // self.window):
             former = self._stretch(k)
@@ -98,9 +133,11 @@ class Sequence:
         return longest
 
     def is_stuck(self, part: float = NO_TIME) -> bool:
-        """Whether the last switches took no time: this part of the run at most.
+        """Whether the last switches prevent the motion from continuing.
 
-        Or those of one surface follow each other in hardly any.
+        True where the last `STUCK` switches took at most `part` of the duration, or
+        where the last `STUCK` switches of one surface are on average at most `HURRIES`
+        of the duration apart.
         """
         if len(self.recent) < STUCK:
             return False
@@ -112,34 +149,45 @@ class Sequence:
 
 
 class Flights:
-    """The last flights of one contact: when it struck, and how fast."""
+    """The last flights of one contact.
+
+    Attributes
+    ----------
+    strikes : deque of (float, float)
+        Times and speeds of the last strikes.
+    rests : deque of float
+        Times at which the contact came to rest.
+    """
 
     def __init__(self) -> None:
         self.strikes: deque[tuple[float, float]] = deque(maxlen=FLIGHTS + 1)
-        self.rests: deque[float] = deque(maxlen=RESTS)  # when it came to rest
+        self.rests: deque[float] = deque(maxlen=RESTS)
 
     def add(self, time: float, speed: float) -> None:
-        """Take one more strike."""
+        """Store the time and the speed of a strike."""
         self.strikes.append((time, speed))
 
     def is_restless(self, span: float) -> bool:
-        """Whether it comes to rest again and again, and gets nowhere."""
+        """Whether the contact came to rest `RESTS` times within `NO_PART` of `span`."""
         full = len(self.rests) == RESTS
         return full and self.rests[-1] - self.rests[0] < NO_PART * span
 
     def end(self, time: float, speed: float, least: float) -> float | None:
-        """Return when it will have bounced, if what is left is no motion; else None.
+        """Return the time at which bouncing ends, if the motion left is negligible.
 
-        Either its flights get shorter at a ratio, and all ways that are left, up and
-        down, are together no longer than `least`; or none of the last was (contacts
-        that strike by turns have no one ratio).
+        The motion left is negligible where the durations of flights decrease at a ratio
+        and the lengths of all remaining paths, up and down, sum to at most `least`; or
+        where none of the last flights was longer than `least` (contacts that strike in
+        turn have no single ratio). Else None.
 
         Parameters
         ----------
+        time
+            The present time.
         speed
-            That it has now.
+            The present speed of the contact.
         least
-            A length.
+            The length of a path that counts as no motion.
         """
         if len(self.strikes) < FLIGHTS:
             return None
@@ -153,13 +201,13 @@ class Flights:
         if min(took) <= 0.0:
             return None
         ratio = max(took[-1] / took[-2], took[-2] / took[-3])
-        # What strikes by turns with a neighbour in ever less time, hardly slower, does
-        # not fly between: that is one impact, whose order is open.
+        # A contact that strikes in turn with a neighbour, at decreasing intervals and
+        # nearly constant speeds, has no flights: that is one impact, of open order.
         slower = speeds[-1] <= REGULAR * ratio * speeds[-2]
         shrinks = ratio < STEADY and slower
         ways = [d * v for d, v in zip(took, speeds[1:], strict=True)]
         short = len(took) == FLIGHTS and max(*ways, far) <= least
-        # A flight leaves as fast as it comes down: up and down it goes `far` / 2.
+        # A flight lands at its initial speed: its path up and down is `far` / 2 long.
         ways_left = far / 2.0 * ratio**2 / (1.0 - ratio**2) if shrinks else math.inf
         if not short and ways_left > least:
             return None
