@@ -1,17 +1,19 @@
 """The direction of a slip of two components that begins at rest.
 
 Friction of size c turns a slow slip s d into the direction of its force at the rate
-c/(m s): stiff, and without a limit at rest. But one motion from there is smooth in the
-time, that on which the slip's acceleration across its direction is s d' from the start
-(a slow manifold). The angles of d at Chebyshev points of a stretch of time are found on
-it by collocation, together with the states there, for all slips that begin:
+c/(m s): the equations are stiff, and singular at rest. But one motion from rest is
+smooth in time: that on which the slip's acceleration across its direction is s d' from
+the start (a slow manifold). The angles of d at the Chebyshev points of a time interval
+are computed on this manifold by collocation, together with the states at these points,
+for all slips that begin:
 
     e_i . r_i' = s_i phi_i',    r = s d the slip,  d = (cos phi, sin phi),  e = dd/dphi
 
-by Newton's steps of which the matrix, c_j e_i D_ij e_j + (s_i' + s_i d/dt), has the
-Delassus matrix D of the start. The stretch is halved until its series converges to the
-tolerance and no mode ends in it. In it kernels take friction along the slip plus a
-floor times d(t) (`program/laws.py`), which is the same direction, but not stiff.
+by Newton's method. Its matrix c_j e_i D_ij e_j + (s_i' + s_i d/dt) contains the
+Delassus matrix D of the start. The interval is halved until the series of the angles
+converges to the tolerance and no mode ends within the interval. There the kernels
+direct friction along the slip plus a floor times d(t) (`program/laws.py`). This sum
+has the direction of the slip, but is not stiff.
 
 Source: L. N. Trefethen, Spectral Methods in MATLAB, 2000, chapter 6 (differentiation);
 E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., section
@@ -32,21 +34,30 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats, Ints
     from lagsim.run.events.kinematics import Kinematics
 
-# The first stretch, in parts of the time in which forces change by as much as friction;
-# how often it is halved; and Newton's steps.
+# Length of the first interval, relative to the time in which forces change by as much
+# as friction.
 STRETCH = 0.5
-# The first of the times at which a pulse ahead is looked for, in stretches.
+# First of the times at which pulses ahead are located, relative to the interval.
 SOONEST = 1e-9
+# Largest numbers of halvings of the interval and of Newton's steps.
 HALVINGS = 8
 SWEEPS = 12
-# A slip without a speed: what is added to it alone gives its direction.
+# Floor that is large against every slip, so that d(t) alone determines the direction.
 FAST = 1e100
 
 
 class Beginning(NamedTuple):
-    """A stretch of time, the speeds (P,) at its end, and directions (1 + TURNS, 2P).
+    """The directions of P slips in the time interval in which they begin.
 
-    These are polynomials in parts of the time.
+    Attributes
+    ----------
+    lasts : float
+        The length of the interval.
+    speeds : ndarray, shape (P,)
+        The sliding speeds at the end of the interval.
+    ways : ndarray, shape (1 + TURNS, 2 P)
+        Coefficients of the polynomials of the directions, lowest power first, in the
+        time since the start divided by `lasts`.
     """
 
     lasts: float
@@ -55,12 +66,21 @@ class Beginning(NamedTuple):
 
 
 def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) -> None:
-    """Set the ways along which slips of two rows each, pairs (P, 2), begin.
+    """Store the directions along which slips of two components begin.
 
-    Only where they are smooth, and faster by their end than the floors that are set.
+    They are stored in the parameters of the kernels, and only where all directions are
+    smooth and all speeds at the end of the interval reach the floors that are set.
 
-    friction : (P,), its size; steady : the time in which forces change. The modes are
-    set, with the directions at the start.
+    Parameters
+    ----------
+    here
+        The laws at the start, whose modes and initial directions are set.
+    pairs : ndarray of int, shape (P, 2)
+        The numbers of the two laws of each slip.
+    friction : ndarray, shape (P,)
+        The size of each friction force.
+    steady
+        The time in which forces change by as much as friction.
     """
     lasts, p, rows = _longest(here, steady), here.arc.system.p, pairs.ravel()
     D = here.answer.D[np.ix_(rows, rows)]
@@ -77,22 +97,27 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
     if found is None or (found.speeds < floors[pairs[:, 0]]).any():
         return
     p.law_begun[rows], p.law_lasts[rows] = here.t, found.lasts
-    # Speeds of which friction turns the slip no faster than in that time.
+    # Speeds at which friction turns a slip within the interval, and no faster.
     p.law_floor[pairs] = (friction * _own(D) * found.lasts)[:, None]
     p.law_direction[rows] = -found.ways[0]
     p.law_turn.reshape(here.count, TURNS)[rows] = -found.ways[1:].T
 
 
 def _longest(here: Kinematics, steady: float) -> float:
-    """Longest stretch: up to where the time alone changes something, or to the end."""
+    """Return the length of the longest interval in which slips may be smooth.
+
+    The interval ends at the next knot of a table of t or at the end of the run, after
+    `STRETCH` of the time `steady`, or at half of the time to the next pulse of t,
+    whichever comes first.
+    """
     p, t = here.arc.system.p, here.t
     times = [here.arc.settings.end, *p.knot_times[int(p.passed) : int(p.known)]]
     left = min(x for x in times if x > t)
-    if steady < here.arc.settings.end - t:  # else nothing changes as far as is seen
+    if steady < here.arc.settings.end - t:  # else no change of forces is known
         left = min(left, t + STRETCH * steady)
     left = float(left - t)
     if here.arc.system.timed:
-        # A pulse may come soon: up to half of the way to it.
+        # Only half of the time to the next pulse.
         ahead = np.append(0.0, np.geomspace(SOONEST, 2.0, SAMPLES))
         while found := pulses(here.arc, t + left * ahead):
             left = 0.5 * (found[0] - t)
@@ -102,7 +127,24 @@ def _longest(here: Kinematics, steady: float) -> float:
 def _collocated(
     here: Kinematics, pairs: Ints, friction: Floats, D: Floats, lasts: float
 ) -> Beginning | None:
-    """Slips on a stretch of time, if they converge on it."""
+    """Compute the slips on a time interval by collocation.
+
+    None where the iteration does not converge on the interval, the directions are not
+    smooth or another mode ends in it.
+
+    Parameters
+    ----------
+    here
+        The laws at the start.
+    pairs : ndarray of int, shape (P, 2)
+        The numbers of the two laws of each slip.
+    friction : ndarray, shape (P,)
+        The size of each friction force.
+    D : ndarray, shape (2 P, 2 P)
+        The Delassus matrix of the laws in `pairs`.
+    lasts
+        The length of the interval.
+    """
     arc, p, count = here.arc, here.arc.system.p, len(pairs)
     nodes, d, turn = _points()
     d, turn = d / lasts, turn / lasts
@@ -137,7 +179,7 @@ def _collocated(
         turned = friction * lasts * _own(D)
         least = tolerance * speed[-1] / turned + SUM_ROUNDOFF
         rounded = CLEAR_OF_ROUNDING * here.still[pairs].max(axis=1) / turned
-        # Forces follow the places, which begin to move a sweep after the speeds.
+        # Positions, on which forces depend, change one sweep later than velocities.
         near = (
             tolerance * np.abs(states - straight).max(axis=0) + SUM_ROUNDOFF * here.seen
         )
@@ -158,16 +200,23 @@ def _collocated(
 
 
 def _points() -> tuple[Floats, Floats, Floats]:
-    """Points (K,) of (0, 1], derivatives at 0 and there, and by the points alone.
+    """Return Chebyshev points in (0, 1] and two matrices of derivatives on them.
 
-    Those at 0 and there are Chebyshev's; K = 1 + TURNS.
+    Returns
+    -------
+    points : ndarray, shape (K,)
+        The Chebyshev points of [0, 1] without 0; K = 1 + TURNS.
+    with_start : ndarray, shape (K + 1, K + 1)
+        Derivatives of polynomials given at 0 and at the points.
+    without_start : ndarray, shape (K, K)
+        Derivatives of polynomials given at the points alone.
     """
     x = 0.5 * (1.0 - np.cos(np.pi * np.arange(TURNS + 2) / (TURNS + 1)))
     return x[1:], _derivative(x), _derivative(x[1:])
 
 
 def _derivative(x: Floats) -> Floats:
-    """Matrix (K, K) of the derivatives of polynomials at their points (K,)."""
+    """Return the matrix (K, K) of derivatives of polynomials given at points x (K,)."""
     apart = x[:, None] - x + np.eye(len(x))
     weights = 1.0 / apart.prod(axis=1)
     d = weights / weights[:, None] / apart
@@ -176,7 +225,10 @@ def _derivative(x: Floats) -> Floats:
 
 
 def _own(D: Floats) -> Floats:
-    """Largest acceleration (P,) of each slip by its own unit of friction."""
+    """Return the largest acceleration (P,) of each slip per unit of its own friction.
+
+    D : shape (2 P, 2 P), the Delassus matrix.
+    """
     return np.asarray(np.diag(D).reshape(-1, 2).max(axis=1))
 
 
@@ -184,7 +236,23 @@ def _newton_step(
     d: Floats, speed: Floats, gain: Floats, across: Floats, friction: Floats,
     D: Floats, missing: Floats,
 ) -> Floats:  # fmt: skip
-    """Solve for changes of the angles (K, P) by which nothing is missing."""
+    """Solve for Newton's step of the angles, shape (K, P), at K points of P slips.
+
+    Parameters
+    ----------
+    d : ndarray, shape (K, K)
+        The differentiation matrix of the points.
+    speed, gain : ndarray, shape (K, P)
+        Sliding speeds and their derivatives with respect to time.
+    across : ndarray, shape (K, P, 2)
+        Unit vectors perpendicular to the slips.
+    friction : ndarray, shape (P,)
+        The size of each friction force.
+    D : ndarray, shape (2 P, 2 P)
+        The Delassus matrix.
+    missing : ndarray, shape (K, P)
+        Residuals of the equations of the angles.
+    """
     nodes, count = speed.shape
     blocks = D.reshape(count, 2, count, 2)
     turns = np.einsum("ipa,paqb,iqb,q->ipq", across, blocks, across, friction)
@@ -199,14 +267,18 @@ def _newton_step(
 
 
 def _is_smooth(phi: Floats, nodes: Floats, least: Floats) -> bool:
-    """Whether the last terms of the angles' Chebyshev series are small."""
+    """Whether the last two terms of the Chebyshev series of the angles are small.
+
+    phi : shape (K, P); nodes : shape (K,); least : shape (P,), the largest sum of the
+    terms of each angle.
+    """
     terms = np.cos(np.outer(np.arccos(1.0 - 2.0 * nodes), np.arange(len(nodes))))
     series = np.linalg.solve(terms, phi)
     return bool((np.abs(series[-2:]).sum(axis=0) <= least).all())
 
 
 def _lasts(here: Kinematics, pairs: Ints, t: float, y: Floats) -> bool:
-    """Whether all other modes still last at t and y."""
+    """Whether no mode has ended at time t and state y, except of slips in `pairs`."""
     events = here.arc.runner.event_functions
     left, slack = events(t, y), 2.0 * np.minimum(events(here.t, here.y), 0.0)
     left[here.arc.system.surfaces + pairs] = 0.0

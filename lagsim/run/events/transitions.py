@@ -1,11 +1,12 @@
 """Events of the file, which set modes: at located conditions, or every period.
 
-Modes are words of the parameters, constant in an arc. At an event the arc ends, the
-modes are set, and another begins. All that is due at one instant acts in the order of
-the file; what becomes true by that acts next, at the same time, until nothing does.
-Then all sources set their own modes and impacts take place, by which conditions may
-become true (`conditions`): they act, and so on. Events that lead to modes that there
-have been at the same instant, by the same state, lead nowhere: that ends the run.
+Modes of the file are constant in an arc. At an event the arc ends, the modes are set,
+and the next arc begins. All events due at one instant act in the order of the file.
+Events whose conditions become true by these acts follow at the same instant, until no
+further condition becomes true. Then all sources set their own modes and impacts take
+place, by which conditions may become true (`conditions`): their events act, and the
+cycle repeats. Where events restore modes that were in force earlier at the same
+instant, with the same state, the cycle has no end, and the run ends.
 """
 
 from __future__ import annotations
@@ -24,15 +25,23 @@ if TYPE_CHECKING:
 
     from lagsim.run.arc import Arc
 
-# An event that acts time and again (`sequence.STUCK`), on the average within this part
-# of a run, does not end.
+# An event chatters where `sequence.STUCK` successive acts are on average at most this
+# part of the duration apart.
 HARDLY = 1e-12
-# So often one event acts at one instant at most, by modes that are always others.
+# Largest number of acts of one event at one instant, each with other modes.
 MOST_ACTS = 1000
 
 
 class Due(NamedTuple):
-    """Numbers of periodic events, and of conditions, whose time has come."""
+    """Events that are due at an instant.
+
+    Attributes
+    ----------
+    periodic : frozenset of int
+        The numbers of periodic events.
+    conditions : frozenset of int
+        The numbers of conditions of located events, and of `until` after the last.
+    """
 
     periodic: frozenset[int] = frozenset()
     conditions: frozenset[int] = frozenset()
@@ -42,15 +51,15 @@ NOTHING = Due()
 
 
 class Transitions(Source):
-    """The events of a run, and `until`.
+    """The source of the events of a run and of its end by `until`.
 
     Attributes
     ----------
     next : list of int
-        The number of the next act of each that is periodic; -1 where none follows.
+        The number of the next act of each periodic event; -1 for all other events.
     rounds : list of (list of str, dict)
-        The rounds at the last instant since the state jumped: names of the located
-        events that acted together, and the modes before them.
+        The rounds at the last instant, since the state jumped: the names of the located
+        events that acted together, and the modes before these acts.
     is_over : bool
         Whether `until` has come true.
     """
@@ -63,8 +72,8 @@ class Transitions(Source):
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
         self.rounds: list[tuple[list[str], dict[str, float]]] = []
-        self.acts = [0] * len(events)  # of each, at the last instant
-        self.time = math.nan  # of that
+        self.acts = [0] * len(events)  # of each event, at the last instant
+        self.time = math.nan  # of the last instant
         self.sequences = [Sequence(settings.start, settings.duration) for _ in events]
         self.begun = self.is_over = False
         self.energetic = arc.system.equations.is_set
@@ -74,7 +83,7 @@ class Transitions(Source):
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
 
     def begin(self, arc: Arc) -> Decision:
-        """List the events that have acted at the start, before the first row."""
+        """Return the events that acted at the start, before the first row."""
         if self.begun:
             return Decision()
         self.begun = True
@@ -92,7 +101,7 @@ class Transitions(Source):
         return Decision(acts, ending=ending)
 
     def look_at_start(self, arc: Arc) -> None:
-        """Decide which conditions are true at the start, once all modes are set."""
+        """Store which conditions are true at the start, after all modes are set."""
         if len(arc.state.orientation):
             Truth(arc).begin()
 
@@ -101,11 +110,11 @@ class Transitions(Source):
         return (self._time(arc, k) for k in self.periodic)
 
     def _time(self, arc: Arc, k: int) -> float:
-        """Time of the next act of a periodic event."""
+        """Return the time of the next act of periodic event k."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
     def due(self, arc: Arc) -> Due:
-        """Return what is due at an instant by the state just before it."""
+        """Return the events that are due by the state just before an instant."""
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
@@ -115,9 +124,10 @@ class Transitions(Source):
         return Due(periodic, frozenset(self._truth.met()))
 
     def due_after(self, arc: Arc, *, struck: bool) -> Due:
-        """Return what is due by the state just after all that has happened.
+        """Return the events that are due by the state after all acts and impacts.
 
-        struck : velocities have jumped, so that it is another state.
+        struck : whether velocities have jumped, so that the state differs from the
+        state before the instant.
         """
         if struck:
             self.rounds.clear()
@@ -129,7 +139,11 @@ class Transitions(Source):
         return Due(conditions=frozenset(found))
 
     def act(self, arc: Arc, due: Due) -> Decision:
-        """Let events act until none is due: periodic ones, and those of conditions."""
+        """Execute the events that are due, and further events that become due by them.
+
+        The decision returned contains the events, the state where its work integrals
+        may have changed, and the ending of the run if an act causes one.
+        """
         if arc.t != self.time:
             self.time, self.acts = arc.t, [0] * len(self.acts)
             self.rounds.clear()
@@ -160,7 +174,10 @@ class Transitions(Source):
         )
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
-        """Let one event set its modes; tell how the run ends if it does by that."""
+        """Set the modes of event k; return the ending of the run if this ends it.
+
+        The run ends where a mode is not finite or the event chatters.
+        """
         events = arc.equations.model.events
         event, first = events[k], sum(len(x.sets) for x in events[:k])
         every = sum(len(x.sets) for x in events)
@@ -178,10 +195,10 @@ class Transitions(Source):
         return ending or self._chatters(arc, k)
 
     def _undone(self, arc: Arc) -> Ending | None:
-        """End the run where a round restores modes from before an earlier round.
+        """Return the ending of a run whose last round restores modes of an earlier one.
 
-        Its events undo others without time passing. Events of one round may restore a
-        mode together: all were due at once, and none follows from another.
+        The events of these rounds undo each other at one instant. Within one round
+        events may restore modes: all were due together, and none follows from another.
         """
         *earlier, (_, before) = self.rounds
         seen = [modes for _, modes in earlier]
@@ -192,7 +209,7 @@ class Transitions(Source):
         return Ending(Outcome.EVENTS_CHATTER, about)
 
     def _chatters(self, arc: Arc, k: int) -> Ending | None:
-        """End the run where an event acts ever again in hardly any time."""
+        """Return the ending of the run if event k acts endlessly in negligible time."""
         self.acts[k] += 1
         if self.acts[k] == 1:
             self.sequences[k].add(arc.t, k)
