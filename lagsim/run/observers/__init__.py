@@ -1,8 +1,9 @@
 """Observers of the rows of a run.
 
-An observer takes rows, block by block, and is asked afterwards for what it has kept:
-in bounded memory, but for `Keep`. `Relay` hands rows to a store first, and to the
-others what the store could take; where it can take no more, the run is asked to stop.
+An observer receives the rows of a run in blocks and stores a summary of the rows, in
+bounded memory except in `Keep`. `Relay` passes rows to a store first, and to the other
+observers only the rows that the store accepted; when the store is full, `Relay`
+requests the end of the run.
 """
 
 from __future__ import annotations
@@ -20,45 +21,45 @@ if TYPE_CHECKING:
 
 
 class Observer(Protocol):
-    """Takes the rows of a run, block by block."""
+    """Interface of objects that receive the rows of a run in blocks."""
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns) in the order of `System.columns.names`."""
+        """Process the next rows (k, columns), columns as in `System.columns.names`."""
 
 
 class Store(Observer, Protocol):
-    """Storage of rows; raises OSError where there is no room for them.
+    """Interface of a storage of rows; `add` raises OSError when the storage is full.
 
     Attributes
     ----------
     rows : int
-        Stored so far.
+        Number of rows stored so far.
     last : float or None
-        The time of the last of them.
+        Time of the last stored row.
     """
 
     rows: int
     last: float | None
 
     def begin_anew(self) -> None:
-        """Take all rows back."""
+        """Delete all stored rows."""
 
 
 class Keep:
-    """Keeps all rows, or the first columns of them."""
+    """Storage in memory of all rows, or of their first `columns` columns."""
 
     def __init__(self, columns: int | None = None) -> None:
         self._columns = columns
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Take all rows back."""
+        """Delete all stored rows."""
         self._blocks: list[Floats] = []
         self.rows = 0
         self.last: float | None = None
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Store rows (k, columns)."""
         if len(rows):
             kept = rows[:, : self._columns]
             self._blocks.append(kept if self._columns is None else kept.copy())
@@ -73,13 +74,14 @@ class Keep:
 
 
 class Relay:
-    """Hands rows on, and keeps the time that takes.
+    """Distribution of rows to a store and other observers, with its elapsed time.
 
     Attributes
     ----------
     seconds : float
+        Time spent in the store and the observers.
     fault : OSError or None
-        Why the store could not take all rows.
+        Error of the store; later rows are discarded.
     """
 
     def __init__(
@@ -90,7 +92,7 @@ class Relay:
         self.fault: OSError | None = None
 
     def add(self, rows: Floats) -> None:
-        """Take rows; the others get those that the store could hold."""
+        """Store rows (k, columns); pass the stored ones to the other observers."""
         if self.fault is not None:
             return
         began = time.perf_counter()
@@ -107,21 +109,21 @@ class Relay:
         self.seconds += time.perf_counter() - began
 
 
-# Where there are more, corners lie too close to be seen, and cost more than the table.
+# More corners lie too close to be visible in a plot, and take longer than the table.
 MOST = 500
 
 
 class Corners:
-    """Keeps the first rows at events, in some ways each.
+    """Rows just before and just after the first events, each in several variants.
 
-    On the very surface of a switch an expression may have a value of its own, as sign
-    at 0: so that a row is told also for states a little aside, to either side. Of these
-    ways the one is right that goes on from the rows beside the event.
+    Exactly on the surface of a switch an expression may have an isolated value, as sign
+    has at 0. So each row is computed also for states slightly off the surface, on
+    either side. The variant that continues the neighbouring rows is the one to plot.
 
     Attributes
     ----------
-    events : list of pair of ndarray
-        Just before and just after each event: (ways, columns).
+    events : list of pair of ndarray, shape (variants, columns)
+        Rows just before and just after each event.
     """
 
     def __init__(self) -> None:
@@ -132,31 +134,42 @@ class Corners:
         return len(self.events) < MOST
 
     def add(self, before: Floats, after: Floats, within: float = 0.0) -> None:
-        """Take the rows at an event; at one time, the first and the last count.
+        """Store the rows just before and just after an event.
 
-        Times `within` of each other are one: a slip on a disc may turn often to stop.
+        Events no more than `within` apart are merged: the rows before the first and
+        after the last are kept. A slip on a disc may have many events before it stops.
+
+        Parameters
+        ----------
+        before, after : ndarray, shape (variants, columns)
+        within : float
+            Largest time between merged events.
         """
         if self.events and after[-1, 0] - self.events[-1][1][-1, 0] <= within:
             before, _ = self.events.pop()
         self.events.append((before, after))
 
     def rows(self) -> Floats:
-        """Return the rows in order of time: (2 k, ways, columns)."""
+        """Return the rows of all k events in time order: (2 k, variants, columns)."""
         return np.array([row for event in self.events for row in event])
 
 
 class Moments:
-    """Keeps the last row at each of some times, and ends the run after them.
+    """Storage of the last row at each of given times; ends the run after the last time.
 
     Parameters
     ----------
-    times : ndarray
-        In order, each once.
+    times : ndarray, shape (k,)
+        Increasing times.
+    columns : int
+        Number of columns of a row.
+    interrupt : Interrupt
+        Receives the request to end the run.
 
     Attributes
     ----------
-    rows : ndarray, shape (times, columns)
-        nan where the run gave none.
+    rows : ndarray, shape (k, columns)
+        nan at times without a row.
     """
 
     def __init__(self, times: Floats, columns: int, interrupt: Interrupt) -> None:
@@ -164,7 +177,7 @@ class Moments:
         self.rows = np.full((len(times), columns), np.nan)
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Store the rows (k, columns) at the given times."""
         places = np.searchsorted(self._times, rows[:, 0])
         places = np.minimum(places, len(self._times) - 1)
         for k in np.flatnonzero(self._times[places] == rows[:, 0]):
@@ -174,18 +187,17 @@ class Moments:
 
 
 class Extremes:
-    """Keeps the last row, and the least and the greatest value of each column.
-
-    Values that are no numbers are passed over.
+    """Last row, and least and greatest value of each column, ignoring nan.
 
     Parameters
     ----------
     columns : int
-        Of so many, the first of a row.
+        Number of leading columns of a row to be observed.
 
     Attributes
     ----------
     end, low, high : ndarray, shape (columns,)
+        Last row, least values and greatest values.
     """
 
     def __init__(self, columns: int) -> None:
@@ -193,18 +205,18 @@ class Extremes:
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Take all rows back."""
+        """Reset to the state without rows."""
         self.rows = 0
         self.last: float | None = None
         self.end, self.low, self.high = np.full((3, self._columns), np.nan)
 
     @property
     def stacked(self) -> Floats:
-        """Last, least and greatest values (3, columns)."""
+        """Last row, least values and greatest values (3, columns)."""
         return np.stack([self.end, self.low, self.high])
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Update the last row and the extremes by rows (k, columns)."""
         if not len(rows):
             return
         columns = np.ascontiguousarray(rows[:, : self._columns].T)

@@ -1,4 +1,4 @@
-"""Monitors of rows as they pass: energy, residuals, gaps, and rows to compare."""
+"""Monitors of the rows of a run: energy, residuals, gaps, and rows for comparison."""
 
 from __future__ import annotations
 
@@ -18,12 +18,19 @@ if TYPE_CHECKING:
     from lagsim.model.model import Settings
 
 
-# Rows that are kept, at most.
+# Largest number of stored rows.
 MOST_ROWS = 4096
 
 
 def numbers(t: Floats, start: float, step: float) -> Floats:
-    """Numbers of times on the grid of output times, -1 between (k,)."""
+    """Return the index of each time (k,) on the grid of output times, -1 off the grid.
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,)
+    start, step : float
+        First time and spacing of the grid.
+    """
     places = np.rint((t - start) / step)
     off = np.abs(t - (start + places * step))
     near = SAME_STEP * step + TERM_ROUNDOFF * np.abs(t)
@@ -31,24 +38,26 @@ def numbers(t: Floats, start: float, step: float) -> Floats:
 
 
 class Checkpoints:
-    """Keeps states of some rows, evenly spaced, and the ranges of the coordinates.
+    """States at evenly spaced output times, and the ranges of the coordinates.
 
-    Rows between two times of the grid, as an impact gives them, are not kept, but for
-    the last one: so the rows of two runs correspond, whatever happened in between.
+    Rows between two output times, such as rows of impacts, are not stored, except the
+    last row of the run. So the stored rows of two runs have the same times, whatever
+    events occurred between the times.
 
     Parameters
     ----------
     equations
-        Of whose `state_columns` the rows are kept.
+        Their `state_columns` are the columns to store.
     settings
-        Whose grid it is.
+        Settings that define the grid of output times.
     stride
-        Of so many rows one is kept, to begin with.
+        Initial number of output intervals from one stored row to the next; it is
+        doubled whenever more than `MOST_ROWS` rows are stored.
 
     Attributes
     ----------
     states : dict of int to ndarray
-        Time, coordinates, rates and first-order states by the number of the row.
+        Time, coordinates, rates and first-order states by the index of the row.
     """
 
     def __init__(
@@ -61,7 +70,7 @@ class Checkpoints:
         self.stride = stride
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Store the rows among (k, columns) that lie on the grid of the stride."""
         if not len(rows):
             return
         rows = rows[:, self._places]
@@ -75,32 +84,35 @@ class Checkpoints:
 
     @property
     def numbered(self) -> dict[int, Floats]:
-        """The same, numbered as they are kept."""
+        """Stored states, numbered consecutively: index of the row over the stride."""
         return {k // self.stride: row for k, row in self.states.items()}
 
     @property
     def last(self) -> Floats | None:
-        """The last row of all; None where there is none."""
+        """Last row of the run, on the grid or not; None before the first row."""
         return self._extremes.end if self._extremes.rows else None
 
     @property
     def low(self) -> Floats:
-        """The least values of the coordinates, then of the states."""
+        """Least values of the coordinates, then of the first-order states."""
         return self.valued(self._extremes.low)
 
     @property
     def high(self) -> Floats:
-        """Their greatest values."""
+        """Greatest values of the coordinates, then of the first-order states."""
         return self.valued(self._extremes.high)
 
     def valued(self, rows: Floats) -> Floats:
-        """Return coordinates and states of rows that are kept."""
+        """Return the coordinates and first-order states of stored rows."""
         rates = np.s_[1 + self._count : 1 + 2 * self._count]
         return np.delete(rows, rates, axis=-1)[..., 1:]
 
     @property
     def rows(self) -> Floats:
-        """Time and coordinates (k, 1 + n); the last row, where all are kept."""
+        """Time and coordinates (k, 1 + n) of the stored rows.
+
+        The last row of the run is included if the stride is 1.
+        """
         found = list(self.states.values())
         last = self.last if self.stride == 1 else None
         if last is not None and not (found and found[-1][0] == last[0]):
@@ -108,24 +120,26 @@ class Checkpoints:
         return np.array(found).reshape(len(found), -1)[:, : 1 + self._count]
 
 
-# Rows that are kept, at most.
+# Largest number of stored rows.
 MOST_KEPT = 512
-# The part of the run that its first and its last energy are the medians of.
+# The initial and final energies are medians over this part of the run.
 TENTH = 0.1
-# A change is in the second half where the first has less than this part of it.
+# A change occurs in the second half if the first half has less than this part of it.
 ABRUPT = 0.1
-# And within the first tenth, for good, where later values keep so much of it.
+# A change in the first tenth is permanent if later values keep this part of it.
 NO_WAY_BACK = 0.8
-# An energy off by this part of what has been in play is that of another motion.
+# A motion is wrong if its energy error exceeds this part of the largest energy so far.
 WRONG = 0.3
 
 
 def gained(balance: Floats) -> float:
-    """Growth of energy - work (k,); 0 where that is only part of a swing.
+    """Return the net growth of energy - work (k,); 0 if it only oscillates.
 
-    By the medians of the first and the last tenth, where one of them varies by less;
-    from the first value where nothing comes near it again; to the last one where all of
-    the change is in the second half.
+    The growth is the difference of the medians of the last and the first tenth, if it
+    exceeds the interquartile range of both tenths. If no later value comes near the
+    first value again, the change from the first value to the median of the first tenth
+    is returned; if all of the change occurs in the second half, the difference of the
+    last and the first value.
     """
     if len(balance) < 2:
         return 0.0
@@ -145,7 +159,7 @@ def gained(balance: Floats) -> float:
 
 
 def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
-    """Energy - work (k,) from their columns; inf - inf is not known."""
+    """Return energy - work (k,) from columns of rows; nan for inf - inf."""
     if work is None:
         return rows[:, energy]
     with np.errstate(invalid="ignore"):
@@ -153,21 +167,21 @@ def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
 
 
 class EnergyMonitor:
-    """Follows energy - work, and the states, as rows pass.
+    """Monitor of energy - work and of the states, from a subset of the rows.
 
     Parameters
     ----------
     columns
-        The names of a row's columns.
+        Names of a row's columns.
     equations
-        Tell which of them are coordinates, velocities and states.
+        Equations that define the columns of coordinates, velocities and states.
 
     Attributes
     ----------
     between_rows : float
-        The largest energy at the ends of steps, which rows may pass over.
+        Largest energy at the ends of steps, which may lie between rows.
     extents : mapping
-        The least and the greatest value there of coordinates and velocities.
+        Least and greatest value of each coordinate and velocity at the ends of steps.
     """
 
     between_rows = 0.0
@@ -188,7 +202,7 @@ class EnergyMonitor:
         self._seen, self._stride = 0, 1
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Update the extremes by rows (k, columns), and store one row per stride."""
         finite = np.isfinite(rows[:, self._energy])
         self._extremes.add(rows if finite.all() else rows[finite])
         seen = self._seen + len(rows)
@@ -207,38 +221,39 @@ class EnergyMonitor:
 
     @property
     def _rows(self) -> Floats:
-        """Stored rows from the start to the first that is not finite."""
+        """Stored rows before the first one with a value that is not finite."""
         rows = self._kept
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
 
     @property
     def passed(self) -> Floats:
-        """Time and state (k, 1 + 2 n + states) of what is kept."""
+        """Time and state (k, 1 + 2 n + states) of the stored rows."""
         return self._rows[:, 2 + np.array(self._state)]
 
     @property
     def balance(self) -> Floats:
-        """Energy - work (k,) of what is kept."""
+        """Energy - work (k,) of the stored rows."""
         return self._rows[:, 0]
 
     @property
     def worked(self) -> Floats:
-        """The works (k, works) of what is kept."""
+        """Work integrals (k, works) of the stored rows."""
         return self._rows[:, 2 + self._shown :]
 
     @property
     def end(self) -> float:
-        """The time of the last row that is kept."""
+        """Time of the last stored row; 0 without rows."""
         rows = self._rows
         return float(rows[-1, 2]) if len(rows) else 0.0
 
     @property
     def energy_in_play(self) -> float:
-        """The largest kinetic energy, or range of the potential or of the work.
+        """Largest of the kinetic energy, and the ranges of its parts and of the work.
 
-        Rows alone may show none of it: of a drive, say, that turns at each of them. Of
-        a `lagrangian`, which tells neither, the range or the energy's size.
+        The energy at the ends of steps is included, since the energy may vanish in all
+        rows, as that of a drive that reverses at each of the output times. For a model
+        by its `lagrangian` alone, the range of the Lagrangian or the largest |energy|.
         """
         low, high = self._extremes.low, self._extremes.high
         if not np.isfinite(low[self._energy]):
@@ -253,13 +268,13 @@ class EnergyMonitor:
 
     @property
     def ranges(self) -> Floats:
-        """The range of each column."""
+        """Range of each column."""
         with np.errstate(invalid="ignore"):  # what is infinite in all rows has none
             return np.asarray(self._extremes.high - self._extremes.low)
 
     @property
     def held(self) -> Floats:
-        """The largest constraint force on each coordinate (n,)."""
+        """Largest |constraint force| on each coordinate (n,)."""
         if not self._held:
             return np.zeros(self.count)
         sizes = np.abs([self._extremes.low, self._extremes.high])
@@ -267,12 +282,12 @@ class EnergyMonitor:
 
     @property
     def work_range(self) -> float:
-        """The range of the work; 0 where there is none."""
+        """Range of the work; 0 if the rows have no column of work."""
         return 0.0 if self._work is None else float(self.ranges[self._work])
 
     @property
     def fastest_rate(self) -> float:
-        """Rate of the fastest motion in the rows: |q''| against |q'|."""
+        """Rate of the fastest motion in the stored rows: the largest |q''|/|q'|."""
         n, rows = self.count, self._rows
         rates, accelerations = (
             np.sqrt(np.sum(rows[:, 3 + k * n :][:, :n] ** 2, axis=0)) for k in (1, 2)
@@ -281,10 +296,10 @@ class EnergyMonitor:
         return float(np.max(found, initial=0.0))
 
     def states(self, most: int) -> Iterator[tuple[float, list[Floats]]]:
-        """Return t and q, q', q'', s of at most so many rows, the first among them.
+        """Return t and [q, q', q'', s] of about `most` rows, the first row included.
 
-        None from where the energy is wrong by a large part of what has been in play: a
-        motion that has blown up says nothing of the scene.
+        Rows are omitted from the time on at which the error of the energy exceeds the
+        part `WRONG` of the largest energy so far, since the motion has diverged there.
         """
         n, rows = self.count, self._rows
         if not len(rows):
@@ -298,19 +313,19 @@ class EnergyMonitor:
             yield float(row[2]), np.split(state, [n, 2 * n, 3 * n])
 
 
-# A value is noted when it is so many times the one noted before.
+# A value is recorded when it exceeds the last recorded value by this factor.
 GROWN = 1.1
 
 
 class Growth:
-    """The greatest size of a value, in which row, and when it had grown how far.
+    """Greatest magnitude of a value, its row, and the history of its growth.
 
     Attributes
     ----------
     size : float
-        nan where one is.
+        Greatest magnitude; nan if any magnitude is nan.
     row : ndarray or None
-        That of the greatest size, or the first one that is nan.
+        Row of the greatest magnitude, or the first row where it is nan.
     """
 
     def __init__(self) -> None:
@@ -320,13 +335,23 @@ class Growth:
         self._next = 0.0
 
     def grows(self, size: float, noted: float) -> bool:
-        """Whether rows with these largest sizes, or a nan, have something to note."""
+        """Whether rows with these largest magnitudes, or nan, would change the record.
+
+        size, noted : largest values of the arguments `sizes` and `noted` of `add`.
+        """
         return not (size <= self.size and noted <= self._next)
 
     def add(self, rows: Floats, sizes: Floats, noted: Floats | None = None) -> None:
-        """Take rows (k, columns), the time first, and sizes in them (k,).
+        """Update the greatest magnitude and the history of growth.
 
-        Of sizes in other units, `noted`, it is kept when they had grown.
+        Parameters
+        ----------
+        rows : ndarray, shape (k, columns)
+            Rows with the time in the first column.
+        sizes : ndarray, shape (k,)
+            Magnitude of the value in each row.
+        noted : ndarray, shape (k,), optional
+            Magnitudes in another unit for the history of growth; by default `sizes`.
         """
         k = int(np.argmax(sizes))  # of the first nan, if there is one
         if not sizes[k] <= self.size:
@@ -341,14 +366,14 @@ class Growth:
                 self._next = GROWN * float(top[k])
 
     def since(self, bound: float) -> float | None:
-        """Return the first time noted at which the value exceeds `bound`."""
+        """Return the first recorded time at which the magnitude exceeds `bound`."""
         return next((t for t, size in self._noted if size > bound), None)
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Return the columns of each constraint's residual and of its scale.
+    """Return the indices of the columns of each constraint's residual and scale.
 
-    What holds at times has none.
+    Constraints that hold only at times have no such columns and are omitted.
     """
     places = {name: k for k, name in enumerate(columns)}
     names = [x.removeprefix("scale:") for x in columns if x.startswith("scale:")]
@@ -362,13 +387,14 @@ def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
 
 
 class ResidualMonitor:
-    """Follows energy - work, and each constraint's residual against its scale.
+    """Monitor of energy - work, and of each constraint's residual over its scale.
 
     Attributes
     ----------
     first_energy : float
+        Energy in the first row.
     drift : Growth
-        Of |energy - work - first value|.
+        Growth of |energy - work - first value|.
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -385,11 +411,11 @@ class ResidualMonitor:
 
     @property
     def scales(self) -> dict[str, float]:
-        """The largest scale of each constraint."""
+        """Largest scale of each constraint."""
         return dict(zip(self._residuals, self._scales.tolist(), strict=True))
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Update the drift and the residuals by rows (k, columns)."""
         balance = _balance(rows, self._energy, self._work)
         if self._start is None:
             self._start = float(balance[0])
@@ -407,25 +433,26 @@ class ResidualMonitor:
 
     @property
     def energy_gained(self) -> float:
-        """The deviation that is the greatest, with its sign."""
+        """Change of energy - work since the first row that is greatest in magnitude."""
         if self.drift.row is None or self._start is None:
             return 0.0
         worst = _balance(self.drift.row[np.newaxis], self._energy, self._work)
         return float(worst[0]) - self._start
 
     def constraint_since(self, name: str, part: float) -> float | None:
-        """Return when a residual first exceeds a part of its scale so far."""
+        """Return the time when |residual| first exceeds `part` of its scale so far."""
         return self._residuals[name].since(part)
 
     @property
     def constraint_residual(self) -> float:
-        """Greatest |residual| over its scale; 0 without constraints."""
+        """Greatest |residual|/scale of all constraints; 0 without constraints."""
         return float(np.max(list(self.constraint_parts.values()), initial=0.0))
 
     def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
-        """Constraints with a residual of more than a part of its scale.
+        """Return the constraints whose |residual| exceeds `part` of the scale.
 
-        Of each the name, the residual, that part, and its row; the worst first.
+        Each entry has the name, the greatest |residual|, its ratio to the scale, and
+        its row; in decreasing order of the ratio.
         """
         found = []
         for name, own in self.constraint_parts.items():
@@ -436,7 +463,7 @@ class ResidualMonitor:
 
     @property
     def constraint_parts(self) -> dict[str, float]:
-        """Each residual as a part of its scale; 0 where that is 0."""
+        """Greatest |residual| of each constraint over its scale; 0 for a scale of 0."""
         return {
             name: 0.0 if scale <= 0.0 else self._residuals[name].size / scale
             for name, scale in self.scales.items()
@@ -444,7 +471,7 @@ class ResidualMonitor:
 
 
 class Gap(NamedTuple):
-    """The first value of a column that is not finite, and in how many rows it is so."""
+    """First value of a column that is not finite, its time, and the count of rows."""
 
     value: float
     time: float
@@ -452,12 +479,12 @@ class Gap(NamedTuple):
 
 
 class Gaps:
-    """Notes the first value of each column that is not finite.
+    """Record of the first value of each column that is not finite.
 
     Parameters
     ----------
     columns
-        The names of the first columns of a row.
+        Names of the leading columns of a row, which are examined.
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -465,7 +492,7 @@ class Gaps:
         self.found: dict[str, Gap] = {}
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Record the values in rows (k, columns) that are not finite."""
         finite = np.isfinite(rows[:, : len(self._names)])
         if finite.all():
             return
