@@ -1,18 +1,20 @@
-"""The truth of located conditions at an instant: those of events, then `until`.
+"""Truth of located conditions at an instant: of the events', then of `until`.
 
-The kernels locate where a condition becomes true within a step (`methods.parts.search`,
-whose `orientation` and `leeway` say on which side of 0 each is). At an instant the
-state, its rates and the modes may jump, and rounding leaves values of either sign where
-0 is meant. So the truth of each condition is decided here, from the state just before
-and then from that just after all acts, impacts and changes of modes, and kept: a value
-within its rounding of 0 belongs to the side that its rate leads to, until it has left
-the rounding.
+The kernels locate where a condition becomes true within a step
+(`methods.parts.search`); the arrays `orientation` and `leeway` store on which side of 0
+the value of each condition is. At an instant the state, its rates and the modes may
+jump, and rounding leaves values of either sign where the exact value is 0. Therefore
+the truth of each condition is decided and stored here, first from the state just before
+the instant and then from the state just after all acts, impacts and changes of modes. A
+value within its rounding of 0 counts as on the side that its rate leads to, until the
+value has left the rounding.
 
-Just before an instant a condition is false where its value is below 0, or at 0 and
-falls. It has been met where it has come to 0, or would within the instant. Afterwards
-it becomes true where it was false and is above 0 now, has jumped to 0, or is at 0 and
-rises. An equation is met where its value comes to 0 or jumps past it; it is on one of
-two sides, and at 0 on that to which it goes.
+Just before an instant a condition is false where its value is below 0, or is 0 and
+falls. It is satisfied by the motion where its value has reached 0, or would reach 0
+within the instant. After the instant a condition becomes true that was false and whose
+value is now above 0, has jumped to 0, or is 0 and rises. An equation is satisfied where
+its value reaches 0 or jumps past 0; its value is on one of two sides, and a value of 0
+is on the side to which its rate leads.
 """
 
 from __future__ import annotations
@@ -31,28 +33,31 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
 
-# A miss of 0 counts as this: less than any other, and more than what moves at once.
+# Least distance of a condition's value from 0 after an impact; smaller than any other
+# distance, and not 0.
 LEAST = 1e-250
-# What is located at 0 but for a part of the sizes that it depends on is known to it:
-# constraints have been satisfied by such a part. More is a jump of the condition.
+# Largest value at a located zero, relative to the terms of the condition, that counts
+# as the error to which the state is known (constraints are satisfied to such an error).
+# A larger value is a jump of the condition.
 LOCATED = 1e-7
-# No condition changes at an instant that is so many times farther from 0 than what
-# counted as 0 before.
+# A condition whose value is farther from 0 than this multiple of its last zero
+# tolerance does not change at an instant.
 FAR = 1024.0
-# Slopes are differences over this part of the size of a component.
+# Increment of the difference quotients, relative to the size of a component.
 PART = 2.0**-10
 
 
 class Look(NamedTuple):
-    """Conditions at a state, each a function that is >= 0 where it is true.
+    """Values of all C conditions at a state; a condition is true where its value >= 0.
 
     Attributes
     ----------
     values : ndarray, shape (C,)
     zero : ndarray, shape (C,)
-        Sizes up to which a value is 0: by rounding, and by what changes in an instant.
+        Magnitudes up to which a value counts as 0: its rounding, and its change within
+        an instant.
     rates : ndarray, shape (C,)
-        Time derivatives of the values; 0 where only rounding or errors are left of one.
+        Time derivatives of the values; 0 where below rounding or the tolerance.
     """
 
     values: Floats
@@ -61,15 +66,19 @@ class Look(NamedTuple):
 
     @property
     def clear(self) -> Flags:
-        """The conditions that are off 0 (C,)."""
+        """Whether each value is off 0 by more than its zero tolerance: shape (C,)."""
         return np.abs(self.values) > self.zero
 
 
 def look(arc: Arc, found: int = -1) -> Look:
-    """Look at all conditions at the state reached.
+    """Evaluate all conditions at the state reached; store their zero tolerances.
 
-    found : the condition that has been located there; its value tells how exactly the
-    state is known.
+    Parameters
+    ----------
+    arc : Arc
+    found : int
+        Index of the condition located there, or -1; its value there bounds the error
+        of the state.
     """
     state, system = arc.state, arc.system
     count, seen = len(state.orientation), arc.seen[state.dynamic]
@@ -86,11 +95,11 @@ def look(arc: Arc, found: int = -1) -> Look:
     if system.moreau is None:
         rates = arc.rates(arc.t, arc.y)[state.dynamic]
     rates[:n] = arc.y[arc.velocities]
-    speeds = np.abs(rates)  # no rate is known better than to a part of these
+    speeds = np.abs(rates)  # the errors of the rates are relative to these speeds
     speeds[:n] = seen[n : 2 * n]
     speeds[n : 2 * n] = np.maximum(speeds[n : 2 * n], state.parts[:n])
     changes = slopes[:, :-1] @ rates + slopes[:, -1]
-    if system.moreau is not None:  # whose accelerations are known after a step only
+    if system.moreau is not None:  # Moreau's method has accelerations after a step only
         changes[sizes[:, n:].any(axis=1)] = 0.0
     moved = sizes @ speeds + np.abs(slopes[:, -1])
     least = max(RESIDUAL_ROUNDOFF, float(arc.plan.tolerance)) * moved
@@ -101,7 +110,7 @@ def look(arc: Arc, found: int = -1) -> Look:
 
 
 def located_within(arc: Arc) -> float:
-    """Return the time by which rounding may have moved what has been located."""
+    """Return the error, by rounding, of the time of the condition just located."""
     found = int(arc.state.event) - 1
     if found < 0:
         return 0.0
@@ -111,15 +120,22 @@ def located_within(arc: Arc) -> float:
 
 
 class Truth:
-    """Which conditions are true at an instant, and which have become so.
+    """Truth of the conditions just before and just after an instant.
 
-    Written to the memory of the kernels, from which it is read at the next instant.
+    It is stored in the kernels' arrays `orientation` and `leeway`, and read from these
+    arrays at the next instant.
     """
 
     def __init__(self, arc: Arc, found: int = -1, *, set_by_modes: bool = True) -> None:
-        """Look at the state just before an instant.
+        """Evaluate the conditions at the state just before an instant.
 
-        set_by_modes : conditions contain modes that events set.
+        Parameters
+        ----------
+        arc : Arc
+        found : int
+            Index of the condition located at the instant, or -1.
+        set_by_modes : bool
+            Whether conditions contain modes that events set.
         """
         self.set_by_modes = set_by_modes
         self.arc, self.state, self.found = arc, arc.state, found
@@ -136,8 +152,8 @@ class Truth:
     def _are_clear(self, values: Floats) -> bool:
         """Whether no condition can change unless the state or the modes jump.
 
-        Each is far off 0 on its side, or true for ever. There are few conditions:
-        numbers are faster than arrays.
+        That is so where each value is far from 0 on its side, or its condition is true
+        for ever. There are few conditions: a loop over floats is faster than arrays.
         """
         state = self.state
         arrays = values, state.zero, state.orientation, state.leeway, state.equation
@@ -155,10 +171,10 @@ class Truth:
         return True
 
     def begin(self) -> None:
-        """Decide the truth of all conditions at the start.
+        """Store the truth of all conditions at the start of the run.
 
-        What is true there but for rounding is true; a condition at 0 that falls is
-        false from then on.
+        A condition that is true there to rounding is true; one whose value is 0 and
+        falls is false from then on.
         """
         state, now, equation = self.state, self.now, self.state.equation > 0.0
         side, leeway = state.orientation, state.leeway
@@ -173,9 +189,9 @@ class Truth:
             give_leeway(self.arc, now.values, true)
 
     def met(self) -> set[int]:
-        """Conditions that are met by the motion up to the instant.
+        """Return the indices of conditions that the motion satisfies at the instant.
 
-        One that is about to become false at that time counts as false.
+        A condition that is about to become false at that time counts as false.
         """
         if self.is_clear:
             return set()
@@ -191,7 +207,10 @@ class Truth:
         return {*met.nonzero()[0].tolist()}
 
     def hold(self, conditions: Iterable[int], *, for_ever: Iterable[int] = ()) -> None:
-        """Take conditions to be true from now on, some of them for ever."""
+        """Store that these conditions are true from now on, those of `for_ever` always.
+
+        A condition that is always true never acts again.
+        """
         state = self.state
         for c in conditions:
             miss = max(0.0, float(self.now.values[c] * state.orientation[c]))
@@ -200,7 +219,7 @@ class Truth:
         state.leeway[list(for_ever)] = np.inf
 
     def changed(self) -> set[int]:
-        """Conditions that become true by what has been set, whatever rates follow."""
+        """Return the conditions that become true by modes set, whatever the rates."""
         if not self.set_by_modes:
             return set()
         before = self.now
@@ -209,9 +228,9 @@ class Truth:
         return self._become(now, before.clear, np.zeros(len(values), bool))
 
     def settled(self, *, struck: bool) -> set[int]:
-        """Conditions that become true by the state just after the instant.
+        """Return the conditions that become true at the state just after the instant.
 
-        struck : velocities have jumped.
+        struck : whether velocities have jumped.
         """
         if self.is_clear and not (struck or self.set_by_modes):
             return set()
@@ -226,9 +245,9 @@ class Truth:
         return found
 
     def _may_change(self, *, struck: bool) -> bool:
-        """Whether a condition is close to 0 that is false, or past it that is true.
+        """Whether a false condition is close to 0, or a true condition is past 0.
 
-        One that has been met is at 0; the kernel follows it from there.
+        The value of a condition just satisfied is 0; the kernel follows it from there.
         """
         state, before, side = self.state, self.now, self.state.orientation
         values = before.values
@@ -245,11 +264,19 @@ class Truth:
         return bool(changes)
 
     def _become(self, now: Look, were_clear: Flags, rises: Flags) -> set[int]:
-        """Conditions that were false and are true; note those that are false now."""
+        """Return the conditions that were false and are true; store those now false.
+
+        Parameters
+        ----------
+        now : Look
+            The conditions after the change.
+        were_clear, rises : ndarray of bool, shape (C,)
+            Whether each value was off 0 before, and whether it rises toward truth.
+        """
         state = self.state
         side, leeway = state.orientation, state.leeway
         misses, zero = now.values * side, np.maximum(now.zero, leeway)
-        # Below 0 a leeway is that of what an impact has brought there.
+        # A negative leeway: an impact has left the value about 0, see `count_closed`.
         true = (misses < -zero) | ((leeway < 0.0) & (misses + leeway <= 0.0))
         true |= (misses <= zero) & (were_clear | rises)
         true &= side != 0.0
@@ -260,7 +287,7 @@ class Truth:
         return {*np.flatnonzero(true).tolist()}
 
     def _turn(self, now: Look) -> None:
-        """Let what is at 0 be on the side to which it goes, until it has left 0."""
+        """Store the side to which the rate leads, for each value that is at 0."""
         state = self.state
         side, leeway, equation = state.orientation, state.leeway, state.equation > 0.0
         at_zero = np.abs(now.values) <= np.maximum(now.zero, leeway)
@@ -279,11 +306,20 @@ class Truth:
 
 
 def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
-    """Let some conditions that are true not be false within the tolerance.
+    """Raise the leeway of some true conditions to the tolerance of their values.
 
-    Where a constraint holds one on its edge, as the ground does `y <= 0`, what rounding
-    leaves is no change of it. The tolerance is for the sizes of what a condition
-    depends on; a velocity at rest has that of its position over the run.
+    Where a constraint keeps the value of a condition at 0, as the ground does that of
+    `y <= 0`, rounding errors must not make it false. The tolerance of a value is
+    relative to the magnitudes of the state components it depends on; that of a velocity
+    at rest is the magnitude of its position over the duration of the run.
+
+    Parameters
+    ----------
+    arc : Arc
+    values : ndarray, shape (C,)
+        Values of all conditions at the state reached.
+    which : ndarray of bool, shape (C,)
+        The conditions whose leeway is raised.
     """
     state, sizes = arc.state, arc.seen.copy()
     speeds = sizes[state.positions] / arc.settings.duration
@@ -295,17 +331,23 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
         with np.errstate(invalid="ignore"):
             scale += np.abs(arc.located(arc.t, y) - values) / PART
     part = float(arc.plan.tolerance)
-    if arc.system.moreau is not None:  # whose contacts move by a step's way
+    if arc.system.moreau is not None:  # its contacts move by up to one step
         part = max(part, (arc.plan.step or 0.0) / arc.settings.duration)
     which = which & np.isfinite(scale)
     state.leeway[which] = np.maximum(state.leeway, part * scale)[which]
 
 
 def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
-    """Let conditions be true at the state y that are where its gaps are closed.
+    """Count conditions as true at the state y that are true where its gaps are closed.
 
-    After an impact rounding leaves a gap on either side of 0, and the motion leads away
-    from it: `x <= 0` may never be true at the ground `x >= 0`.
+    After an impact rounding leaves a gap of either sign, and the motion opens it:
+    without this, `x <= 0` may never be true at the ground `x >= 0`.
+
+    Parameters
+    ----------
+    arc : Arc
+    y, closed : ndarray, shape (size,)
+        The state after an impact, and this state with the gaps at exactly 0.
     """
     state = arc.state
     if not len(state.orientation):

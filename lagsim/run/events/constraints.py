@@ -1,16 +1,17 @@
-"""Impacts of constraints, and singularities: of coordinates, and of their Jacobian.
+"""Impacts on constraints, coordinate singularities, and losses of constraint rank.
 
-A moving constraint whose rate jumps is met by an inelastic impact. So is the corner of
-one with a kink: the motion goes on past it where that leads onto the new side, else it
-stops there, see `Switching.stop`.
+A jump in the rate of a moving constraint causes an inelastic impact. So does the corner
+of a constraint with a kink: the motion continues past the corner if the velocities
+after the impact lead onto the new side, else it stops there, see `Switching.stop`.
 
-In polar coordinates the inertia of the angle is m r^2, of a spherical pendulum's
-azimuth m l^2 sin^2 theta, and of Euler's angles a pivot of M is: where one of them
-falls to a small part of its largest value, the coordinate hardly means anything, its
-rate is huge, and steps are short though nothing happens. The inertias are looked at
-after every step (`methods.parts.driver`), since rows may miss such a moment.
+The inertia of an angle is m r^2 in polar coordinates, m l^2 sin^2 theta for the azimuth
+of a spherical pendulum, and a pivot of M for Euler angles. Where an inertia falls to a
+small part of its largest value, its coordinate is nearly undefined, the coordinate's
+rate is huge, and steps are short although the motion is smooth. The kernels check the
+inertias after every step (`methods.parts.driver`), since the rows of the table may miss
+such a moment.
 
-Where constraints lose rank, those that depend on each other are named.
+Where the constraint Jacobian loses rank, the dependent constraints are reported.
 """
 
 from __future__ import annotations
@@ -40,10 +41,15 @@ if TYPE_CHECKING:
 
 
 class Before(NamedTuple):
-    """What was just before the time reached: columns (1, k), dated then.
+    """Table row just before the time reached, and the velocity error before it.
 
-    And by how much velocities (n,) were off the constraints: what has drifted away from
-    them, or is pulled back only slowly, is no impact.
+    Attributes
+    ----------
+    row : ndarray, shape (1, k)
+        Columns of the table, dated at the time reached.
+    off : ndarray, shape (n,)
+        Newton step of the velocities onto the constraints: an error by drift, or one
+        that stabilization reduces slowly, is not part of an impact.
     """
 
     row: Floats
@@ -51,7 +57,7 @@ class Before(NamedTuple):
 
 
 def before_event(arc: Arc) -> Before:
-    """Look at the state reached where all switches still are as they were."""
+    """Return the row just before the state reached, with all switches as before it."""
     n = arc.system.n
     moment = SAME_TIME * np.spacing(abs(arc.t))
     row = arc.row()
@@ -63,9 +69,10 @@ def before_event(arc: Arc) -> Before:
 
 
 def at_start(arc: Arc) -> Before:
-    """Look at the start with switches in time as they are written at that instant.
+    """Return the row at the start, with switches of time at their values there.
 
-    In the first arc they are what they are from there on.
+    In the first arc these switches have the values that they have from the start on.
+    The modes of the system are left at the values of the start.
     """
     discrete = [mode.discrete for mode in arc.system.switches.modes]
     values = {**arc.parameters, "t": arc.t}
@@ -77,22 +84,38 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """By how much velocities (n,) are off the constraints and may be."""
+    """Return the allowed velocity error on the constraints, shape (n,)."""
     if arc.plan.projected:
         return np.zeros(arc.system.n)
     return _newton_step(arc, "velocity")
 
 
 def _newton_step(arc: Arc, level: str) -> Floats:
-    """Newton step (n,) onto the constraints, of positions or velocities."""
+    """Return the Newton step (n,) onto the constraints, of positions or velocities.
+
+    `level`: "position" or "velocity".
+    """
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
 
 def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
-    """Meet a constraint whose rate jumps: the velocities are projected.
+    """Apply the inelastic impact of constraints whose rate jumps.
 
-    That is the inelastic impact, the least change in the metric of M. No motion can
-    follow a position that jumps.
+    The velocities are projected onto the constraints by the least change in the metric
+    of M. If the position that a holonomic constraint prescribes jumps, the run ends.
+
+    Parameters
+    ----------
+    arc : Arc
+    before : Before
+        The row and the velocity error just before the instant.
+    switching : Switching or None
+        The switching surfaces of the run, for corners.
+
+    Returns
+    -------
+    Decision
+        `GO_ON` where the velocities jump by no more than rounding.
     """
     now = arc.observed()
     names = arc.system.columns.names
@@ -125,7 +148,14 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     """Whether velocities jump by more than the rounding of the state explains.
 
-    What is held has no speed but that: what forces could do in a step is its scale.
+    A velocity that constraints hold at 0 has no magnitude but rounding: the change by
+    the forces in one step is its scale.
+
+    Parameters
+    ----------
+    arc : Arc
+    step, off : ndarray, shape (n,)
+        The jump of the velocities, and their error before it.
     """
     n, size = arc.system.n, arc.system.size
     seen = arc.seen.copy()
@@ -143,10 +173,11 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
 
 
 def _is_far(arc: Arc) -> bool:
-    """Whether the constraints ask for another position.
+    """Whether the position is farther from the constraints than their tolerance.
 
-    Against the motion so far of what they move: at one place all terms of a residual
-    may vanish. What the jump of a rate does within the rounding of the time is no way.
+    The distance is relative to the ranges of the coordinates so far, since all terms of
+    a residual may vanish at one position. The displacement by a jump of a rate within
+    the rounding of the time is subtracted.
     """
     n = arc.system.n
     step, rates = (np.abs(_newton_step(arc, x)) for x in ("position", "velocity"))
@@ -154,15 +185,15 @@ def _is_far(arc: Arc) -> bool:
     return shift(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED
 
 
-# An inertia below this part of its largest value is close to none: the lever arm is a
-# 300th of what it was. (Measured on an oscillator in polar coordinates that misses the
+# An inertia below this part of its largest value is nearly 0: the lever arm is a 300th
+# of its largest value. (Measured on an oscillator in polar coordinates that misses the
 # pole by 1e-1, 3e-3 and 1e-5 of its amplitude: 20,600, 33,900 and 46,500 evaluations,
 # errors of 2e-11, 1e-9 and 1e-8 of the range.)
 VANISHING = 1e-5
 
 
 def singularity_caution(arc: Arc) -> list[Caution]:
-    """Warn of the coordinate that came closest to losing its meaning."""
+    """Return a warning of the coordinate whose inertia fell lowest, or no warning."""
     state = arc.state
     if not state.inertias or not arc.steps:
         return []
@@ -187,10 +218,11 @@ def singularity_caution(arc: Arc) -> list[Caution]:
 
 
 def _is_held(arc: Arc, k: int) -> bool:
-    """Whether the constraints hold the coordinate where its inertia is smallest.
+    """Whether the constraints hold inertia coordinate `k` where its inertia is least.
 
-    A component of a quaternion has none along the quaternion itself, whose length is
-    one: a force on the coordinate then meets the inertia of what it can move.
+    A component of a quaternion has no inertia along the quaternion itself, whose length
+    is 1. The inertia for a force on the coordinate is then that of the motions which
+    the constraints admit.
     """
     e, name = arc.system.equations, arc.system.inertias[k]
     if not e.rows or name not in e.q:
@@ -200,7 +232,7 @@ def _is_held(arc: Arc, k: int) -> bool:
 
 
 def _smallest(arc: Arc, k: int) -> Point:
-    """Point at which an inertia was smallest."""
+    """Return the point of the motion at which inertia `k` was smallest."""
     state = arc.state
     where = state.inertia_where.reshape(state.inertias, -1)[k]
     blocks = state.positions, state.velocities, state.first_order
@@ -208,15 +240,15 @@ def _smallest(arc: Arc, k: int) -> Point:
     return Point(arc.system.equations, there)
 
 
-# Beyond so many multiplications, about a second, the loops are not gone on with.
+# Largest number of multiplications, about a second, of the dense QR decomposition.
 MOST_DENSE = 10**9
 
 
 class Dependence(Source):
-    """Goes on with the QR decomposition where the rows lose their independence."""
+    """Source that changes to QR decomposition where rows become nearly dependent."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Go on with it, unless that is too much."""
+        """Return the arc solved by QR, or a warning where QR would cost too much."""
         if code != at.DEGENERATE:
             return None
         found = f"at t = {arc.t:.9g} the constraints become nearly dependent"
@@ -235,18 +267,18 @@ class Dependence(Source):
         )
 
 
-# Rows whose share in the direction that is lost is more than this are named.
+# Rows with a larger component in the left null vector than this are reported.
 HEAVY = 1e-3
 
 
 class RankLosses(Source):
-    """Losses of rank of a run, and the constraints reported so far."""
+    """Source that reports losses of rank of a run, once for each set of constraints."""
 
     def __init__(self) -> None:
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Report a loss of rank, with the constraints in it."""
+        """Return events and a warning for a loss of rank, with its constraints."""
         if code != at.RANK_LOST:
             return None
         time = arc.state.lost_at
