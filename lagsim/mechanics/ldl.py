@@ -1,17 +1,17 @@
-"""The equations of motion solved on the graph, entry by entry.
+"""Symbolic solution of the equations of motion by sparse L D L^T factorisation.
 
     [ M  A^T ] [  q''   ]   [ f ]
     [ A   0  ] [ -lambda ] = [ b ]
 
-by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. What
-is zero in M and A is never multiplied, each factorisation is made in an order that
-keeps fill small, and what depends on parameters alone is later computed only once
-(`straight_line`). What is too long to compile runs from a tape (`tapes`): a chain of
-n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
-is for all else.
+by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. Zero
+entries of M and A are never multiplied, each factorisation is in an order of small
+fill, and subexpressions of parameters alone are later computed only once
+(`straight_line`). Code too long to compile runs from a tape (`tapes`): a chain of
+n rods in Cartesian coordinates takes O(n) operations. M and S must be regular; `dense`
+solves all other equations.
 
-A number that all of a row has in common is taken out first, which is exact: (1/2) of
-2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2).
+Each row is first divided by the numeric factor that its entries have in common, which
+is exact: 2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2) is multiplied by 1/2.
 """
 
 from __future__ import annotations
@@ -37,14 +37,16 @@ if TYPE_CHECKING:
 
 
 class Scaled(NamedTuple):
-    """A row times a number.
+    """Row of A q'' = b multiplied by a number.
 
     Attributes
     ----------
     weight : float
+        The number.
     A : dict
-        Index of a coordinate -> node.
+        Index of a coordinate -> node of the entry, multiplied by `weight`.
     b : int
+        Node of the right-hand side, multiplied by `weight`.
     """
 
     weight: float
@@ -53,7 +55,7 @@ class Scaled(NamedTuple):
 
 
 def without_content(x: Collected, row: Row) -> Scaled:
-    """Row over the number that most of its entries are multiples of."""
+    """Return the row divided by the commonest numeric factor of its entries."""
     g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
@@ -80,29 +82,29 @@ def _number(x: Collected, still: int) -> float:
 # beyond that a full M is for loops (measured: an n-link pendulum past n of about 16)
 # and a sparse one for tapes.
 BUDGET = 3000
-# A multiplication of a sparse elimination costs as much as these of a dense one.
+# Cost of a multiplication in sparse elimination, in multiplications of dense loops.
 WORTH = 4
 
 
 def affordable(n: int, m: int) -> int:
-    """Count of multiplications from which loops are faster than an elimination."""
+    """Return the count of multiplications beyond which dense loops are faster."""
     return max(BUDGET, dense_operations(n, m) // WORTH)
 
 
 def dense_operations(n: int, m: int) -> int:
-    """Return about how many multiplications `dense` makes: M factored, the rows, QR."""
+    """Estimate the multiplications of `dense`: factors of M, rows of A, and QR."""
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
 def turns(e: Equations) -> bool:
-    """Whether there are angles, and no rows."""
+    """Whether the Lagrangian contains angles, and the equations have no rows."""
     return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
 def eliminated(equations: Equations) -> Elimination | None:
-    """Elimination, made once for equations; None where loops are faster.
+    """Return the elimination of equations, memoized; None where loops are faster.
 
-    It is the same for all values of parameters that agree whether links have masses.
+    Parameter values have no influence on it, except by whether links have masses.
     """
     e = equations
     key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
@@ -117,17 +119,17 @@ def eliminated(equations: Equations) -> Elimination | None:
 
 
 def without_rows(equations: Equations) -> Elimination:
-    """Elimination without constraints: its motion is a = M^-1 f."""
+    """Return the elimination without constraints: q'' = M^-1 f."""
     return Elimination(replace(equations, rows=(), laws=()), math.inf)
 
 
 def collected_along(e: Equations) -> Collected:
-    """Rewriter of sums of products that change along a motion."""
+    """Return a rewriter of sums of products, with the variables of the motion."""
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
 def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
-    """L D L^T of M: along its chains, or entry by entry."""
+    """Factor M = L D L^T: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
         return equations.chains.factorisation(g, budget)
@@ -140,17 +142,17 @@ def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
 
 
 class Elimination:
-    """Solves for q'' and lambda, and for corrections in the metric of M.
+    """Symbolic solution for q'' and lambda, and for corrections in the metric of M.
 
     Attributes
     ----------
     along_links : bool
-        q'' is that of `tensions`, for the masses that the parameters give.
+        Whether q'' is that of `tensions`, for the present masses.
 
     Raises
     ------
     TooLongError
-        Where that takes more than `limit` multiplications.
+        Where the elimination takes more than `limit` multiplications.
     """
 
     def __init__(self, equations: Equations, limit: float = BUDGET) -> None:
@@ -170,7 +172,7 @@ class Elimination:
         rows = symmetric(self.m, self._schur())
         self.schur = Factorisation(g, rows, self.budget)
         self._motion = self._solve(f, [row.b for row in self.rows])
-        # What is solved for later, corrections, is a part of this.
+        # Corrections are solved for later, with a part of these operations.
         self.operations = self.budget.operations
         self.budget.stop()
         found = accelerations(e) if turns(e) else None
@@ -187,7 +189,7 @@ class Elimination:
         return collected_along(self.equations)
 
     def _unit(self) -> int:
-        """Commonest mass that rows couple, taken as their unit; 1 if one moves."""
+        """Return the unit of mass: the commonest pivot in Z, or 1 if a pivot varies."""
         met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
         if not met or any(map(self.collected.moves, met)):
             return self.g.one
@@ -202,7 +204,7 @@ class Elimination:
         return self.collected.still([self.unit, g.call("div", g.one, pivot)])
 
     def _schur(self) -> dict[tuple[int, int], int]:
-        """Z^T D^-1 Z, in the unit of mass."""
+        """Return the entries of S = Z^T D^-1 Z times the unit of mass, by (i, j)."""
         self.budget.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
@@ -215,7 +217,7 @@ class Elimination:
         return entries
 
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Return unit z^T D^-1 other over the entries both have."""
+        """Return unit z^T D^-1 other, summed over common entries."""
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):
             self.budget.add(2)
@@ -227,16 +229,16 @@ class Elimination:
         return self.collected.sum(terms)
 
     def motion(self) -> tuple[list[int], list[int]]:
-        """Return q'' (n,) and lambda (m,)."""
+        """Return the nodes of q'', shape (n,), and of lambda, shape (m,)."""
         return self._motion
 
     def response(self, forces: Sequence[int]) -> list[int]:
-        """Accelerations (n,) that forces alone would make, with b = 0."""
+        """Return the accelerations, shape (n,), by forces, shape (n,), with b = 0."""
         moved = self.mass.forward(dict(enumerate(forces)))
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Square of the force of each row in the metric of M, A M^-1 A^T."""
+        """Return lambda_k^2 (A M^-1 A^T)_kk of each row k, shape (m,)."""
         g = self.g
         return [
             g.call("mul", g.call("mul", lam, lam), self.square(k))
@@ -244,13 +246,13 @@ class Elimination:
         ]
 
     def square(self, k: int) -> int:
-        """Diagonal entry of A M^-1 A^T of a row as it was given."""
+        """Return the diagonal entry (A M^-1 A^T)_kk of the unscaled row k."""
         g, (whole, weight) = self.g, (self.schur.pivots[k][1], self.rows[k].weight)
         divisor = self.collected.still([self.unit, g.constant(weight**2)])
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
-        """Return q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
+        """Return q'' and lambda for L^-1 f (of `Factorisation.forward`) and b."""
         g = self.g
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)
@@ -278,7 +280,7 @@ class Elimination:
         return x.sum(terms)
 
     def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
-        """M^-1 (f + A^T lam), lam in the unit of mass."""
+        """Return M^-1 (f + A^T lam), for L^-1 f and lam in the unit of mass."""
         g, x, mass = self.g, self.collected, self.mass
         terms: dict[int, list[tuple[int, ...]]] = {}
         for i, multiplier in sorted(lam.items()):
@@ -300,9 +302,10 @@ class Elimination:
         return mass.upward(scaled)
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
-        """Return the least change, in the metric of M, that removes `residuals`.
+        """Return the smallest change of q, in the metric of M, that cancels residuals.
 
-        -M^-1 A^T S^-1 residuals, to first order; shape (n,).
+        The change -M^-1 A^T S^-1 residuals, shape (n,), for nodes of `residuals`,
+        shape (m,), cancels these to first order.
         """
         g = self.g
         right = {
@@ -313,11 +316,11 @@ class Elimination:
         return [change.get(j, g.zero) for j in range(self.n)]
 
     def smallest_singular_value(self) -> int:
-        """Root of the smallest ratio of a pivot of S to its diagonal entry.
+        """Return the root of the smallest ratio of a pivot of S to its diagonal entry.
 
-        It goes to 0 as the smallest singular value of the scaled rows does. A row
-        counts as not shorter than the variable `length.<name>`, so that one that
-        vanishes is seen to.
+        The root tends to 0 as the smallest singular value of the scaled rows does. The
+        length of a row counts as at least the variable `length.<name>`, so that a
+        vanishing row yields 0 as well.
         """
         g = self.g
         worst = g.one

@@ -1,16 +1,16 @@
-"""The equations of motion linearised about a state: eigenvalues and modes.
+"""Linearisation of the equations of motion about a state: eigenvalues and modes.
 
-Small changes keep the constraints, so the linearised motion is written in as many
-coordinates as there are free directions. With columns Z that span the velocities which
-the constraints let through, and Zh the positions (Zh = Z where all constraints are
-holonomic), both orthonormal in the metric of M,
+Small changes satisfy the constraints, so the linearised motion has one coordinate per
+free direction. The columns of Z span the velocities, and the columns of Zh the
+positions, that the constraints admit (Zh = Z where all constraints are holonomic),
+both orthonormal in the metric of M:
 
     dq = Zh a,      dq' = Z w + K a + H z,      K = -A^+ B Zh,      H = -A^+ C,
 
-where B dq + A dq' + C z is the change of the rates of the constraints, and z that of
-the first-order states. Then a', w' and z' are linear in (a, w, z), and no eigenvalue of
-the constraints' own index-1 form is among them. The columns turn with the constraints,
-without turning among themselves.
+where B dq + A dq' + C z is the change of the rates of the constraints, and z the change
+of the first-order states. Then a', w' and z' are linear in (a, w, z), without the
+spurious eigenvalues of the index-1 form of the constraints. The columns rotate with the
+constraints, without rotation relative to each other.
 
 Source: E. Hairer, G. Wanner, Solving ODEs II (1996), VII.2: equations on manifolds in
 local coordinates.
@@ -48,10 +48,11 @@ class Eigenmodes(NamedTuple):
     Attributes
     ----------
     values : ndarray, shape (k,)
+        The eigenvalues.
     right : ndarray, shape (size, k)
-        Their vectors.
+        The right eigenvectors, in the order of `values`.
     left : ndarray, shape (size, k)
-        Those of the transpose, in an order of their own.
+        The eigenvectors of the transpose, in another order than `values`.
     """
 
     values: Complexes
@@ -59,16 +60,18 @@ class Eigenmodes(NamedTuple):
     left: Complexes
 
     def amplitudes(self, rates: Floats) -> Complexes:
-        """Amplitude of each mode in y' = `rates` (k,)."""
+        """Return the amplitude of each mode, shape (k,), in `rates`, shape (size,)."""
         # Left and right vectors of equal eigenvalues need not come in pairs.
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
 
     def parts(self, moved: Complexes, masses: Floats, states: int) -> Floats:
-        """Part of coordinates and of the `states`, the last components, in each mode.
+        """Return the part of each coordinate and first-order state in each mode.
 
-        Shape (n + states, k), each at most 1: of coordinates, `moved` (n, k), by the
-        roots of masses (n,), or of states where these participate by more than half.
+        Shape (n + states, k), each at most 1: parts of coordinates are the amplitudes
+        `moved`, shape (n, k), times the roots of `masses`, shape (n,). Where the last
+        `states` components of a mode participate by more than half, its parts are the
+        participation factors of states, and 0 for coordinates.
         Source: I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. Power
         Apparatus and Systems 101 (1982), 3117: participation factors.
         """
@@ -88,7 +91,7 @@ class Eigenmodes(NamedTuple):
 
 
 def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
-    """Modes of `matrix` whose rates |eigenvalue| are `kept`."""
+    """Return the modes of `matrix` whose |eigenvalue| satisfy the predicate `kept`."""
     values, right = np.linalg.eig(matrix)
     others, left = np.linalg.eig(matrix.T)
     chosen = kept(np.abs(values))
@@ -101,11 +104,12 @@ class Linear(NamedTuple):
     Attributes
     ----------
     R : ndarray, shape (k + d + l, k + d + l)
-        k free directions of positions, d of velocities, l first-order states.
+        The matrix: k free directions of positions, d free directions of velocities,
+        and l first-order states.
     Zh : ndarray, shape (n, k)
-        What a stands for: dq = Zh a.
+        Basis of the positions that the constraints admit: dq = Zh a.
     Z : ndarray, shape (n, d)
-        The velocities which the constraints let through.
+        Basis of the velocities that the constraints admit.
     lengths : ndarray, shape (n, n)
         L^T, where L L^T is the metric: |L^T dq| measures changes.
     first_order : ndarray, shape (l,)
@@ -119,21 +123,21 @@ class Linear(NamedTuple):
     first_order: Floats
 
     def eigenvalues(self) -> Complexes:
-        """Return them, by falling size."""
+        """Return the eigenvalues of R, by decreasing absolute value."""
         found = np.linalg.eigvals(self.R).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
 
 
 class Linearisation:
-    """The equations and their slopes, ready to be evaluated at states.
+    """Equations of motion and their derivatives, for linearisation at any state.
 
-    By the graph in plain Python, with the branches that switches have at each state:
-    some tens of states are asked for, and nothing is compiled.
+    The expression graph is evaluated in Python, without compilation, which suffices for
+    some tens of states; switches are in their branches at each state.
 
     Attributes
     ----------
     nodes : int
-        How many are evaluated for one state.
+        The count of nodes that one linearisation evaluates.
     """
 
     def __init__(self, equations: Equations) -> None:
@@ -166,13 +170,17 @@ class Linearisation:
 
         Parameters
         ----------
-        t, q, v, s
-            Time, coordinates and velocities (n,), first-order states (l,).
+        t : float
+            Time.
+        q, v : ndarray, shape (n,)
+            Coordinates and velocities.
+        s : ndarray, shape (l,)
+            First-order states.
 
         Raises
         ------
         ValueError
-            Where something is not finite.
+            If a term of the equations, or a derivative, is not finite at the state.
         """
         n, m, first, e = self.n, self.m, self.first, self.e
         values = self._parameters | {"t": t}
@@ -196,7 +204,7 @@ class Linearisation:
         if not self._holonomic.all():
             held = Metric(M, A * self._holonomic[:, None])
         Zh = held.free
-        # Changes of q and of q' by (a, w, z).
+        # Derivatives of q and q' with respect to (a, w, z).
         K = -inverse @ np.hstack([B @ Zh, np.zeros((m, Z.shape[1])), C])
         dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
         dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
@@ -222,9 +230,9 @@ class Mode(NamedTuple):
     Attributes
     ----------
     eigenvalue : complex
-        The one with the imaginary part >= 0.
+        The eigenvalue of the conjugate pair with imaginary part >= 0.
     shape : ndarray of complex, shape (n,)
-        Of the coordinates; the largest is 1.
+        Amplitudes of the coordinates; the largest is 1.
     """
 
     eigenvalue: complex
@@ -232,22 +240,22 @@ class Mode(NamedTuple):
 
     @property
     def frequency(self) -> float:
-        """Cycles per unit of time; 0 where it does not oscillate."""
+        """Cycles per unit of time; 0 for a mode without oscillation."""
         return self.eigenvalue.imag / (2.0 * math.pi)
 
     @property
     def period(self) -> float | None:
-        """The time of a cycle; None where it does not oscillate."""
+        """Duration of a cycle; None for a mode without oscillation."""
         return 1.0 / self.frequency if self.frequency > 0.0 else None
 
     @property
     def damping_ratio(self) -> float:
-        """Of critical damping; below 0 where it grows."""
+        """Ratio of the damping to critical damping; negative for a growing mode."""
         return -self.eigenvalue.real / abs(self.eigenvalue)
 
 
 def modes(linear: Linear) -> tuple[Mode, ...]:
-    """Modes by rising frequency; neutral directions are left out."""
+    """Return the modes by increasing |eigenvalue|, without neutral directions."""
     moving = eigenmodes(linear.R, lambda x: x > HALF_OF_DIGITS * np.max(x, initial=0.0))
     found = []
     k = linear.Zh.shape[1]
@@ -262,32 +270,31 @@ def modes(linear: Linear) -> tuple[Mode, ...]:
     return tuple(sorted(found, key=lambda mode: abs(mode.eigenvalue)))
 
 
-# --- Newton's matrix of an implicit method, by its entries that do not vanish
+# --- Newton's matrix of an implicit method, by its nonzero entries
 #
 # With the residuals r = M q'' - f - A^T lambda and s = A q'' - b, changes of q, of
-# lambda, of q' and of q'' hold R_q dq + R_v dv + M da - A^T dlambda = 0, and so does s.
-# An implicit method has dv = g dq - r and da = g dv - s: what is left is
+# lambda, of q' and of q'' satisfy R_q dq + R_v dv + M da - A^T dlambda = 0, and
+# likewise for s. An implicit method has dv = g dq - r and da = g dv - s, so that
 #
 #     (C0 + g C1 + g^2 C2) (dq, dlambda) = C1 r + C2 (g r + s),
 #
-# with C0 = (R_q, -A^T; S_q, 0), C1 = (R_v; S_v), C2 = (M; A), as sparse as the scene
-# is. The rate of each work is one more row, with -1 in C1 for the change of work
-# itself.
+# with sparse C0 = (R_q, -A^T; S_q, 0), C1 = (R_v; S_v), C2 = (M; A). The rate of each
+# work is one more row, with -1 in C1 for the change of the work itself.
 #
-# It is factored without exchanging rows, in an order of minimum degree, in which a
-# constraint comes after its coordinates: its pivot is then a Schur complement.
+# The matrix is factored without pivoting, in an order of minimum degree in which each
+# constraint follows its coordinates: its pivot is then a Schur complement.
 #
 # Sources: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.8; T. A. Davis, Direct Methods for Sparse Linear Systems, chapter 6.
 
-# A multiplication among what does not vanish takes as long as so many of full rows.
+# Cost of a multiplication of sparse entries, in multiplications of full rows.
 SLOWER = 6.0
-# Real and complex multiplications, in real ones: factors of both are made.
+# Cost of a real and a complex multiplication, in real ones: both matrices are factored.
 BOTH = 5
 
 
 class Entry(NamedTuple):
-    """An entry of C0, C1 or C2: which of them, its row, its column, its node."""
+    """Entry of C0, C1 or C2: the index of the matrix, row, column and node."""
 
     power: int
     row: int
@@ -296,25 +303,27 @@ class Entry(NamedTuple):
 
 
 class Newton(NamedTuple):
-    """The entries of C0, C1 and C2, in this order, and the factors' pattern.
+    """Newton's matrix: entries of C0, C1 and C2, and the pattern of its factors.
 
-    Rows and columns count coordinates, then constraints, then works.
+    Rows and columns number coordinates, then constraints, then works. The factors are
+    stored by rows in the order of elimination (compressed sparse rows).
 
     Attributes
     ----------
     entries : tuple of Entry
+        The nonzero entries of C0, then of C1, then of C2.
     counts : tuple of int
-        Of C0, C1 and C2.
+        Counts of entries of C0, C1 and C2.
     places : tuple of int, length N
-        Where each row and column comes in the order of elimination.
+        Position of each row and column in the order of elimination.
     starts : tuple of int, length N + 1
-        Where each row of the factors begins among their entries; rows in that order.
+        Index, among the entries of the factors, of the first entry of each row.
     diagonals : tuple of int, length N
-        Where its diagonal is.
+        Index, among the entries of the factors, of each diagonal entry.
     columns : tuple of int
-        Of each entry of the factors, in ascending order.
+        Column of each entry of the factors, ascending within each row.
     slots : tuple of int
-        Where each entry of C0, C1 and C2 is among them.
+        Index, among the entries of the factors, of each entry of C0, C1 and C2.
     operations : int
         Real multiplications of a real and a complex factorisation.
     """
@@ -330,7 +339,7 @@ class Newton(NamedTuple):
 
     @property
     def sizes_of_factors(self) -> dict[str, int]:
-        """Sizes of what a method keeps."""
+        """Sizes of the arrays that a method stores for the factors, by name."""
         return {
             "unknowns": len(self.places),
             "entries": len(self.entries),
@@ -339,16 +348,16 @@ class Newton(NamedTuple):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Sizes of the pattern in `SparseNewton`."""
+        """Sizes of the arrays of the pattern in `SparseNewton`, by name."""
         still, moving, _ = self.counts
         return {**self.sizes_of_factors, "still": still, "damped": still + moving}
 
     def fill(self, p: SparseNewton) -> None:
-        """Write the pattern."""
+        """Write the pattern into the arrays of the parameters `p`."""
         n = p.n
         p.newton_slots[:] = self.slots
         p.newton_rows[:] = [self.places[entry.row] for entry in self.entries]
-        # Of works, which are the last unknowns, too.
+        # Works are the last unknowns; their parts are the quadratures of y.
         moved = p.quadratures.start - (n + p.m)
         p.newton_parts[:] = [
             e.column + (moved if e.column >= n + p.m else 0) for e in self.entries
@@ -359,7 +368,7 @@ class Newton(NamedTuple):
         p.newton_columns[:] = self.columns
 
     def nodes(self, equations: Equations, elimination: Elimination) -> list[int]:
-        """Entries, with q'' and lambda as `elimination` solves for them."""
+        """Return the nodes of the entries, with q'' and lambda by `elimination`."""
         g = equations.graph
         motion = (*equations.accelerations, *equations.multipliers)
         found = (node for part in elimination.motion() for node in part)
@@ -367,7 +376,7 @@ class Newton(NamedTuple):
         return g.substitute([entry.node for entry in self.entries], new)
 
     def jacobian(self, n: int, values: Floats) -> Floats:
-        """Return dq''/d(q, q') (n, 2 n) of the entries' values."""
+        """Return dq''/d(q, q'), shape (n, 2 n), from the values of the entries."""
         N = len(self.places)
         C = np.zeros((3, N, N))
         for (power, row, column, _), value in zip(self.entries, values, strict=True):
@@ -381,7 +390,7 @@ class Newton(NamedTuple):
 
 @memoized_by_motion
 def newton(equations: Equations) -> Newton | None:
-    """Find Newton's matrix; None where full matrices take fewer operations."""
+    """Return Newton's matrix; None where full matrices take fewer operations."""
     if equations.laws or equations.states or equations.chains is not None:
         return None
     n, m = len(equations.q), len(equations.rows)
@@ -404,21 +413,24 @@ def factored(
     after: Mapping[int, Collection[int]],
     most: float = math.inf,
 ) -> Newton:
-    """Order the matrix of these entries, and find the pattern of its factors.
+    """Select an order of elimination, and compute the pattern of the factors.
 
     Parameters
     ----------
+    entries
+        The nonzero entries of C0, C1 and C2.
     size
-        Rows that are put into an order. Some may follow that nothing depends on.
+        The count of rows to be ordered. Later rows stay last: their unknowns are in no
+        other row.
     after
-        Row -> those that must come before it.
+        Row -> rows that must precede it in the order.
     most
-        Real multiplications.
+        The limit of real multiplications.
 
     Raises
     ------
     TooLongError
-        Where a real factorisation takes more of them.
+        If a real factorisation takes more than `most` multiplications.
     """
     neighbours: list[set[int]] = [set() for _ in range(size)]
     for entry in entries:
@@ -449,7 +461,7 @@ def factored(
 
 
 def _filled(rows: Sequence[set[int]]) -> list[list[int]]:
-    """Columns right of the diagonal that each row has in the factors."""
+    """Return the columns right of the diagonal in each row of the factors."""
     upper = [{j for j in row if j > i} for i, row in enumerate(rows)]
     for row in upper:
         if row:
@@ -484,7 +496,7 @@ def _laid_out(
 
 
 def _entries(equations: Equations, most: int) -> Iterator[Entry]:
-    """Entries; of more than `most` only some."""
+    """Generate the nonzero entries; stop early if there are more than `most`."""
     e, g = equations, equations.graph
     n, m = len(e.q), len(e.rows)
     columns: dict[int, tuple[int, int]] = {}

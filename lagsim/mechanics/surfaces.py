@@ -100,12 +100,12 @@ class Side(NamedTuple):
 
 
 class Corner(NamedTuple):
-    """Surface at which the rate of equality rows has a kink.
+    """Surface at which the residuals of equality rows have a kink.
 
     Attributes
     ----------
     push : str
-        The name of the variable p.
+        The name of the variable p, the generalized force along du/dq.
     levers : tuple of int, length 1 + m
         Nodes: the jump of the forces along du/dq, then C of each row.
     rows : tuple of str
