@@ -1,10 +1,10 @@
-"""The run: a plan's equations compiled, linked with a method, integrated arc by arc.
+"""The run: compiled equations of a plan, linked with a method, integrated arc by arc.
 
-`session` hands every row to the observers; `arcs` is the loop, also that of subsystems,
-`arc` what one of them is. `system` is what is compiled. What pauses or ends arcs is a
-source, and gives a decision that the loop acts on. Of the sources `events` has what
-happens on the way: breaks and pulses in `times`; `switching`, the mode of each arc,
-and `sequence` for switches that come ever faster; `contacts`; impacts and losses of
-rank in `constraints`. `failures` goes on by another method where one fails or a
-motion is stiff, or puts an outcome in words.
+`session` prepares a run and passes its rows to the observers; `arcs` contains the loop
+over arcs, also of decoupled subsystems, and `arc` defines one arc. A source pauses or
+ends arcs and returns a decision, which the loop carries out. The package `events`
+contains the sources of events: `times` for breaks and pulses; `switching` for the modes
+of switching surfaces in each arc, and `sequence` for accumulating switches; `contacts`;
+`constraints` for impacts and losses of rank. `failures` changes the method where a
+method fails or the motion is stiff, and states the reason of an outcome in words.
 """

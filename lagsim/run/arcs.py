@@ -1,12 +1,13 @@
 """The loop over arcs, each integrated by a kernel that fills blocks of rows.
 
-What ends an arc or pauses it is a source: breaks in time, surfaces, losses of rank,
-steps held at the stability bound. A source is handed the arc and gives a decision; the
-loop acts on it, and nothing else does. Blocks of rows go to the observers and are
-forgotten, so memory does not grow with their number.
+A source ends or pauses arcs: breaks in time, surfaces, losses of rank, steps limited by
+the stability bound. A source receives the arc and returns a decision; only the loop
+carries out decisions. Blocks of rows are passed to the observers and not stored, so
+memory does not grow with the number of rows.
 
-Subsystems that do not touch run apart, each with its own steps, as far as a block of
-rows; the rows that all have are joined, and the columns computed from the joined state.
+Decoupled subsystems are integrated separately, each with its own steps, one block of
+rows at a time. Rows available from all subsystems are joined, and the output columns
+are computed from the joined state.
 """
 
 from __future__ import annotations
@@ -81,16 +82,16 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 
-# What Python, numpy and scipy say of a number that is out of range, in a ValueError;
-# or numpy in a LinAlgError, which is one.
+# Words in the messages of Python, numpy and scipy about numbers that are out of range,
+# in a ValueError or its subclass LinAlgError.
 OUT_OF_RANGE = ("NaN", "infs", "math domain")
 
 
 def unless_overflow(work: Callable[P, Ending | None]) -> Callable[P, Ending | None]:
-    """Decorate a stage of a run: where numbers are out of range, the run ends.
+    """Return a stage of a run that ends the run if numbers are out of range.
 
-    Kernels look at each state that they come to. What happens at events is computed in
-    Python, which raises where numpy goes on with inf and nan.
+    Kernels check each state themselves. Events are computed in Python, which raises
+    ArithmeticError or ValueError where numpy returns inf and nan.
     """
 
     @wraps(work)
@@ -108,34 +109,34 @@ def unless_overflow(work: Callable[P, Ending | None]) -> Callable[P, Ending | No
 
 
 def finite_rows(rows: Floats, columns: int) -> int:
-    """Count the rows before the first with a value that is not finite.
+    """Return the number of rows before the first one with a value that is not finite.
 
-    Only the first columns are looked at, of which there are so many.
+    columns : number of leading columns that are examined.
     """
     finite = np.isfinite(rows[:, :columns])
     first = int(finite.argmin())
     return len(rows) if finite.flat[first] else first // columns
 
 
-# A switch or a dead point may be passed for ever: of such events so many are kept.
+# Largest number of stored events, since a switch or dead point may be passed for ever.
 MOST_EVENTS = 10_000
-# So many of the last of them show where they come from, and how fast.
+# Number of the last stored events from which their main source and rate are reported.
 LATELY = 1000
 
 
 class Recorder:
-    """Keeps events, cautions and choices, and hands rows on.
+    """Storage of events, cautions and choices; passes rows to the observers.
 
     Attributes
     ----------
     rows : int
-        Handed on so far.
+        Number of rows passed so far.
     last : float
-        The time of the last of them.
+        Time of the last row; nan before the first.
     counts, unkept : dict
-        How many events there were of each kind, and how many of them are not kept.
+        Number of events of each kind, and number of events that are not stored.
     full : float
-        The time of the first that is not kept.
+        Time of the first event that is not stored; inf if all are.
     """
 
     def __init__(self, observers: Sequence[Observer]) -> None:
@@ -150,7 +151,7 @@ class Recorder:
         self.last = math.nan
 
     def keep(self, decision: Decision) -> None:
-        """Record a decision."""
+        """Store the events, cautions and choices of a decision."""
         for event in decision.events:
             kind = event.kind
             self.counts[kind] = self.counts.get(kind, 0) + 1
@@ -164,7 +165,7 @@ class Recorder:
         self.choices += decision.choices
 
     def unlisted(self) -> list[Caution]:
-        """Say how many events were too many to be kept."""
+        """Return a caution with the number of events that are not stored, if any."""
         if not self.unkept:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
@@ -180,7 +181,7 @@ class Recorder:
         return [Caution("events-unlisted", text)]
 
     def hand_on(self, rows: Floats) -> None:
-        """Hand rows of columns on."""
+        """Pass rows (k, columns) to all observers."""
         count = len(rows)
         if not count:
             return
@@ -190,18 +191,36 @@ class Recorder:
             observer.add(rows)
 
 
-# What ends an arc within a step, and all that ends one at an instant.
+# Codes of kernels that end an arc within a step, and all codes that end one at an
+# instant.
 LOCATED = (at.EVENT_FOUND, at.SWITCH_FOUND)
 INSTANTS = (at.DONE, *LOCATED)
-# Of the range of each component, and of what tells numbers of its size apart: nothing
-# in a picture, and clear of rounding.
+# Offset of a state from a surface, as a part of the range of each component and in
+# units in its last place: invisible in a picture, and larger than rounding.
 ASIDE, SPACINGS = 1e-9, 64
-# Of the way from the last row to an event; more than what rounds in a slip that stops.
+# Offset before an event as a part of the change since the last row; it exceeds the
+# rounding of a slip that stops.
 BACK = 1e-6
 
 
 class Run:
-    """A run on its way."""
+    """A run of a model in progress: current arc, sources of events, recorded results.
+
+    Parameters
+    ----------
+    first : Arc
+        First arc of the run, see `first_arc`.
+    observers
+        Receive all rows.
+    interrupt
+        Requests of an early end.
+    progress
+        Called with the fraction of the run that is done.
+    corners
+        Receives the rows just before and after events.
+    sections
+        Receives the rows of sections.
+    """
 
     def __init__(
         self,
@@ -217,7 +236,7 @@ class Run:
         self.sources = list(_sources(self.arc))
         found = (x for x in self.sources if isinstance(x, Transitions))
         self.transitions = next(found, None)
-        # Those that know times in advance.
+        # Sources with event times known in advance.
         self.timed = [x for x in self.sources if type(x).times is not Source.times]
         self.recorder = Recorder(observers)
         # Called between two calls of the kernel.
@@ -228,23 +247,32 @@ class Run:
             sections.begin(first)
         self.shown = first.row()[0]  # the time and the state of the last row
         self.instant = self.arc.t  # the time of the last instant
-        # The row after an impact waits until time passes: what is due there acts first.
+        # The row after an impact, written when time advances, since events that are
+        # due at the same instant act first.
         self.after: Floats | None = None
         self.former: Floats | None = None  # the columns before events acted
         self.impacts = 0
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
-        # The first row with a state that is not finite: no row of it is given.
+        # The first row with a state that is not finite; the row is not written.
         self.cut: Floats | None = None
 
     @property
     def t(self) -> float:
-        """The time reached."""
+        """Current time."""
         return self.arc.t
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
-        """Go through all arcs; each counts as some steps besides its own."""
+        """Integrate all arcs of the run and return its result.
+
+        Parameters
+        ----------
+        most_steps : int
+            Largest number of steps of the run.
+        arc_steps : float
+            Number of steps that each arc counts as, in addition to its own steps.
+        """
         ending = None if self.arcs else self.begin()
         while ending is None:
             if self.tick is not None:
@@ -262,9 +290,9 @@ class Run:
 
     @unless_overflow
     def begin(self) -> Ending | None:
-        """Begin the first arc; tell how the run ends if it does."""
+        """Begin the first arc; return the ending if the run ends at its start."""
         system = self.arc.system
-        # The start before its switches are those of the first arc.
+        # The start, before its switches have the modes of the first arc.
         jumps = self._may_jump and (system.switches.modes or system.switches.corners)
         before = at_start(self.arc) if jumps else None
         ending = self._set_modes() or self._past_table() or self._strike(before)
@@ -276,7 +304,10 @@ class Run:
 
     @unless_overflow
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
-        """Integrate on, by one call of the kernel; tell how the run ends if it does."""
+        """Integrate by one call of the kernel; return the ending if the run ends.
+
+        The arguments are those of `whole`.
+        """
         arc = self.arc
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
         if left <= 0:
@@ -309,7 +340,7 @@ class Run:
         return self._decide(code)
 
     def _hand_on_block(self) -> Ending | None:
-        """Hand on the rows that the kernel has written, as far as they are finite."""
+        """Pass the kernel's rows before the first non-finite one to the observers."""
         arc = self.arc
         emitted = int(arc.state.emitted)
         if self.sections is not None and self.after is not None:
@@ -332,11 +363,11 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Whether an end has been requested before the run's own."""
+        """Whether an interrupt ends the run, which would otherwise continue."""
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
-        # After events that act the run would go on; after `until` it does not.
+        # The run continues after events that act; it ends after `until`.
         acting = sum(x.at is not None for x in arc.system.equations.model.events)
         until = code == at.EVENT_FOUND and not 0 < arc.state.event <= acting
         over = until or arc.t >= arc.settings.end
@@ -344,7 +375,7 @@ class Run:
         return not over
 
     def _meet(self) -> None:
-        """Take a located time to be that of the instant that it belongs to."""
+        """Replace a located time by the time of the instant to which it belongs."""
         arc, settings = self.arc, self.arc.settings
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant
@@ -358,7 +389,7 @@ class Run:
         )
 
     def _decide(self, code: int) -> Ending | None:
-        """Apply the decision of the first source that has an answer to the kernel."""
+        """Apply the decision of the first source that handles the kernel's code."""
         arc = self.arc
         if code in LOCATED:
             self._meet()
@@ -380,7 +411,7 @@ class Run:
         return self._end_of(code)
 
     def _decision(self, code: int) -> tuple[Source | None, Decision | None]:
-        """Ask the sources for an answer to the kernel; the first has the first word."""
+        """Return the first source that handles the kernel's code, and its decision."""
         for source in self.sources:
             decision = source.decide(self.arc, code)
             if decision is not None:
@@ -388,7 +419,7 @@ class Run:
         return None, None
 
     def _end_of(self, code: int) -> Ending | None:
-        """How the run ends by a code that no source answers; None if it goes on."""
+        """Return the ending by a code that no source handles; None to continue."""
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.STEP_TOO_SMALL:
@@ -403,7 +434,7 @@ class Run:
         before: Before | None,
         corner: Floats | None,
     ) -> Ending | None:
-        """Do what has been decided, and note the corner that curves have there."""
+        """Carry out a decision, and store the corner of the curves at the event."""
         shown = self.recorder.rows
         ending = self._act(source, decision, before)
         # An impact has rows of its own.
@@ -414,26 +445,26 @@ class Run:
         return ending
 
     def _let_act(self, due: Due) -> Ending | None:
-        """Let the events of the file act that are due."""
+        """Apply the events of the file that are due."""
         assert self.transitions is not None
         if due == NOTHING:
             return None
         arc = self.arc
-        # What strikes then has a row with the modes that there were.
+        # The row before an impact has the modes before the event.
         self.former = arc.observed() if arc.system.laws else None
         acted = self.transitions.act(arc, due)
         self._take(acted)
         return acted.ending
 
     def _before(self, code: int) -> Before | None:
-        """Look at the state just before an event that may jerk constraints."""
+        """Return the state just before an event at which constraints may jump."""
         arc = self.arc
         if not self._may_jump:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         ends |= code == at.PAUSED and arc.is_looked_at
-        # What a law ends without switches says by itself what was before.
+        # Unilateral constraints store the state before their own events.
         ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
@@ -441,13 +472,16 @@ class Run:
 
     @cached_property
     def _may_jump(self) -> bool:
-        """Whether a constraint or its rate may jump; laws see to their own impacts."""
+        """Whether an equality or its rate may jump.
+
+        Impacts of unilateral constraints are handled by `Contacts`.
+        """
         e = self.arc.equations
         nodes = [node for x in e.rows for node in (x.residual, x.rate)]
         return self.arc.system.m > 0 and may_jump(e, nodes)
 
     def _corner(self, code: int) -> Floats | None:
-        """Look at the columns just before an event, where they are wanted."""
+        """Return the columns (4, k) just before an event, if corners are stored."""
         if not self.corners:
             return None
         arc = self.arc
@@ -457,13 +491,18 @@ class Run:
         return self._seen(BACK) if meets else None
 
     def _seen(self, back: float = 0.0) -> Floats:
-        """Columns a little aside of the state reached, a part back, at it: (4, k)."""
+        """Return the columns (4, k) of four states at an event.
+
+        The states are: the current state with a small positive and with a small
+        negative offset, the current state less the part `back` of the change since the
+        last row, and the current state itself.
+        """
         arc = self.arc
         states = np.repeat(arc.row(), 4, 0)
         states[2] -= back * (states[2] - self.shown)
         ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
         aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(states[0]))
-        # What is kept on the way is that of the last.
+        # The kernel's memory keeps the values of the last row.
         states[0] += aside
         states[1] -= aside
         return arc.runner.tabulate(states)
@@ -471,7 +510,7 @@ class Run:
     def _act(
         self, source: Source | None, decision: Decision, before: Before | None
     ) -> Ending | None:
-        """Do what a source has decided, and what becomes due by that."""
+        """Carry out a decision, and all impacts, modes and events that follow it."""
         impacts = self.impacts
         self._take(decision)
         turn = decision.turn
@@ -490,10 +529,11 @@ class Run:
     def _settle(
         self, source: Source | None, turn: Turn, before: Before | None, impacts: int
     ) -> Ending | None:
-        """Let modes be set, impacts take place, and events act, until none is due.
+        """Select modes and apply impacts and events of an instant until none is due.
 
-        source : which has set its own mode if the turn is MODE.
-        impacts : the number of impacts before the instant.
+        source : source that has already set its own mode if the turn is MODE.
+        before : state before the event.
+        impacts : number of impacts before the instant.
         """
         while True:
             if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
@@ -517,27 +557,28 @@ class Run:
             source, turn = None, Turn.MODES
 
     def _past_table(self) -> Ending | None:
-        """End the run past the points of a table, where rows have no values."""
+        """Return the ending if a table is evaluated beyond its last point."""
         ending = end_of_table(self.arc)
         if ending is not None:
             self.cut = self.arc.observed()
         return ending
 
     def _strike(self, before: Before | None) -> Ending | None:
-        """Meet the constraints whose rates jump at the time reached."""
+        """Apply the impact on constraints whose rates jump at the current time."""
         if before is None:
             return None
         switching = next((x for x in self.sources if isinstance(x, Switching)), None)
         struck = impact(self.arc, before, switching)
         self._take(struck)
         if struck.ending is None and struck.y is not None and switching is not None:
-            return self._set_modes()  # by the velocities there are now
+            return self._set_modes()  # by the velocities after the impact
         return struck.ending
 
     def _set_modes(self, but: Source | None = None) -> Ending | None:
-        """Let all sources set their modes, but for one.
+        """Select the modes of all sources except `but`.
 
-        All of them again where something strikes; the run ends where that never ends.
+        After an impact the modes of all sources are selected again; the run ends if
+        impacts do not end after `STUCK` repetitions.
         """
         struck, left = True, STUCK
         while struck:
@@ -558,7 +599,7 @@ class Run:
         return None
 
     def _take(self, decision: Decision) -> None:
-        """Apply a decision to the arc, and record the rest."""
+        """Apply a decision to the arc and the rows, and store its records."""
         if decision is GO_ON:
             return
         self.recorder.keep(decision)
@@ -583,7 +624,7 @@ class Run:
             arc.pass_shown()
 
     def _set_out(self, ahead: float) -> None:
-        """Begin an arc at the state reached, to be looked at again at `ahead`."""
+        """Begin an arc at the current state, to be examined again at time `ahead`."""
         arc = self.arc
         known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
@@ -594,18 +635,18 @@ class Run:
             self._take(source.set_out(self.arc))
 
     def _row(self) -> Floats:
-        """Columns (1, k) of the state reached."""
+        """Return the columns (1, k) of the current state."""
         return self.arc.runner.tabulate(self.arc.row())
 
     def _pass_impact(self) -> None:
-        """Hand on the row after an impact, and forget its impulses."""
+        """Pass the row after an impact to the observers, and reset the impulses."""
         if self.after is not None:
             self.recorder.hand_on(self.after)
             self.after = None
             self.arc.system.p.impulses[:] = 0.0
 
     def show_last(self) -> None:
-        """Row at the time reached, unless it has been given."""
+        """Write the row at the current time, unless it has been written."""
         self._pass_impact()
         if self.cut is not None:
             return
@@ -613,7 +654,7 @@ class Run:
             self.recorder.hand_on(self._row())
 
     def trajectory(self, ending: Ending) -> Trajectory:
-        """Put together what the run has done."""
+        """Return the result of the run that ends by `ending`."""
         arc, recorder = self.arc, self.recorder
         state, evaluations = arc.state, int(arc.state.evaluations)
         extents = zip(state.low.tolist(), state.high.tolist(), strict=True)
@@ -647,7 +688,7 @@ class Run:
 
 
 def _sources(arc: Arc) -> Iterator[Source]:
-    """Return what may pause or end the arcs of a run; the first has the first word."""
+    """Return the sources that may pause or end arcs, in order of precedence."""
     if arc.system.m:
         yield Unmet()
     yield Fallback()
@@ -670,12 +711,14 @@ def _sources(arc: Arc) -> Iterator[Source]:
 
 
 class Part:
-    """A subsystem on its way, with the rows that have not been joined yet.
+    """The run of a decoupled subsystem, with its rows that are not yet joined.
 
     Attributes
     ----------
     columns : list of int
-        Where t, q and q' of a row go in a row of the whole, of n coordinates.
+        Columns of the subsystem's t, q and q' in a row of the system of n coordinates.
+    waiting : ndarray, shape (k, columns)
+        Rows of the subsystem that are not yet joined.
     """
 
     def __init__(self, part: Subsystem, n: int, first: Arc, **others: Any) -> None:
@@ -687,23 +730,23 @@ class Part:
         self.ending: Ending | None = self.run.begin()
 
     def add(self, rows: Floats) -> None:
-        """Keep rows until they are joined."""
+        """Store rows (k, columns) until they are joined."""
         self.waiting = np.concatenate([self.waiting, rows[:, : len(self.columns)]])
 
     def fill(self, most_steps: int, arc_steps: float) -> None:
-        """Go on until a block of rows waits, or to the end."""
+        """Integrate until a block of rows is stored, or to the end of the run."""
         while self.ending is None and len(self.waiting) < BLOCK:
             self.ending = self.run.advance(most_steps, arc_steps)
             if self.ending == _DONE:
                 self.run.show_last()
 
     def join(self, count: int, states: Floats) -> None:
-        """Put rows that waited into those of the whole (count, 1 + 2 n)."""
+        """Move the first `count` stored rows into the rows (count, 1 + 2 n) of all."""
         states[:, self.columns] = self.waiting[:count]
         self.waiting = self.waiting[count:]
 
     def trajectory(self) -> Trajectory:
-        """Put together what it has done so far."""
+        """Return the result of the subsystem so far."""
         return self.run.trajectory(self.ending or _DONE)
 
 
@@ -711,9 +754,10 @@ _DONE = Ending(Outcome.DONE)
 
 
 class Apart:
-    """A run of subsystems.
+    """A run of decoupled subsystems.
 
-    The system of the whole shows the rows; its `parts` are integrated.
+    The subsystems, `parts`, are integrated; the complete system only computes the
+    output columns of the joined rows.
     """
 
     def __init__(
@@ -734,7 +778,7 @@ class Apart:
         for x, own in zip(plan.parts, system.parts, strict=True):
             alike = x.plan
             if alike.rtol is not None and plan.rtol is not None:
-                # A repeat has other tolerances, and other rows.
+                # A repeat of the run has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             first = first_arc(
                 x.subsystem.equations, x.subsystem.at(start), alike, own,
@@ -744,7 +788,7 @@ class Apart:
             self.parts.append(part)
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
-        """Go through the whole run; each arc counts as some steps besides its own."""
+        """Integrate all subsystems and return the result; arguments as `Run.whole`."""
         while True:
             if self.tick is not None:
                 self.tick(self)
@@ -762,7 +806,7 @@ class Apart:
         return self._trajectory(last, reached)
 
     def _join(self) -> None:
-        """Hand on the rows that all subsystems have."""
+        """Join the rows available from all subsystems; pass them to the observers."""
         count = min(len(part.waiting) for part in self.parts)
         if not count:
             return
@@ -772,7 +816,7 @@ class Apart:
         self.recorder.hand_on(self.runner.tabulate(states))
 
     def _trajectory(self, last: Part, reached: float) -> Trajectory:
-        """Put together what the subsystems did; `last` decides on the outcome."""
+        """Return the joint result; its outcome is that of the subsystem `last`."""
         found = [part.trajectory() for part in self.parts]
         own = found[self.parts.index(last)]
         reason = own.reason
