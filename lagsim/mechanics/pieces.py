@@ -1,24 +1,25 @@
-"""Pieces of a gap with kinks: the relations whose least it is.
+"""Decomposition of a gap with kinks into pieces: the gap is their minimum.
 
-`y - k*abs(x)` with k > 0 is the least of y - k*x and y + k*x: a groove, in which a body
-may lie on both. Each of these is a contact of its own, and together they move as
-separate relations do. A gap that is the greatest of several, a ridge, is the one that
-the state is on: its kink stays a switch, which is located as any other. So a gap is
-written as the least of pieces that have kinks of the second kind alone:
+`y - k*abs(x)` with k > 0 is the minimum of y - k*x and y + k*x: a groove, in which a
+body may touch both pieces. Each piece becomes a separate contact. A gap that is the
+maximum of several expressions, a ridge, equals one of these expressions at each state:
+its kink remains a switch, located as any other. So a gap is written as the minimum of
+pieces whose only kinks are ridges:
 
     min(a, b) + c = min(a + c, b + c),   max(min(a, b), c) = min(max(a, c), max(b, c)),
 
-and so on through sums, factors of one sign, `abs`, `min` and `max`. A linear table is
-the difference of two convex ones; one of these is the greatest of its lines.
+and likewise for sums, factors of constant sign, `abs`, `min` and `max`. A linear table
+is the difference of two convex tables; a convex table is the maximum of its lines.
 
-Any other kink at u = 0, of a continuous `if(u > 0, x, y)` or below a function that is
-not linear, has a jump of slope r, x - y = r u to first order. Where r < 0 it is the
-least of x and y near the kink. Beyond it each is continued by the other and that line,
-`if(u > 0, x, y + r u)`, so that a piece ends nowhere else.
+Any other kink at u = 0, of a continuous `if(u > 0, x, y)` or below a nonlinear
+function, has a jump of slope r: x - y = r u to first order. Where r < 0 the expression
+is the minimum of x and y near the kink. Beyond the kink each branch is continued by the
+other branch plus that line, `if(u > 0, x, y + r u)`, so that every piece is defined on
+both sides.
 
-Signs of factors and of r are those of enclosures, at the values of the parameters and
-wherever the coordinates are. What has no sign known so, or more than MOST pieces,
-stays whole.
+Signs of factors and of r are those of interval enclosures, for the parameter values and
+all values of the coordinates. A gap with an undetermined sign, or with more than MOST
+pieces, is not decomposed.
 
 Source: L. O. Chua and A.-C. Deng, Canonical piecewise-linear representation, IEEE
 Transactions on Circuits and Systems 35, 1988, on lattices of linear pieces.
@@ -45,36 +46,46 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
 
-# A gap has no more pieces than this.
+# Largest count of pieces of a gap.
 MOST = 64
 LEAST, GREATEST = 1, -1
-# Between the name of a constraint and the number of its piece; no name contains it.
+# Separates the name of a constraint from the number of its piece; not in any name.
 MARK = "#"
 COMPARISONS = {"gt": 1, "ge": 1, "lt": -1, "le": -1}
 KINKED = ("abs", *CHOOSING)
-# Functions that rise everywhere.
+# Functions that increase everywhere.
 RISING = ("exp", "sinh", "tanh", "asinh", "atan")
 # The name of a variable that stands for a kink; no name of a file contains the mark.
 KINK = f"kink{MARK}"
-# A slope differs from another by more than this part of the largest.
+# Slopes are equal if their difference is at most this part of the largest slope.
 SAME_SLOPE = 1e-12
-# Lines beyond the last knots are given so far beyond them, in units of how far apart
-# these are.
+# Distance of the added outer points of a table beyond its last knots, in units of the
+# extent of the knots.
 FAR = 1e3
 
 
 def whole(name: str) -> str:
-    """Return the name of the constraint that a piece is one of."""
+    """Return the name of the constraint of a piece."""
     return name.partition(MARK)[0]
 
 
 def named(name: str, k: int) -> str:
-    """Name of piece k of a constraint that has several, counted from 1."""
+    """Return the name of piece k, counted from 1, of a constraint with several."""
     return f"{name}{MARK}{k}"
 
 
 class Kink(NamedTuple):
-    """Kink of a node, at u = 0: what it is above and below; all are nodes."""
+    """Kink of a node at u = 0.
+
+    Attributes
+    ----------
+    node
+        The node that has the kink.
+    u
+        The node whose value is 0 at the kink.
+    above, below
+        The nodes that `node` equals for u > 0, and for u < 0.
+    """
 
     node: int
     u: int
@@ -85,7 +96,7 @@ class Kink(NamedTuple):
 def kinks(
     g: Graph, node: int, values: Mapping[str, float], moving: Collection[str]
 ) -> list[Kink]:
-    """Kinks of a node by `abs`, `min`, `max` and `if`; see `pieces`."""
+    """Return the kinks below a node, of `abs`, `min`, `max` and `if`; see `pieces`."""
     below = _Pieces(g, values, moving)
     pairs = ((n, below.sides(n)) for n in below.kinked([node]))
     return [Kink(n, *sides) for n, sides in pairs if sides is not None]
@@ -94,14 +105,16 @@ def kinks(
 def pieces(
     g: Graph, gap: int, values: Mapping[str, float], moving: Collection[str]
 ) -> tuple[int, ...]:
-    """Pieces whose least is a gap, nodes; the gap alone where it has no groove.
+    """Return the nodes whose minimum is a gap; the gap alone if it has no groove.
 
     Parameters
     ----------
+    g, gap
+        The graph, and the node of the gap.
     values
-        Of the parameters.
+        The values of the parameters.
     moving
-        The names of what the gap may depend on besides.
+        The names of the other variables on which the gap may depend.
     """
     below = _Pieces(g, values, moving)
     if not below.kinked([gap]):
@@ -111,22 +124,23 @@ def pieces(
 
 
 class Piece(NamedTuple):
-    """Piece of a node, and on which side of kinks it is: pairs of u and a side.
+    """Piece of a node, with its sides of kinks: pairs of u and a side, 1 or -1.
 
-    Pieces on different sides of one kink make no common one.
+    For a linear table the pair is the argument with its axis, and the number of a line.
+    Pieces on different sides of one kink are never combined.
     """
 
     node: int
     sides: frozenset[tuple[object, int]] = frozenset()
 
     def fits(self, other: Piece) -> bool:
-        """Whether another is on the same sides of the kinks that both know."""
+        """Whether another piece is on the same sides of all common kinks."""
         own = dict(self.sides)
         return all(own.get(u, side) == side for u, side in other.sides)
 
 
 class _Pieces:
-    """Writes nodes as the least, or the greatest, of others."""
+    """Decomposition of nodes into the minimum, or the maximum, of other nodes."""
 
     def __init__(
         self, g: Graph, values: Mapping[str, float], moving: Collection[str]
@@ -135,7 +149,7 @@ class _Pieces:
         self.known: dict[tuple[int, int], list[Piece]] = {}
 
     def kinked(self, nodes: list[int]) -> list[int]:
-        """Those below `nodes` that have kinks and move, in order of evaluation."""
+        """Return the moving nodes with kinks below `nodes`, in order of evaluation."""
         g = self.g
         kinked = [n for n in g.cone(nodes) if self._has_kink(n)]
         moves = g.dependent(kinked, self.moving) if kinked else ()
@@ -153,7 +167,7 @@ class _Pieces:
         return bool(data.values[0] == tables.LINEAR and axis.values[1] == order == 0.0)
 
     def of(self, n: int, way: int) -> list[Piece]:
-        """Pieces whose least (or greatest) is n, each without kinks of that kind."""
+        """Return pieces with minimum (or maximum) n, without kinks of that kind."""
         key = (n, way)
         if key not in self.known:
             found = self._of(n, way) if self.kinked([n]) else [Piece(n)]
@@ -178,7 +192,7 @@ class _Pieces:
         return self._apart(n, way)
 
     def _each(self, op: str, *several: list[Piece]) -> list[Piece]:
-        """Pieces of an operation, of all those of its arguments that fit together."""
+        """Return the pieces of an operation, by all fitting pieces of its arguments."""
         found: dict[Piece, None] = {}
         for some in product(*several):
             if all(x.fits(y) for x, y in combinations(some, 2)):
@@ -189,7 +203,7 @@ class _Pieces:
         return list(found)
 
     def _of_product(self, n: int, way: int) -> list[Piece]:
-        """Pieces of a product or quotient with one factor that has kinks."""
+        """Return the pieces of a product or quotient in which one factor has kinks."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         first, second = (bool(self.kinked([a])) for a in args)
         if op == "mul" and all(g.ops[a] == "abs" for a in args):
@@ -198,7 +212,7 @@ class _Pieces:
         if first == second or (op == "div" and second):
             return self._apart(n, way)
         factor, inner = args if second else args[::-1]
-        # A factor that is 0 at the kink itself may take it away, as in x^2*abs(x).
+        # A factor that is 0 at the kink may cancel the kink, as in x^2*abs(x).
         shared = g.depends([factor]) & g.depends([inner]) & {*self.moving}
         sign = self.sign(factor, strict=bool(shared))
         if not sign:
@@ -207,7 +221,7 @@ class _Pieces:
         return self._each(op, *(found[::-1] if second else found))
 
     def _of_extreme(self, n: int, way: int) -> list[Piece]:
-        """Pieces of the greatest or the least of two; |u| is the greatest of u, -u."""
+        """Return the pieces of `max`, `min` or `abs`: |u| is the maximum of u, -u."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             if way == LEAST and not self.kinked([args[0]]):
@@ -221,15 +235,15 @@ class _Pieces:
         return [*self._on(u, 1, both[0]), *self._on(u, -1, both[1])]
 
     def _on(self, u: int, side: int, some: list[Piece]) -> list[Piece]:
-        """Pieces on a side of the kink at u = 0; of min on the other, for `max`."""
+        """Return the pieces that fit a side of the kink at u = 0, with that side."""
         node, sign = oriented(self.g, Surface(u, "sign", u))
         own = frozenset([(node, side * sign)])
         return [Piece(x.node, x.sides | own) for x in some if x.fits(Piece(0, own))]
 
     def sign(self, node: int, *, strict: bool = False) -> int:
-        """Sign of a node wherever it moves: 1, -1, or 0 where it has none.
+        """Return the sign, 1 or -1, of a node for all states; 0 if undetermined.
 
-        strict : it is 0 nowhere.
+        If `strict`, the value 0 at any state leaves the sign undetermined.
         """
         line = np.array([-math.inf]), np.array([math.inf])
         [found] = Enclosures(self.g, [node], self.values, self.moving)(*line)
@@ -241,10 +255,10 @@ class _Pieces:
     # Kinks of any other kind: both sides near them, and a line
 
     def _apart(self, n: int, way: int) -> list[Piece]:
-        """Pieces of a node by the two sides of its innermost kink.
+        """Return the pieces of a node by the two sides of its innermost kink.
 
-        Its slope to the kink is that where the state is: on the other side of the kink
-        there need be no value.
+        The derivative with respect to the kinked expression is evaluated on the present
+        side of the kink: on the other side it may have no value.
         """
         g = self.g
         atom = next(iter(self.kinked([n])))
@@ -263,7 +277,7 @@ class _Pieces:
             g.substitute([slope.get(kink, g.zero)], {kink: x})[0] for x in (atom, there)
         )
         jump = g.call("mul", by_kink, bend)
-        # Where the slope vanishes at the kink there is none, as of max(0, x)^2.
+        # A slope of 0 at the kink removes the kink, as in max(0, x)^2.
         if at_kink == g.zero or self.sign(jump) != -way:
             return [Piece(n)]
         x, y = (g.substitute([n], {atom: side})[0] for side in (above, below))
@@ -274,7 +288,7 @@ class _Pieces:
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
 
     def sides(self, n: int) -> tuple[int, int, int] | None:
-        """Expression u of a kink, and what the node is for u > 0, and for u < 0."""
+        """Return u of a kink, and the nodes that n equals for u > 0 and for u < 0."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             return args[0], args[0], g.call("neg", args[0])
@@ -290,7 +304,7 @@ class _Pieces:
         return None if steps else (u, above, below)
 
     def _jump(self, difference: int, u: int) -> int | None:
-        """Return r of difference = r u near u = 0; None where there is none."""
+        """Return r of difference = r u near u = 0; None if du = 0 for all variables."""
         g = self.g
         names = [v for v in map(g.variable, self.moving) if v in g.cone([u])]
         by_u, by_all = (slopes(g, x, frozenset(names)) for x in (u, difference))
@@ -305,7 +319,7 @@ class _Pieces:
     # Linear tables
 
     def _of_table(self, n: int, way: int) -> list[Piece]:
-        """Pieces of a linear table of an argument without kinks: lines and a table."""
+        """Return the pieces of a linear table of a smooth argument: lines + a table."""
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
         w = g.args[n][3]
@@ -320,7 +334,7 @@ class _Pieces:
         grooves = clear & (way * jumps < 0.0)
         if not grooves.any():
             return [Piece(n)]
-        # What has the other knots alone, 0 before them; what is left has lines.
+        # A table of the other knots alone, 0 before these, is subtracted: lines remain.
         rest = clear & ~grooves
         others = np.where(rest, jumps, 0.0) @ np.maximum(x - x[:, None], 0.0)
         knots = [0, *np.flatnonzero(grooves).tolist()]
@@ -336,9 +350,10 @@ class _Pieces:
 
 
 def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
-    """Knots x (m + 1,) of a linear table, values there, slopes (m + 2,) between.
+    """Return knots x and values y, shape (m + 1,), and slopes, shape (m + 2,).
 
-    Where a run ends with the table, it goes on as at its ends.
+    The first and last slopes are those outside the knots; for a table that ends the run
+    there, these are the slopes of the first and last cell.
     """
     x = np.array(axis.values[tables.FIRST :])
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -355,7 +370,7 @@ def _line(
     at: tuple[float, float, float],
     ends: tuple[float, float] | None,
 ) -> int:
-    """Line y + slope (w - x), at = (x, y, slope); between two ends where there are."""
+    """Return the node y + slope (w - x), at = (x, y, slope), limited to `ends`."""
     x, y, slope = at
     if ends is None:
         way = g.call("sub", w, g.constant(x))
@@ -368,7 +383,7 @@ def _line(
 
 
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
-    """Linear table of w with these jumps of its slope at knots x (k,), 0 before."""
+    """Return a table of w, 0 before its knots x (k,), with jumps (k,) of the slope."""
     if not len(x):
         return g.zero
     far = FAR * max(float(x[-1] - x[0]), float(np.max(np.abs(x))), 1.0)
@@ -379,12 +394,12 @@ def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
 
 
 def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int]:
-    """Two pieces of a table that is repeated, nodes; none where it has no groove.
+    """Return the two pieces (nodes) of a periodic table; none if it has no groove.
 
-    Stretches between grooves take turns: one piece is the table in every second of
-    them, and the other in those between. Elsewhere each goes on from the groove that is
-    nearest, with the line it has there, so far as the table has a line beside it; past
-    that it is farther away.
+    The grooves divide the period into intervals, which alternate between the two
+    pieces: in its own intervals a piece equals the table. In the other intervals it
+    continues its line beyond the nearest groove over half a cell; farther inside it has
+    a value above the table (below it for the maximum).
     """
     m, period = int(axis.values[0]), axis.values[2]
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -411,7 +426,7 @@ def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int
                 knots.append(starts[i])
                 lines.append(line)
                 continue
-            # The half of the cell beside a groove goes on as beyond it.
+            # The half cell beside a groove continues the line beyond the groove.
             width, following = ends[i] - starts[i], (i + 1) % len(cells)
             far = line[0] + way * np.max(np.abs(jumps)) * width
             first, last = (far, line[1]), (far + 0.5 * width * line[1], line[1])
@@ -432,7 +447,7 @@ def _chosen(
     w: int,
     lines: tuple[list[float], list[tuple[float, float]], float],
 ) -> int:
-    """Node of a table of lines, by their starts, values there, and slopes; repeated."""
+    """Return a periodic table of lines = (starts, (value, slope) at each, period)."""
     starts, pairs, period = lines
     kept = [0]
     for i in range(1, len(starts)):

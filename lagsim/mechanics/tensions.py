@@ -1,26 +1,27 @@
-"""Accelerations of masses on massless links, by the forces in the links.
+"""Accelerations of masses on massless links, by the tensions of the links.
 
-With the sums of `chains` as velocities of their own beside q', where L has constant
-masses, Newton's law of what is squared in L, each mass by itself, is
+Treat the sums of `chains` as additional velocities s beside q'. Where L has constant
+masses, Newton's law of each velocity u that is squared in L is
 
-    M_u u'' = force_u + what holds u to the others,    s_k'' = sum c_ki u_i'' + drift_k
+    m_u u'' = force_u + constraint forces on u,    s_k'' = sum c_ki u_i'' + drift_k
 
-Joints without inertia hand forces on. Of the forces F on sums in which velocities v
-without inertia stand, c_v F = 0 for each v leaves E with c_v E = 0: along the link,
-where there is one sum more than velocities; nothing, where there are as many. What
-moves v alone is N_v with c_v N_v = 1, across E and the c of all others. So
+Joints without inertia transmit forces. The forces F on sums that contain massless
+velocities v satisfy c_v F = 0 for each v. With one sum more than velocities, they have
+one direction E, c_v E = 0, along the link; with as many sums as velocities they are 0.
+The force that acts on v alone has the direction N_v, c_v N_v = 1, orthogonal to E and
+to the c of the other velocities. So
 
     u'' = (force + C^T F) / m,    F = E x + N torque,    c E = 0,    c N = 1,
     E^T C u'' = E^T drift,    theta'' = N^T (C u'' - drift).
 
-M is never made, and S x = r for the tensions x is a sum of squares of what pulls at
-each mass, x^T S x = sum over u of w_u (sum over t of p_tu x_t)^2. What meets in the
-same x is a group, and as long as an x_t stands in one group alone, Lagrange's identity
+M is never formed. The matrix S of S x = r for the tensions x is a sum of squares of the
+forces on each mass, x^T S x = sum over u of w_u (sum over t of p_tu x_t)^2. Squares in
+the same x_t form a group, and while an x_t is in one group alone, Lagrange's identity
 
     |p_i|^2 |p_t|^2 - (p_i p_t)^2 = sum over u < v of (p_iu p_tv - p_iv p_tu)^2
 
-gives what eliminating it leaves as sums of positive terms: nothing cancels. Of equal
-links in the plane S is the tridiagonal matrix of textbooks, 2 on the diagonal and
+yields the Schur complement of x_t as sums of positive terms, without cancellation. For
+equal links in the plane S is the tridiagonal matrix of textbooks, 2 on the diagonal and
 -cos(a_k - a_k+1) beside it.
 
 Source: A. Fijany, I. Sharf and G. M. T. D'Eleuterio, IEEE Transactions on Robotics and
@@ -58,16 +59,16 @@ if TYPE_CHECKING:
 
 
 class Newton(NamedTuple):
-    """The law of each unknown: velocities 0 to n - 1, and the sums.
+    """Newton's law of each unknown: velocities 0 to n - 1, then the sums.
 
     Attributes
     ----------
     sums : dict
-        Sum k: its factor of each unknown in it.
+        Sum k -> unknown i -> factor c_ki (node).
     masses, forces : dict
-        Of each unknown that has one.
+        Unknown -> its mass, and its force (nodes), if not 0.
     drifts : dict
-        Of each sum: its rate where all unknowns keep theirs.
+        Sum -> its rate (node) for constant velocities.
     """
 
     sums: dict[int, Vector]
@@ -77,7 +78,7 @@ class Newton(NamedTuple):
 
 
 def newton(e: Equations) -> Newton | None:
-    """Laws; None where masses move, couple, or are of no positions."""
+    """Return Newton's laws; None if masses vary, couple, or have no position."""
     g, model = e.graph, e.model
     if e.q != tuple(c.name for c in model.coordinates):
         return None  # reduced
@@ -86,7 +87,7 @@ def newton(e: Equations) -> Newton | None:
     found = chains(g, model.lagrangian, flow.rates, flow.velocities, moving)
     if found is None:
         return None
-    # In place of the sums, and of what they are the rates of, stand variables.
+    # Variables replace the sums and their integrals.
     rates, places = dict(enumerate(flow.rates)), dict(enumerate(flow.positions))
     new, back = Vector(), Vector()
     for k, rate in enumerate(found.rates, found.size):
@@ -122,7 +123,7 @@ def newton(e: Equations) -> Newton | None:
 def _places(
     g: Graph, model: Model, flow: Flow, found: Chains
 ) -> dict[int, tuple[int, int]]:
-    """Return the integral of each sum, if it is known: a node, and its sign."""
+    """Return known integrals of sums: sum -> node of the position, and of its sign."""
     known, minus = rates_of_places(model, flow), g.constant(-1.0)
     places = {}
     for k, rate in enumerate(found.rates, found.size):
@@ -137,7 +138,7 @@ def _places(
 
 
 def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
-    """Return the rate of each sum where velocities, and the sums in it, keep theirs."""
+    """Return the rate of each sum for constant velocities and constant inner sums."""
     below = {a for node in found.rates for a in g.args[node]}
     rates = tangent(g, below, flow.forward | dict.fromkeys(found.rates, g.zero))
     known = dict(zip(below, rates, strict=True))
@@ -146,16 +147,18 @@ def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
 
 
 class Turn(NamedTuple):
-    """A velocity without inertia.
+    """Velocity without inertia.
 
     Attributes
     ----------
+    velocity : int
+        The index of the velocity.
     across : dict
-        N, times `length` and `square`.
+        Sum -> component of N times `length` and `square`.
     square : int
-        `across` times its factors in the sums, over `length`.
+        Inner product of `across` with the factors c of the velocity, over `length`.
     length : int
-        What these factors have in common.
+        The common factor of the factors c.
     """
 
     velocity: int
@@ -165,7 +168,17 @@ class Turn(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """Joints: E of the links, the massless velocities, constant lengths by sum."""
+    """Joints of massless links.
+
+    Attributes
+    ----------
+    along : list of dict
+        E of each link: sum -> component.
+    turns : list of Turn
+        The massless velocities.
+    lengths : dict
+        Sum -> its constant length.
+    """
 
     along: list[Vector]
     turns: list[Turn]
@@ -175,7 +188,7 @@ class Joints(NamedTuple):
 def joints(
     g: Graph, held: Newton, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
-    """Joints of the massless velocities `free`; None where `_join` knows some not."""
+    """Return the joints of the massless velocities `free`; None if `_join` fails."""
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
     found = Joints([], [], {})
     sums_of: dict[int, list[int]] = {u: [] for u in free}
@@ -185,7 +198,7 @@ def joints(
         if k not in held.masses or any(i not in sums_of for i in massless):
             return None
         if any(form[i] in moved for i in form if i in held.masses):
-            return None  # of little inertia, it would take digits
+            return None  # digits would cancel for a small inertia
         for i in massless:
             sums_of[i].append(k)
             sets.merge(massless[0], i)
@@ -207,10 +220,11 @@ def _join(
     sums: Sequence[int],
     moving: frozenset[str],
 ) -> bool:
-    """Add a joint of `velocities` that stand in `sums`: as many, or one sum more.
+    """Add a joint of `velocities` with as many `sums`, or one sum more.
 
-    Along lines and in planes, directions in which nothing moves stand for the missing
-    velocities of space.
+    Return False for more than 3 sums, or for another count of velocities.
+    On lines and in planes, fixed unit directions replace the missing velocities of
+    space.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
@@ -239,7 +253,7 @@ def _join(
 def _across(
     g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
 ) -> list[int]:
-    """Cross product without the common factor of its components."""
+    """Return the cross product a x b divided by the common factor of its components."""
     found = [
         g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
         for i, j in ((1, 2), (2, 0), (0, 1))
@@ -251,14 +265,14 @@ Pair = tuple[int, int]
 
 
 class Group(NamedTuple):
-    """The squares in which the same x stand.
+    """Squares that contain the same unknowns x_i.
 
     Attributes
     ----------
     members : tuple of int
-        i in ascending order.
+        The indices i, ascending.
     dots : dict
-        (i, j), i <= j -> p_i p_j.
+        (i, j), i <= j -> weighted inner product p_i p_j.
     areas : dict
         (i, j), i < j -> for each u < v: w_u w_v, and p_iu p_jv - p_iv p_ju.
     """
@@ -269,13 +283,13 @@ class Group(NamedTuple):
 
     @property
     def nodes(self) -> list[int]:
-        """All but weights."""
+        """All nodes of the group, except weights."""
         areas = (area for found in self.areas.values() for _, area in found)
         return [*self.dots.values(), *areas]
 
 
 def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group]:
-    """Return the groups of p, t -> u -> p_tu, and w, u -> w_u."""
+    """Return the groups of `pulls`, t -> u -> p_tu, and `weights`, u -> w_u."""
     alike: dict[tuple[int, ...], Vector] = {}
     for u, members in _holders(pulls).items():
         alike.setdefault(tuple(members), {})[u] = weights[u]
@@ -294,7 +308,7 @@ def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group
 
 
 def _holders(pulls: Mapping[int, Vector]) -> dict[int, list[int]]:
-    """Return where each mass stands."""
+    """Return, for each mass u, the indices t of the pulls that contain it."""
     found: dict[int, list[int]] = {}
     for t, pull in pulls.items():
         for u in pull:
@@ -303,7 +317,7 @@ def _holders(pulls: Mapping[int, Vector]) -> dict[int, list[int]]:
 
 
 def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
-    """Weighted inner product: the sum of w a b over common entries."""
+    """Return the weighted inner product: the sum of w a b over common entries."""
     terms = (
         (weights[u], g.call("mul", a, other[u])) for u, a in one.items() if u in other
     )
@@ -311,12 +325,16 @@ def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
 
 
 class Squares(Factorisation):
-    """S of groups of squares: what stands in one group alone is left of as squares.
+    """Factorisation of S, a sum of groups of squares.
+
+    Eliminating an unknown of one group alone yields a Schur complement in squares.
 
     Parameters
     ----------
+    found
+        The groups.
     new
-        What stands for each node of the groups.
+        Node of the groups -> the node that replaces it.
     """
 
     def __init__(
@@ -364,7 +382,7 @@ class Squares(Factorisation):
         return row
 
     def _alone(self, k: int) -> Vector:
-        """Pivot times what is left of each square, of k that stands in one group."""
+        """Return i -> pivot times Schur complement (i, i), for k in one group alone."""
         g, own = self.g, self.rows[k].get(k, self.g.zero)
         if len(self.those[k]) != 1 or self.rows[k].keys() - {k}:
             return {}
@@ -384,7 +402,7 @@ class Squares(Factorisation):
 
 
 def _laws(e: Equations) -> Newton | None:
-    """Newton's laws of equations without constraints, found once."""
+    """Return Newton's laws of equations without constraints, memoized."""
     g = e.graph
     changing = e.model.modes.union(x.name for x in e.states)
     if e.rows or e.laws or changing & g.depends([e.model.lagrangian]):
@@ -393,7 +411,7 @@ def _laws(e: Equations) -> Newton | None:
 
 
 def has_masses(e: Equations) -> bool:
-    """Whether all masses on massless links, if all is these, are positive."""
+    """Whether all masses of Newton's laws are positive; True without such laws."""
     laws = _laws(e)
     given = {p.name: p.value for p in e.model.parameters}
     masses = [] if laws is None else [*laws.masses.values()]
@@ -401,7 +419,7 @@ def has_masses(e: Equations) -> bool:
 
 
 def accelerations(e: Equations) -> list[int] | None:
-    """Return q'' (n,); None where not all is masses on massless links."""
+    """Return q'', shape (n,); None if the scene is not masses on massless links."""
     g, n = e.graph, len(e.q)
     laws = _laws(e)
     if laws is None or not has_masses(e):
@@ -421,9 +439,9 @@ def accelerations(e: Equations) -> list[int] | None:
 
 
 def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
-    """Take sums for velocities in place of those that stand in them alone.
+    """Replace massless velocities that are in one sum alone, by that sum.
 
-    The sum of each of these is returned as well.
+    Return the laws without those sums, and the sum of each replaced velocity.
     """
     users = Counter(i for form in laws.sums.values() for i in form)
     sums, forces, leaders = dict(laws.sums), dict(laws.forces), dict[int, int]()
@@ -443,11 +461,11 @@ def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
 
 
 def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Vector:
-    """Accelerations of masses and of massless velocities.
+    """Return the accelerations of masses and the rates of massless velocities.
 
-    In units of the commonest mass and length. Sines and cosines are joined to those of
-    differences of angles in the drifts, and in what links and joints do to each other;
-    forces stay as they are given.
+    Internal units are the commonest mass and length. Products of sines and cosines are
+    combined to sines and cosines of differences of angles in the drifts and in the
+    inner products of links and joints; forces are not rewritten.
     """
     mass, length = (_commonest(g, x.values()) for x in (held.masses, met.lengths))
     weights = _quotients(g, dict.fromkeys(held.masses, mass), held.masses)
@@ -456,7 +474,7 @@ def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Ve
     for k, form in held.sums.items():
         parts = ((c, fall[i]) for i, c in form.items() if i in fall)
         lost[k] = g.call("sub", fall[k], g.product_sum(parts))
-    # E of each link, N of each joint; and what their forces do to the masses.
+    # E of each link, N of each joint; and the forces on the masses by these.
     forces = dict(enumerate((*met.along, *(x.across for x in met.turns))))
     turns = dict(enumerate(met.turns, len(met.along)))
     pulls = {t: _back(g, held, x) for t, x in forces.items()}
@@ -502,17 +520,18 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
 
 
 def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
-    """Quotients, with common factors cancelled."""
+    """Return the quotients of nodes by key, with common factors cancelled."""
     nodes = [g.call("div", node, bottoms[k]) for k, node in tops.items()]
     found = normal_form(g, nodes, set(g.cone(nodes)))
     return dict(zip(tops, found, strict=True))
 
 
 def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector:
-    """Return u'' / length of masses without tensions and torques."""
+    """Return u'' / length of each mass, without tensions and torques."""
     pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
     moved = g.dependent(pushed.values(), moving)
-    # Over mass first: all that weigh fall alike. Most are -m g, m may be a number.
+    # Divide by mass first: weights yield one common quotient. Most are -m g, where m
+    # may be a number.
     still = {u: g.call("neg", x) for u, x in pushed.items() if x not in moved}
     still = _quotients(g, still, held.masses)
     still = _quotients(g, still, dict.fromkeys(still, length))
@@ -525,7 +544,7 @@ def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector
 
 
 def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
-    """Drifts of sums / length: over their own lengths first."""
+    """Return the drifts of sums over `length`, divided by their own lengths first."""
     own = dict.fromkeys(held.sums, length) | met.lengths
     drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)
     scales = _quotients(g, own, dict.fromkeys(own, length))
@@ -533,7 +552,7 @@ def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
 
 
 def _back(g: Graph, held: Newton, parts: Vector) -> Vector:
-    """C^T of forces on sums: on masses."""
+    """Return the forces on masses, C^T F, of forces F on sums."""
     total = dict(parts)
     for k, part in parts.items():
         for i, c in held.sums[k].items():
@@ -549,7 +568,7 @@ def _dot(g: Graph, one: Vector, other: Vector) -> int:
 def _products(
     g: Graph, rows: Mapping[int, Vector], columns: Mapping[int, Vector], weights: Vector
 ) -> dict[int, Vector]:
-    """Weighted inner products of all that have masses in common."""
+    """Return weighted inner products of rows and columns that have common masses."""
     holders = _holders(columns)
     found = {}
     for t, row in rows.items():
