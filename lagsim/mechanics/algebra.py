@@ -1,7 +1,9 @@
 """Linear algebra of small dense and large sparse matrices: metrics, spans, factors.
 
-The metric of changes is M. Where M is singular another one takes its place, in which
-neither the units of coordinates nor the scales of relations count.
+Changes of the coordinates (n,) are measured in the metric of the mass matrix M (n, n).
+Where M is singular, a metric completed from the constraint rows A (m, n) replaces it;
+that metric depends neither on the units of massless coordinates nor on the scaling of
+the rows.
 """
 
 from __future__ import annotations
@@ -22,29 +24,55 @@ if TYPE_CHECKING:
 
 
 def least_change_metric(M: Floats) -> Floats:
-    """Metric of least change (k, k): M, or Euclid's where it is not positive."""
+    """Return M (k, k), or the identity where M is not positive definite."""
     return M if is_positive(M) else np.eye(len(M))
 
 
 def rank_metric(M: Floats, A: Floats) -> Floats:
-    """Metric (n, n) in which rows are compared: M, or its diagonal, completed."""
+    """Return the metric (n, n) in which the rank of constraint rows is determined.
+
+    This is M where M is positive definite. Otherwise it is diagonal: M_jj, with the
+    entries of massless coordinates chosen by `sizes_of`.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix.
+    A : ndarray, shape (m, n)
+        The constraint rows.
+    """
     if is_positive(M):
         return M
     return np.diag(sizes_of(np.sqrt(np.abs(np.diag(M))), A) ** 2)
 
 
 def solving_metric(M: Floats, A: Floats) -> Floats:
-    """Metric (n, n) of least change in which the motion is solved for.
+    """Return the metric (n, n) of least change in which accelerations are solved for.
 
-    `completed`, or Euclid's where that is singular, too.
+    This is `completed(M, A)`, or the identity where that matrix is singular, too.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix.
+    A : ndarray, shape (m, n)
+        The constraint rows.
     """
     return least_change_metric(completed(M, A))
 
 
 def completed(M: Floats, A: Floats) -> Floats:
-    """M, or M + A^T W A where it is singular (n, n).
+    """Return M where it is positive definite, else M + A^T W A, shape (n, n).
 
-    W is diagonal and to the size of M (see `program/dense.py`).
+    W is diagonal, with weights that make each term of A^T W A as large as the entries
+    of M on the coordinates of its row (see `program/dense.py`).
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix.
+    A : ndarray, shape (m, n)
+        The constraint rows.
     """
     if is_positive(M):
         return M
@@ -57,12 +85,18 @@ def completed(M: Floats, A: Floats) -> Floats:
 
 
 def sizes_of(roots: Floats, A: Floats) -> Floats:
-    """Size of each coordinate: sqrt(M_jj), or what the rows A (m, n) put in its place.
+    """Return the size (n,) of each coordinate: sqrt(M_jj), or one derived from A.
 
-    roots : (n,), sqrt(M_jj).
+    The size of a massless coordinate is the largest ratio, over all rows, of its entry
+    to the norm of the entries of the coordinates with mass, each divided by its size.
+    The unit of a massless coordinate therefore does not matter.
 
-    A massless coordinate counts as much as the others in the row that weighs it most,
-    so that its unit does not matter.
+    Parameters
+    ----------
+    roots : ndarray, shape (n,)
+        sqrt(M_jj), 0 for massless coordinates.
+    A : ndarray, shape (m, n)
+        The constraint rows.
     """
     sizes = roots.copy()
     massless = sizes == 0
@@ -78,7 +112,7 @@ def sizes_of(roots: Floats, A: Floats) -> Floats:
 
 
 def is_positive(M: Floats) -> bool:
-    """Whether M, scaled to a diagonal of 1, is positive definite."""
+    """Whether M (n, n), scaled to a unit diagonal, is positive definite."""
     size = np.sqrt(np.abs(np.diag(M)))
     if not np.all(size > 0) or not np.all(np.isfinite(M)):
         return False
@@ -91,12 +125,21 @@ def is_positive(M: Floats) -> bool:
 def least_squares(
     A: Floats, b: Floats, cutoff: float | None = DEPENDENT_ROWS
 ) -> Floats:
-    """Return least x of least |A x - b|, with singular values below a part left out.
+    """Return the x of least norm that minimizes |A x - b|.
+
+    Parameters
+    ----------
+    A : ndarray, shape (m, n)
+    b : ndarray, shape (m,) or (m, k)
+    cutoff : float or None
+        Singular values below this part of the largest count as 0; with None, below
+        numpy's default part.
 
     Raises
     ------
     LinAlgError
-        Where something is not finite. LAPACK would say so on stderr, too.
+        Where an entry of A or b is not finite. (LAPACK would also print a message on
+        stderr.)
     """
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise np.linalg.LinAlgError("not finite")
@@ -104,14 +147,27 @@ def least_squares(
 
 
 def cholesky(metric: Floats) -> Floats:
-    """L with L L^T = metric."""
+    """Return the lower triangular L (n, n) with L L^T = metric.
+
+    Raises
+    ------
+    LinAlgError
+        Where the metric is not positive definite.
+    """
     return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
 def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
-    """Rows of A (m, k) in the metric of (L L^T)^-1, to length 1 or 0.
+    """Return the rows A L^-T scaled to length 1, and their lengths before (m,).
 
-    And their lengths (m,).
+    The lengths are those of the rows of A in the metric (L L^T)^-1. A row of length 0
+    stays 0.
+
+    Parameters
+    ----------
+    A : ndarray, shape (m, k)
+    L : ndarray, shape (k, k)
+        Cholesky factor of the metric.
     """
     Y = np.linalg.solve(L, A.T).T
     lengths = np.linalg.norm(Y, axis=1)
@@ -119,28 +175,29 @@ def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
 
 
 class Metric:
-    """Changes (n,) in the metric in which a motion is solved for, along rows or not.
+    """Projections of changes (n,) of the coordinates in the metric `completed(M, A)`.
 
     Parameters
     ----------
     M : ndarray, shape (n, n)
-        The mass matrix, positive along what A lets through.
+        The mass matrix, positive definite on the null space of A.
     A : ndarray, shape (m, n)
-        The rows of constraints, which may be dependent.
+        The constraint rows, which may be linearly dependent.
 
     Attributes
     ----------
     G, L : ndarray, shape (n, n)
-        M, `completed`; L L^T = G.
+        The metric G = completed(M, A), and its Cholesky factor, L L^T = G.
     free : ndarray, shape (n, d)
-        The changes that A lets through, A free = 0: orthonormal by G, and by M.
+        Basis of the null space of A, orthonormal in G and in M.
     inverse : ndarray, shape (n, m)
-        A^+, the least change by G that changes the rows by given amounts.
+        A^+, the pseudoinverse of A: A^+ b is the change of least norm in G with
+        A A^+ b = b.
 
     Raises
     ------
     LinAlgError
-        Where that is not positive.
+        Where G is not positive definite.
     """
 
     def __init__(self, M: Floats, A: Floats) -> None:
@@ -156,18 +213,29 @@ class Metric:
         self.inverse = back @ self._pseudo
 
     def motion(self, f: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Return q'' (n,) and lambda (m,) of M q'' = f + A^T lambda, A q'' = b."""
+        """Solve M q'' = f + A^T lambda, A q'' = b for q'' (n,) and lambda (m,).
+
+        Parameters
+        ----------
+        f : ndarray, shape (n,)
+            The forces.
+        b : ndarray, shape (m,)
+            The right-hand sides of the rows.
+        """
         q = self.inverse @ b
         q = q + self.free @ (self.free.T @ (f - self.M @ q))
         return q, self.multipliers(f - self.M @ q)
 
     def multipliers(self, f: Floats) -> Floats:
-        """Lambda (m,) that comes closest to f + A^T lambda = 0."""
+        """Return the least-squares solution lambda (m,), in G^-1, of f + A^T lambda = 0.
+
+        f : ndarray, shape (n,).
+        """
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
 
 def multiple_of(x: Floats, y: Floats) -> float:
-    """Factor by which y is x (n,) within rounding; 0 where it is no multiple."""
+    """Return c with y = c x to rounding for x, y (n,); 0 where there is none."""
     square = float(x @ x)
     factor = float(y @ x) / square if square > 0.0 else 0.0
     same = np.max(np.abs(y - factor * x)) <= COMPUTED_ZERO * np.max(np.abs(y))
@@ -175,10 +243,10 @@ def multiple_of(x: Floats, y: Floats) -> float:
 
 
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
-    """Orthonormal basis (k, k - rank) of what J (m, k) maps to zero.
+    """Return an orthonormal basis (k, k - rank) of the null space of J (m, k).
 
-    Singular values count as zero up to `cutoff`; by default up to DEPENDENT_ROWS times
-    the largest.
+    Singular values up to `cutoff` count as zero; by default, those up to
+    DEPENDENT_ROWS times the largest.
     """
     if not J.size:
         return np.eye(J.shape[1])
@@ -188,25 +256,43 @@ def null_space(J: Floats, cutoff: float | None = None) -> Floats:
 
 
 class Span:
-    """Growing orthonormal basis of a space of n dimensions."""
+    """Orthonormal basis of a subspace of R^n, extended vector by vector.
+
+    Parameters
+    ----------
+    n : int
+        The dimension of the space.
+
+    Attributes
+    ----------
+    size : int
+        The dimension of the subspace.
+    """
 
     def __init__(self, n: int) -> None:
         self._basis, self.size = np.empty((n, n)), 0
 
     @property
     def basis(self) -> Floats:
-        """The vectors, (size, n)."""
+        """The basis vectors as rows, shape (size, n)."""
         return self._basis[: self.size]
 
     def outside(self, vector: Floats) -> Floats:
-        """Part of a vector that is orthogonal to the span, (n,)."""
+        """Return the component (n,) of a vector (n,) that is orthogonal to the span."""
         left = vector.copy()
         for _ in range(2):  # twice is enough (Kahan)
             left -= (self.basis @ left) @ self.basis
         return left
 
     def extend(self, vector: Floats, least: float) -> bool:
-        """Add what of a vector is outside, if it is longer than `least`; tell so."""
+        """Extend the basis by the component of a vector (n,) outside the span.
+
+        Returns
+        -------
+        bool
+            Whether that component is longer than `least`; the basis is unchanged where
+            it is not.
+        """
         rest = self.outside(vector)
         length = float(np.linalg.norm(rest))
         if not length > least:
@@ -220,25 +306,25 @@ class Span:
 # --- Sparse matrices
 
 MOST_ITERATIONS = 200
-# Columns that are solved for together.
+# Number of right-hand sides in one sparse solve.
 TOGETHER = 64
 
 
 class Entries(NamedTuple):
-    """Entries of a matrix that are not zero: rows, columns, values, each (k,)."""
+    """Nonzero entries of a matrix: row and column indices, and values, each (k,)."""
 
     i: Any
     j: Any
     values: Floats
 
     def dense(self, rows: int, columns: int) -> Floats:
-        """Matrix (rows, columns)."""
+        """Return the dense matrix, shape (rows, columns)."""
         found = np.zeros((rows, columns))
         found[self.i, self.j] = self.values
         return found
 
     def sparse(self, rows: int, columns: int) -> Any:
-        """Matrix as scipy's, in compressed columns."""
+        """Return the matrix as a scipy `csc_matrix`, shape (rows, columns)."""
         from scipy.sparse import csc_matrix
 
         places = (self.i, self.j)
@@ -246,14 +332,37 @@ class Entries(NamedTuple):
 
 
 def kkt_factors(M: Any, A: Any) -> Any:
-    """LU factors of [[M, A^T], [A, 0]]; None where it is singular."""
+    """Compute the sparse LU factors of [[M, A^T], [A, 0]].
+
+    Parameters
+    ----------
+    M : sparse matrix, shape (n, n)
+    A : sparse matrix, shape (m, n)
+
+    Returns
+    -------
+    SuperLU or None
+        None where the matrix is singular.
+    """
     from scipy.sparse import bmat
 
     return factored(bmat([[M, A.T], [A, None]], format="csc"))
 
 
 def factored(A: Any, *, symmetric: bool = False) -> Any:
-    """LU factors, `symmetric` without pivoting; None where A is singular."""
+    """Compute the sparse LU factors of A.
+
+    Parameters
+    ----------
+    A : sparse matrix, shape (n, n)
+    symmetric : bool
+        A is symmetric and needs no pivoting: use a fill-reducing order of A + A^T.
+
+    Returns
+    -------
+    SuperLU or None
+        None where A is singular.
+    """
     from scipy.sparse.linalg import splu
 
     # With rows exchanged an order that is good for A + A^T fills the factors: of a
@@ -271,7 +380,14 @@ def factored(A: Any, *, symmetric: bool = False) -> Any:
 
 
 def lengths_in(M: Any, A: Any) -> Floats:
-    """Lengths (m,) of the rows of A in the metric of M^-1, both sparse."""
+    """Return the lengths (m,) of the rows of A in the metric M^-1.
+
+    Parameters
+    ----------
+    M : sparse matrix, shape (n, n)
+        Symmetric and positive definite.
+    A : sparse matrix, shape (m, n)
+    """
     entries = M.tocoo()
     if np.all(entries.row == entries.col):
         return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
@@ -287,8 +403,22 @@ def lengths_in(M: Any, A: Any) -> Floats:
 def largest_eigenvalue(
     apply: Callable[[Floats], Floats], size: int
 ) -> tuple[float, Floats]:
-    """Return the largest eigenvalue of a positive operator, and its vector (size,)."""
-    x = np.random.default_rng(5).standard_normal(size)  # the same each time
+    """Compute the largest eigenvalue of a positive operator by power iteration.
+
+    Parameters
+    ----------
+    apply : callable
+        Maps a vector (size,) to its product with the operator.
+    size : int
+
+    Returns
+    -------
+    value : float
+        inf where an iterate is 0 or not finite.
+    vector : ndarray, shape (size,)
+        The eigenvector, of length 1.
+    """
+    x = np.random.default_rng(5).standard_normal(size)  # a fixed seed: reproducible
     x /= np.linalg.norm(x)
     value = 0.0
     for _ in range(MOST_ITERATIONS):

@@ -1,17 +1,18 @@
-"""Corners of equalities: rows that bend at a surface, and what holds a motion there.
+"""Corners of equalities: rows that jump at a surface, and the force that holds there.
 
-A wire y = k*abs(x) has another row on each side of x = 0. At its corner both hold, and
-the motion with them: the force of the constraint is then a combination of those of both
-sides,
+The constraint of a wire y = k*abs(x) has a different row on each side of x = 0. At the
+corner both rows hold, and the motion can stay there: the constraint force is then a
+combination of the forces of both sides,
 
     ((1 - w) A_low + w A_high)^T lambda = A_low^T lambda + w C lambda du/dq,
 
-since the rows of a relation that is continuous differ by C du/dq alone, where u is what
-the surface is at 0 of. So a force p du/dq on the lower side, the push, takes the place
-of the other row, and holds u at rest. The motion leaves the corner where the share w of
-the upper side, p / (C lambda), leaves [0, 1]: one of the sides alone would lead it away
-then. A force that steps there too, by d, adds to what the share stands for: p = w (C
-lambda + d).
+since the rows of a continuous relation differ only by a multiple C of du/dq, where
+u(q, t) = 0 is the equation of the surface. A force p du/dq added to the row of the
+lower side, with the push p as its multiplier, therefore replaces the row of the upper
+side and keeps u at 0. The motion leaves the corner where the share of the upper side,
+w = p / (C lambda), leaves [0, 1]: the row of one side alone then leads away from the
+corner. Where the applied force jumps at the surface too, by d du/dq, the push is
+p = w (C lambda + d).
 
 Source: P. Lotstedt, Mechanical systems of rigid bodies subject to unilateral
 constraints, SIAM J. Appl. Math. 42, 1982, section 2, on corners as intersections.
@@ -36,7 +37,21 @@ if TYPE_CHECKING:
 
 
 def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
-    """Corners of equalities by the numbers of their sides, before anything pushes."""
+    """Locate the corners of equalities, by their index in `switches.sides`.
+
+    Parameters
+    ----------
+    e : Equations
+        Without pushes.
+    switches : Switches
+        The switches of `e`.
+
+    Returns
+    -------
+    dict
+        Number of the side -> its corner. Surfaces that depend on velocities, or at
+        which no row of an equality jumps, have none.
+    """
     held = [(r, row) for r, row in enumerate(e.every_row) if _is_equality(e, r, row)]
     if not held or not switches.sides:
         return {}
@@ -63,7 +78,7 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
 
 
 def _is_equality(e: Equations, r: int, row: Row) -> bool:
-    """Whether a row of positions holds on both sides, where it is in force."""
+    """Whether row `r` is holonomic and, while in force, an equality."""
     law = e.laws[r - len(e.rows)] if r >= len(e.rows) else None
     return row.holonomic and (
         law is None or (law.when is not None and not law.kind.one_sided)
@@ -71,7 +86,24 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
 
 
 def _along(g: Graph, side: Side, rows: list[int], J: list[int], square: int) -> int:
-    """Jump of a row (n,) at a surface, in units of its gradient J (n,)."""
+    """Return the jump of a row at a surface as a multiple of the surface's gradient.
+
+    Parameters
+    ----------
+    side : Side
+        The side of the surface, with the variable that selects it.
+    rows : list of int, length n
+        The row, as nodes that depend on that variable.
+    J : list of int, length n
+        du/dq of the surface u = 0.
+    square : int
+        J . J.
+
+    Returns
+    -------
+    int
+        The component of (upper row - lower row) along J, divided by |J|: a node.
+    """
     variable = g.variable(side.variable)
     low, high = g.constant(-1.0), g.one
     if side.whole:
@@ -84,7 +116,23 @@ def _along(g: Graph, side: Side, rows: list[int], J: list[int], square: int) -> 
 def with_pushes(
     e: Equations, switches: Switches, found: Mapping[int, Corner]
 ) -> Equations:
-    """Equations with a force at each corner, which holds a motion there."""
+    """Return the equations with the force p du/dq of each corner added to f.
+
+    Parameters
+    ----------
+    e : Equations
+    switches : Switches
+        The switches of `e`.
+    found : mapping
+        The corners of `e` by the number of their side, from `corners`.
+
+    Returns
+    -------
+    Equations
+        With the pushes p as further variables. The power of a push at a surface that
+        moves in time is added to the work of each group that contains all
+        coordinates of the surface.
+    """
     g, f, works = e.graph, list(e.f), list(e.works)
     rates = [g.variable(name) for name in e.velocities]
     for k, corner in found.items():
