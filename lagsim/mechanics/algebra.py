@@ -227,9 +227,11 @@ class Metric:
         return q, self.multipliers(f - self.M @ q)
 
     def multipliers(self, f: Floats) -> Floats:
-        """Return the least-squares solution lambda (m,), in G^-1, of f + A^T lambda = 0.
+        """Solve f + A^T lambda = 0 for lambda (m,), by least squares in G^-1.
 
-        f : ndarray, shape (n,).
+        Parameters
+        ----------
+        f : ndarray, shape (n,)
         """
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 

@@ -1,13 +1,13 @@
-"""Constraint rows on the graph: equalities, and those that hold at times.
+"""Constraint rows as graph nodes: equalities, and rows that hold at times.
 
 Holonomic g(q, t) = 0: A = dg/dq, its rate is A q' + g_t, and A q'' = b with
 b = -d^2 g/dt^2 at constant q'. Nonholonomic phi(q, q', t) = 0: A = dphi/dq'
 (Chetaev's rule where phi is not linear), its rate is phi, b = -(phi_q q' + phi_t).
 
-A contact's gap g >= 0 has the row of g = 0, with a multiplier >= 0; each of its slips s
-that of s = 0, with a multiplier of at most mu times that of the contact, which opposes
-s while it slides. A limited equality has its own bound. Where a row is out of force its
-multiplier is 0.
+The gap g >= 0 of a contact has the row of g = 0, with a multiplier >= 0. Each slip s of
+the contact has the row of s = 0, with a multiplier of at most mu times the multiplier
+of the contact; while it slides, the multiplier opposes s. A limited equality has a
+bound of its own. The multiplier of a row that is not in force is 0.
 """
 
 from __future__ import annotations
@@ -33,22 +33,31 @@ if TYPE_CHECKING:
 
 
 class Row(NamedTuple):
-    """Constraint that holds as an equality, as nodes.
+    """One scalar equality constraint A q'' = b; all integers are graph nodes.
 
     Attributes
     ----------
+    name : str
+    holonomic : bool
+        The constraint is g(q, t) = 0; otherwise phi(q, q', t) = 0.
     residual : int
         g, or phi.
     rate : int
-        What must vanish on the level of velocities: A q' + g_t, or phi.
+        The residual on the level of velocities: A q' + g_t, or phi.
     A : SparseVector, shape (n,)
+        dg/dq, or dphi/dq'.
     b : int
+        The right-hand side of A q'' = b.
     transport : int
         A q' on the constraint: -g_t, or A q' for phi not homogeneous in q', else 0.
-        Its product with lambda is the constraint's power.
+        Its product with lambda is the power of the constraint force.
     residual_scale, rate_scale : int
-        The largest of the terms and of |q_i dg/dq_i| (of |q'_i d rate/d q'_i|): what a
-        residual is compared with, so that units do not matter.
+        The scale of the residual, and of the rate: the largest of the magnitudes of
+        its terms and of |q_i dg/dq_i| (|q'_i d rate/dq'_i|), in its own unit.
+    scleronomic : bool
+        The residual does not depend on t.
+    pfaffian : bool
+        The rate is a polynomial of at most first degree in q'.
     """
 
     name: str
@@ -65,17 +74,21 @@ class Row(NamedTuple):
 
 
 class Flow:
-    """The variables of motion, as nodes, by which rows are differentiated.
+    """The variables of the motion, as graph nodes, and their rates at constant q'.
 
     Attributes
     ----------
     positions, rates : tuple of int, shape (n,)
+        The variables q and q'.
     velocities : frozenset of str
-        The names of the rates.
+        The names of the variables q'.
     forward : dict
-        The total time derivative at constant q': variable -> rate.
+        Variable -> its total time derivative at constant q': q -> q', t -> 1, and
+        `states`.
     states : dict
-        The part of it that is the first-order states': variable -> rate.
+        Variable of a first-order state -> its rate.
+    indices : list of dict
+        Variable -> its index, for q and for q'.
     """
 
     def __init__(
@@ -98,7 +111,7 @@ class Flow:
         ]
 
     def gradient(self, g: Graph, node: int, *, by_rates: bool) -> SparseVector:
-        """Return d node / d q, or d node / d q'."""
+        """Return d node/dq (n,) or, `by_rates`, d node/dq' (n,)."""
         index = self.indices[by_rates]
         here = frozenset(v for v in g.cone([node]) if v in index)
         found = slopes(g, node, here)
@@ -107,7 +120,10 @@ class Flow:
 
 
 def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
-    """Derive the row of an equality constraint `node` = 0."""
+    """Derive the row of an equality constraint `node` = 0.
+
+    The constraint is holonomic where `node` does not depend on a velocity.
+    """
     names = g.depends([node])
     holonomic = not names & flow.velocities
     A = flow.gradient(g, node, by_rates=not holonomic)
@@ -143,7 +159,20 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
 def scale_of(
     g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
 ) -> int:
-    """Return the largest of the terms of `node` and of |variable * slope|."""
+    """Return the scale of `node`: the largest of |terms| and |variable * slope|.
+
+    Parameters
+    ----------
+    variables : sequence of int, length n
+        The nodes of the variables.
+    entries : mapping
+        Index of a variable -> d node / d variable.
+
+    Returns
+    -------
+    int
+        A node in the unit of `node`.
+    """
     sizes = [g.call("abs", term) for term in addends(g, node)]
     sizes += [
         g.call("abs", g.call("mul", variables[j], slope))
@@ -156,22 +185,23 @@ def scale_of(
 
 
 class Slider(NamedTuple):
-    """Motion of a limited relation on a coordinate without mass, see `reduction`.
+    """Limited relation on a coordinate without mass, see `reduction`.
 
     Attributes
     ----------
     coordinate : int
+        The index of the coordinate.
     force : int
-        Its multiplier, as a node of the state.
+        The multiplier of the relation as a function of the state: a node.
     way : str
-        The variable that tells how it moves: 0 where it sticks, else the sign of its
-        multiplier, or 1 of two relations.
+        The name of the variable that holds the mode of the relation: 0 where it
+        sticks; else the sign of its multiplier or, with two relations, 1.
     row : Row
-        The one that holds as it moves now.
+        The row that holds in the present mode.
     limit, left : int
-        What its force is below its limit by; its event function: nodes.
+        The limit less the size of the force, and the event function: nodes.
     first : bool
-        It is no second relation of two.
+        False for the second of two relations.
     """
 
     coordinate: int
@@ -184,10 +214,11 @@ class Slider(NamedTuple):
 
 
 class Kind(Enum):
-    """Role of a row that holds at times: what it may transmit, and what ends that.
+    """Role of a row that holds at times: bounds of its multiplier, ends of its modes.
 
-    Its multiplier is between `low` and `high` times its bound (of a slip: times that of
-    its contact too). In force it is off, held, or slides at an end of a finite bound.
+    The multiplier lies between `low` and `high` times the bound of the law; for a slip,
+    times the multiplier of the contact, too. A row is off, held, or slides with its
+    multiplier at a finite bound.
 
     ============ ============= ==================================================
     role         bounds        ends
@@ -203,15 +234,16 @@ class Kind(Enum):
     Attributes
     ----------
     code : float
-        Its number in kernels.
+        The number of the role in kernels.
     low, high : float
+        The bounds of the multiplier, as multiples of the bound of the law.
     strikes : bool
-        An impact gives it an impulse: what is bounded gives none in no time, but
-        friction goes with that of its contact.
+        The row transmits impulses in an impact. A bounded multiplier has no impulse in
+        an instant, but that of friction is bounded by the impulse of its contact.
     words : tuple of str
-        What users read of it where it holds, and where it does not.
+        The words shown to users for a row that holds, and for one that does not.
     one_sided, bounded : bool
-        The multiplier pushes and does not pull; it is bounded in both directions.
+        The multiplier is nonnegative; it is bounded in both directions.
     """
 
     CONTACT = (kept.CONTACT, 0.0, inf, True, ("closed", "open"))
@@ -230,31 +262,35 @@ class Kind(Enum):
 
 
 class Law(NamedTuple):
-    """Constraint row with the law of its multiplier.
+    """Constraint row that holds at times, with the law of its multiplier.
 
     Attributes
     ----------
     row : Row
-        Where it holds as an equality.
+        The row of the relation as an equality.
+    kind : Kind
+        The role of the row.
     constraint : str
-        The name in the file, or of a piece of it; a slip has that of its contact.
+        The name of the constraint in the file, or of a piece of its gap; for a slip,
+        the name of the contact.
     multiplier : str
-        The name of its variable, and column.
+        The name of the multiplier's variable and of its column in the table.
     restitution : float
-        Newton's, of a contact, or Poisson's.
+        The coefficient of restitution of a contact: Newton's, or Poisson's.
     bounce : int or None
-        The node of a restitution that is no number.
+        The node of a coefficient of restitution that is an expression.
     poisson : bool
+        Restitution is of impulses (Poisson), not of rates (Newton).
     bound, static : int
-        The friction coefficient while it slides and while it sticks, or the largest
-        size of the multiplier: nodes. Zero where there is none.
+        The friction coefficient while the slip slides and while it sticks, or the
+        limit of the multiplier: nodes. Zero where the law has neither.
     normal, pair : int
-        The number of the law of its contact, and of the other slip, or limited
-        equality, of two; or -1.
+        The index, among the laws, of the contact of a slip, and of the other one of
+        two slips or of two limited equalities; -1 where there is none.
     when : int or None
-        The condition of t and parameters under which it is in force: a node.
+        The condition on t and parameters under which the row is in force: a node.
     slider : Slider or None
-        Of a limited relation on a coordinate without mass.
+        Present for a limited relation on a coordinate without mass.
     """
 
     row: Row
@@ -273,29 +309,38 @@ class Law(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name in the file of its constraint, also of a piece, or of one of two."""
+        """The name of the constraint in the file.
+
+        Suffixes of the pieces of a gap and of the two relations of a pair are removed.
+        """
         two = self.pair >= 0 and self.kind is not Kind.SLIP
         return self.constraint[:-2] if two else whole(self.constraint)
 
     @property
     def solved(self) -> Row:
-        """The row that the motion is solved with."""
+        """The row in the linear system of the motion: `row`, or that of the slider."""
         return self.slider.row if self.slider else self.row
 
     @property
     def given(self) -> tuple[int, ...]:
-        """Nodes of what the file gives of it: bounds, and restitution."""
+        """The nodes of the bounds and of the restitution."""
         bounce = () if self.bounce is None else (self.bounce,)
         return (self.bound, self.static, *bounce)
 
     def bouncing(self, restitution: float) -> Law:
-        """Return the same with another restitution, where it is a contact's."""
+        """Return the law with another restitution; unchanged unless it is one-sided."""
         return self._replace(restitution=restitution) if self.kind.one_sided else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
-        """Factor of the multiplier in its power.
+        """Return the factor of the multiplier in the power of the constraint force.
 
-        What slides does work, whatever else it is.
+        This is A q' of a bounded row, which does work while it slides, and the
+        transport of any other row.
+
+        Parameters
+        ----------
+        rates : sequence of int, length n
+            The nodes of q'.
         """
         if self.kind.bounded:
             entries = self.row.A.entries.items()
@@ -306,9 +351,16 @@ class Law(NamedTuple):
 def laws_of(
     g: Graph, constraints: Sequence[Constraint], flow: Flow, values: Mapping[str, float]
 ) -> Iterator[Law]:
-    """Derive the laws of all constraints but plain equalities, slips after contacts.
+    """Derive the laws of all constraints that do not always hold.
 
-    values : of the parameters, which decide what pieces a gap has.
+    The slips of a contact follow it.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+    flow : Flow
+    values : mapping
+        The values of the parameters, which determine the pieces of a gap.
     """
     count = 0
     for c in constraints:
@@ -345,7 +397,18 @@ def laws_of(
 def pieces_of(
     g: Graph, c: Constraint, flow: Flow, values: Mapping[str, float]
 ) -> dict[str, int]:
-    """Gaps whose least is that of a contact, by their names; most have just one."""
+    """Return the pieces of a gap by their names; the gap is the least of its pieces.
+
+    A gap without pieces, and a relation that depends on velocities, is its own only
+    piece.
+
+    Parameters
+    ----------
+    c : Constraint
+    flow : Flow
+    values : mapping
+        The values of the parameters, which determine the pieces.
+    """
     node = c.relation.node
     if c.law is None or flow.velocities & g.depends([node]):
         return {c.name: node}
@@ -359,7 +422,7 @@ def pieces_of(
 def _slips(
     g: Graph, name: str, law: OneSided, flow: Flow, normal: int
 ) -> Iterator[Law]:
-    """Derive the slips of the contact that is the law of number `normal`."""
+    """Derive the slips of the contact with index `normal` among the laws."""
     count = len(law.slips)
     if not count or law.friction is None:
         return

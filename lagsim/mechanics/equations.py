@@ -1,17 +1,18 @@
-"""Energies -> the equations of motion, as nodes of the model's graph.
+"""Derivation of the equations of motion from the energies, as graph nodes.
 
     M q'' = f + A^T lambda,      A q'' = b,      Qc = A^T lambda
 
 with M = d2L/dq'2 and f = dL/dq - d/dt(dL/dq') at q'' = 0, plus the generalized forces.
-For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds all over.
+The constraint function of lhs = rhs is lhs - rhs; this fixes the sign of lambda
+everywhere.
 
-Reactions are found by virtual separation: with x taken for a coordinate of its own,
-held by the constraint x = r(q, t), the equation of x is
+Reactions are computed by virtual separation: with a definition x as a coordinate of its
+own, held by the constraint x = r(q, t), the equation of x is
 
     d/dt dL/dx' - dL/dx = Q_x + sum_c lambda_c dg_c/dx + R_x,
 
-and the motion, which is known, gives R_x: nothing is solved. R_x is the multiplier of
-x - r = 0, the force on all that is written with x.
+and the known motion, inserted, yields R_x without solving a system. R_x is the
+multiplier of x - r = 0: the force on all parts of the model that are written with x.
 
 Sources: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
 eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15;
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """A time and the state there. q, v : (n,); s : the first-order states."""
+    """State at time t: coordinates q (n,), velocities v (n,), first-order states s."""
 
     t: float
     q: Floats
@@ -68,12 +69,21 @@ class Instant:
 def mass_matrix(
     g: Graph, momenta: Sequence[int], rates: Sequence[int]
 ) -> tuple[SparseVector, ...]:
-    """Mass matrix d momenta / d rates (n, n); its upper triangle mirrors the lower one.
+    """Return the mass matrix d momenta/d rates (n, n), symmetric, as sparse rows.
+
+    The lower triangle is differentiated and mirrored.
+
+    Parameters
+    ----------
+    momenta : sequence of int, length n
+        dL/dq': nodes.
+    rates : sequence of int, length n
+        q': nodes.
 
     Raises
     ------
     InputError
-        Where too many entries do not vanish.
+        Where more than `limits.INERTIAS` entries may differ from 0.
     """
     variables = frozenset(rates)
     entries = _entries(g, momenta, rates) if len(rates) ** 2 > limits.INERTIAS else 0
@@ -94,7 +104,7 @@ def mass_matrix(
 
 
 def _entries(g: Graph, momenta: Iterable[int], rates: Iterable[int]) -> int:
-    """Count of the pairs of a momentum and a velocity that it depends on."""
+    """Return the number of pairs of a momentum and a velocity that it depends on."""
     below = {v: 1 << j for j, v in enumerate(rates)}  # node -> bit set of velocities
     momenta = list(momenta)
     for n in g.cone(momenta):
@@ -114,10 +124,20 @@ def in_fewer_terms(
     convective: Sequence[int],
     Q: Sequence[int],
 ) -> tuple[tuple[SparseVector, ...], list[int]]:
-    """M and f with inertia as textbooks write it, where that is shorter.
+    """Return M and f with inertial terms rewritten in fewer terms, where possible.
 
-    What potentials and forces give stays as it is: differences that are small stand
-    there, and nothing may be multiplied out of them.
+    The terms of the potential and of the applied forces stay as they are: they may
+    contain small differences, which would cancel if multiplied out.
+
+    Parameters
+    ----------
+    M : tuple of SparseVector, shape (n, n)
+    f : list of int, length n
+        The right-hand side of M q'' = f.
+    convective : sequence of int, length n
+        d/dt(dL/dq') at q'' = 0.
+    Q : sequence of int, length n
+        The generalized forces.
     """
     T, V = model.kinetic, model.potential
     if T is None or V is None or flow.velocities & g.depends([V]):
@@ -148,7 +168,7 @@ def in_fewer_terms(
 WORK = "work"
 # The column, and the variable, of the integral of L.
 ACTION = "action.S"
-# Of so few coordinates the entries of M always take fewer operations than chains.
+# Up to this number of coordinates the entries of M take fewer operations than chains.
 FEW = 5
 
 
@@ -158,14 +178,15 @@ class Work(NamedTuple):
     Attributes
     ----------
     name : str
-        Of its variable: `work` where it is all work, else with the group's first
-        coordinate.
+        The name of the variable: `work` for the only work, else `work.` and the first
+        coordinate of the group.
     coordinates : frozenset of str
-        Empty for what a function of time alone in L gives.
+        The coordinates of the group; empty for the work of a term of L that is a
+        function of time alone.
     rate : int
         The power, with the multipliers as variables: a node.
     energy : int
-        The group's share of the energy: a node.
+        The share of the group in the energy: a node.
     """
 
     name: str
@@ -175,10 +196,10 @@ class Work(NamedTuple):
 
 
 class Quadrature(NamedTuple):
-    """Quantity that occurs in no equation: only its rate is integrated.
+    """Quantity that occurs in no equation and is integrated from its rate.
 
-    A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
-    the action) are nodes.
+    This is a coordinate, or the action. `rate` is the node of its rate; `mass` that of
+    its diagonal entry of M, zero for the action.
     """
 
     name: str
@@ -187,10 +208,16 @@ class Quadrature(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """What events have done at a start, before the first row.
+    """Events that acted at the start of a run, before the first row of the table.
 
-    acts : names of the events that have acted, in this order; chatter : of those that
-    undo each other; is_over : whether `until` has become true by that.
+    Attributes
+    ----------
+    acts : tuple of str
+        The names of the events that acted, in order.
+    chatter : tuple of str
+        The names of events that undo each other's assignments without end.
+    is_over : bool
+        The condition `until` became true by these assignments.
     """
 
     acts: tuple[str, ...] = ()
@@ -203,39 +230,44 @@ NOT_BEGUN = Begun()
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """Everything a run needs, as nodes of `graph`.
+    """Equations of motion of a model with n coordinates, as nodes of `graph`.
 
     Attributes
     ----------
+    model : Model
+    graph : Graph
+    q, velocities : tuple of str, length n
+        The names of the coordinates, and of their velocities.
     M : sequence of SparseVector, shape (n, n)
-        Symmetric; entries that vanish identically are `graph.zero`. Of a ChainedMass
-        they are only made where they are read.
+        The mass matrix, symmetric; entries that vanish identically are `graph.zero`.
+        The entries of a ChainedMass are derived on first access.
     f : tuple of int, shape (n,)
+        The right-hand side of M q'' = f + A^T lambda.
     rows : tuple of Row, length m
         The equality constraints that always hold.
     laws : tuple of Law
-        The rows that hold at times, each with its law.
+        The rows that hold at times, each with the law of its multiplier.
     momenta : tuple of int, shape (n,)
         dL/dq'.
     energy : int
         The energy function h = sum q' dL/dq' - L.
     energy_is_sum : bool
-        h is kinetic + potential.
+        h equals kinetic + potential.
     kinetic_form : int
-        q'^T M q' / 2, which is `kinetic` where that is quadratic.
+        q'^T M q' / 2, equal to the kinetic energy where the latter is quadratic in q'.
     works : tuple of Work
         The work done on each group of coordinates, with the multipliers as variables
-        `lambda_<c>`; none where the model has nothing that could do work.
+        `lambda_<c>`; empty where the energy is conserved.
     unforced : frozenset of str
-        The coordinates on which no force acts and that L does not name: without
-        constraints they keep their momenta.
+        The coordinates without a force on which L does not depend: without
+        constraints their momenta are conserved.
     quadratures : tuple of Quadrature
-        What is integrated beside these equations: the action where it is asked for,
-        and coordinates, see `reduction`.
+        Quantities integrated beside these equations: the action where the output
+        contains it, and coordinates, see `reduction`.
     states : tuple of State
         The first-order states, with rates in the variables of these equations.
     begun_by : Begun
-        What events have done at the start.
+        The events that acted at the start.
     """
 
     model: Model
@@ -257,7 +289,7 @@ class Equations:
     begun_by: Begun = NOT_BEGUN
 
     def of(self, model: Model) -> Equations:
-        """Return the same equations of the model bound to other values."""
+        """Return these equations for `model`: the same model with other values."""
         given = {c.name: c.law.restitution for c in model.constraints if c.law}
         laws = self.laws
         if any(law.restitution != given.get(law.name, 0.0) for law in laws):
@@ -265,7 +297,7 @@ class Equations:
         return replace(self, model=model, laws=laws, begun_by=NOT_BEGUN)
 
     def has_pieces_of(self, model: Model) -> bool:
-        """Whether gaps have the same pieces with other values of the parameters."""
+        """Whether gaps have the same pieces with the parameter values of `model`."""
         g, flow, values = self.graph, self.flow, model.parameter_values
         rows = {x.row.name: x.row.residual for x in self.laws if x.kind.one_sided}
         found: dict[str, int] = {}
@@ -274,9 +306,10 @@ class Equations:
         return rows == found
 
     def begun(self, state: Instant) -> Equations:
-        """Return the equations with what events set at a start.
+        """Return the equations after the events that act at the start `state`.
 
-        Periodic events act there, then those whose conditions become true by that.
+        Events without a located condition (periodic ones) act first, then the events
+        whose conditions become true by their assignments.
         """
         model, numbers = self.model, [state.t, *state.q, *state.v, *state.s]
         values = {p.name: p.value for p in model.parameters}
@@ -289,7 +322,7 @@ class Equations:
 
     @property
     def nodes(self) -> tuple[object, ...]:
-        """The names and nodes of the motion, the same for all values of parameters."""
+        """Key of the motion: its names and nodes, equal for all parameter values."""
         return (
             self.q,
             self.chains.key
@@ -313,12 +346,12 @@ class Equations:
 
     @property
     def state(self) -> tuple[str, ...]:
-        """The names of the variables that the motion depends on, and t."""
+        """The names of the state variables: q, q' and the first-order states."""
         return (*self.q, *self.velocities, *(x.name for x in self.states))
 
     @property
     def state_columns(self) -> list[int]:
-        """Places of t and `state` among the columns of a row, see `Columns`."""
+        """Indices of t and `state` among the columns of the table, see `Columns`."""
         n = len(self.q)
         return [*range(1 + 2 * n), *range(1 + 3 * n, 1 + 3 * n + len(self.states))]
 
@@ -335,24 +368,24 @@ class Equations:
 
     @property
     def powers(self) -> list[int]:
-        """The rates of the works."""
+        """The rates of `works`: nodes."""
         return [x.rate for x in self.works]
 
     @property
     def worked(self) -> list[int]:
-        """The work on each coordinate that has energy of its own, by number; or -1."""
+        """Index (n,) of the work on each coordinate; -1 for none, or without mass."""
         own = {q: k for k, x in enumerate(self.works) for q in x.coordinates}
         massless = {self.q[x.slider.coordinate] for x in self.laws if x.slider}
         return [-1 if q in massless else own.get(q, -1) for q in self.q]
 
     @property
     def work(self) -> int:
-        """Their sum: a node."""
+        """The sum of the variables of `works`: a node."""
         return self.graph.sum(self.graph.variable(x.name) for x in self.works)
 
     @property
     def other_rates(self) -> list[int]:
-        """The rates of what follows q' in y: states, works, then `quadratures`."""
+        """The rates that follow q'' in y': of `states`, `works`, then `quadratures`."""
         first, rest = (x.rate for x in self.states), (x.rate for x in self.quadratures)
         return [*first, *self.powers, *rest]
 
@@ -369,22 +402,22 @@ class Equations:
 
     @property
     def slopes(self) -> tuple[SparseVector, ...]:
-        """A of all rows, in the order of the multipliers."""
+        """The rows of A, each (n,), in the order of the multipliers."""
         return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
 
     @property
     def every_row(self) -> tuple[Row, ...]:
-        """The rows that always hold, then those of the laws, as they are solved."""
+        """The rows that always hold, then the row `solved` of each law."""
         return (*self.rows, *(law.solved for law in self.laws))
 
     @property
     def of_motion(self) -> list[int]:
-        """All that the motion depends on, and its quadratures: nodes."""
+        """The nodes of the equations, and rates of states, works and quadratures."""
         return self._with(self.other_rates)
 
     @property
     def of_accelerations(self) -> list[int]:
-        """All that q'', lambda and the rates of states depend on: nodes."""
+        """The nodes that q'', lambda and the rates of first-order states depend on."""
         return self._with(x.rate for x in self.states)
 
     def _with(self, others: Iterable[int]) -> list[int]:
@@ -394,7 +427,7 @@ class Equations:
         return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
-        """Row of a constraint, the first of a gap's pieces."""
+        """Return the row of constraint `name`, or of the first piece of its gap."""
         return next(row for row in self.every_row if whole(row.name) == name)
 
     @property
@@ -408,7 +441,7 @@ class Equations:
 
     @property
     def chains(self) -> Chains | None:
-        """The chains that M is solved along; None where its entries are."""
+        """The chains that M is factored along; None where M is stored as entries."""
         return None if isinstance(self.M, tuple) else self.M.chains
 
     @property
@@ -419,21 +452,21 @@ class Equations:
 
     @property
     def inertias(self) -> list[int]:
-        """The diagonal of M."""
+        """The diagonal of M (n,): nodes."""
         if isinstance(self.M, tuple):
             return [row[j] for j, row in enumerate(self.M)]
         return list(self.M.diagonal)
 
     @property
     def coupled(self) -> list[tuple[list[int], list[int]]]:
-        """Coordinates that M couples, in sets that may overlap: its nodes, and they."""
+        """Pairs (nodes of M, indices of the coordinates coupled by these nodes)."""
         if (chains := self.chains) is not None:
             return chains.groups()
         rows = (row.entries for row in self.M)
         return [([*x.values()], [i, *x]) for i, x in enumerate(rows)]
 
     def mass_times(self, x: Sequence[int]) -> list[int]:
-        """M x (n,)."""
+        """Return M x (n,) for nodes x (n,)."""
         if (chains := self.chains) is not None:
             return chains.product(self.graph, x)
         return [
@@ -442,7 +475,7 @@ class Equations:
         ]
 
     def constraint_forces(self) -> list[int]:
-        """Qc = A^T lambda, with the multipliers as variables."""
+        """Return Qc = A^T lambda (n,), with the multipliers as variables."""
         g = self.graph
         forces = [g.zero] * len(self.q)
         for A, name in zip(self.slopes, self.multipliers, strict=True):
@@ -452,9 +485,9 @@ class Equations:
         return forces
 
     def motion_residuals(self) -> list[int]:
-        """M q'' - f - A^T lambda (n,) and A q'' - b (m,).
+        """Return M q'' - f - A^T lambda (n,), followed by A q'' - b (m,).
 
-        With q'' and lambda as variables.
+        q'' and lambda are variables; rows are those that always hold.
         """
         g = self.graph
         accelerations = [g.variable(name) for name in self.accelerations]
@@ -474,7 +507,7 @@ Found = TypeVar("Found")
 
 
 def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
-    """Memoize what depends on the motion alone, for all parameters."""
+    """Memoize a function of the equations by `Equations.nodes`, for all parameters."""
 
     @wraps(find)
     def known(e: Equations) -> Found:
@@ -488,8 +521,10 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
 
     Parameters
     ----------
-    chained
-        M may stay in the chains that bodies hang in, where these take fewer operations.
+    model : Model
+    chained : bool
+        Keep M as a ChainedMass where factors along chains take fewer operations than
+        its entries.
     """
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
@@ -551,7 +586,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
 
 
 def has_angles(g: Graph, node: int | None) -> bool:
-    """Whether sines or cosines stand in an expression."""
+    """Whether an expression contains a sine or cosine."""
     circular = g.of(("sin", "cos"))
     if node is None or not circular:
         return False
@@ -559,7 +594,11 @@ def has_angles(g: Graph, node: int | None) -> bool:
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
-    """Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
+    """Return the generalized forces Q (n,): nodes.
+
+    Q_j is the virtual work of the applied forces per unit of q_j, less dF/dq_j' for a
+    dissipation function F.
+    """
     Q = [g.zero] * len(flow.rates)
     for force in model.forces:
         by_rates = force.level is not Level.POSITION
@@ -591,7 +630,10 @@ def _energy(
 
 
 def pushes(e: Equations) -> list[int]:
-    """Magnitudes of the terms of each force, and of each other rate."""
+    """Return the sums of the magnitudes of the terms of `f` and of `other_rates`.
+
+    Terms that depend on multipliers or accelerations are left out.
+    """
     g = e.graph
     rates = (*e.f, *e.other_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
@@ -602,16 +644,21 @@ def pushes(e: Equations) -> list[int]:
 
 
 def reactions(e: Equations) -> dict[str, int]:
-    """R_x of each definition that `output.reactions` names.
+    """Return the reaction R_x of each definition named in `output.reactions`.
 
-    Each with nothing but itself separated, as nodes of the state, q'' and lambda.
+    Each R_x is that of the model in which x alone is separated.
+
+    Returns
+    -------
+    dict
+        Name of the definition -> node of the state, q'' and lambda.
     """
     g = e.graph
     separated, expressions = e.model.stated.separated(e.model)
     apart = derive(separated)
     own = dict(zip(apart.q, apart.motion_residuals(), strict=False))
-    # All are separated at once: what is written with x through another definition
-    # rests on x by the force that holds that one.
+    # All definitions are separated at once: a part written with x through another
+    # definition y acts on x through the reaction of y.
     users = {
         name: [
             other for other, node in expressions.items() if name in g.depends([node])
@@ -631,7 +678,7 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Separated definitions and their rates along the motion, by variable."""
+    """Return the definitions x, x' and x'' along the motion: variable -> node."""
     g = e.graph
     seed = {**e.flow.forward}
     for q in e.q:
@@ -648,21 +695,22 @@ def _motion(e: Equations) -> dict[int, int]:
     return new
 
 
-# Whose coordinates a node depends on: of no group, or of more than one.
+# Owner of a node that depends on coordinates of no group, or of several groups.
 NOBODY, SEVERAL = -1, -2
 
 
 @memoized_by_motion
 def groups(e: Equations) -> list[list[int]]:
-    """Decoupled groups of coordinates.
+    """Return the decoupled groups of coordinates, as lists of their indices.
 
-    Two are coupled where one stands in an entry of M, a force, a constraint or a law of
-    the other. So each group on which forces, dissipation, moving constraints, laws or
-    impacts do work has a balance of its own,
+    Two coordinates are coupled where one occurs in an entry of M, a force, a constraint
+    or a law of the other. Each group on which forces, dissipation, moving constraints,
+    laws or impacts do work has an energy balance of its own,
 
-        d(energy)/dt = the power of what acts on its coordinates - dL/dt of the group,
+        d(energy)/dt = power of the forces on its coordinates - dL/dt of the group,
 
-    in which no other's energy rounds or hides anything.
+    whose accuracy is not limited by rounding errors of the energies of other groups.
+    A model with first-order states, or whose energy events change, is one group.
     """
     g = e.graph
     if e.states or e.is_set:
@@ -680,7 +728,7 @@ def groups(e: Equations) -> list[list[int]]:
         together.append(([*nodes, *row.A.entries.values()], held))
     names = coordinates_of(e)
     found = DisjointSets(len(e.q))
-    # Of each node one of the coordinates below it: the others are in the same set.
+    # Node -> one of the coordinates that it depends on; the others are in its set.
     touched: dict[int, int] = {}
 
     for node in g.cone(node for nodes, _ in together for node in nodes):
@@ -695,16 +743,31 @@ def groups(e: Equations) -> list[list[int]]:
 
 
 def coordinates_of(e: Equations) -> dict[str, int]:
-    """Coordinate that each variable of the state belongs to."""
+    """Return the index of the coordinate of each variable q and q', by its name."""
     return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
 def shared(
     e: Equations, found: Sequence[Sequence[int]], node: int
 ) -> tuple[list[int], int]:
-    """Shares of the groups in a sum, and the rest of no group, up to a constant.
+    """Divide a sum among decoupled groups of coordinates.
 
-    What touches several groups and is no sum goes to each of them.
+    A term that depends on several groups and cannot be expanded into a sum is added to
+    the share of each of these groups.
+
+    Parameters
+    ----------
+    found : sequence of sequence of int
+        The coordinates of each group, by their indices.
+    node : int
+        The sum.
+
+    Returns
+    -------
+    shares : list of int
+        A node for each group.
+    rest : int
+        The terms that depend on t and on no group; constants are left out.
     """
     g = e.graph
     group_of = {j: i for i, group in enumerate(found) for j in group}
@@ -737,9 +800,14 @@ def shared(
 def owners_of(
     g: Graph, cone: Iterable[int], names: Mapping[str, int]
 ) -> dict[int, int]:
-    """Group that each node depends on, or NOBODY or SEVERAL.
+    """Return the group that each node depends on, or NOBODY or SEVERAL.
 
-    names : the group of each variable that has one.
+    Parameters
+    ----------
+    cone : iterable of int
+        The nodes, arguments before the operations on them.
+    names : mapping
+        The group of each variable of a coordinate.
     """
     found: dict[int, int] = {}
     for n in cone:
@@ -754,7 +822,7 @@ def owners_of(
 def _addends(
     g: Graph, n: int, factor: int, owners: Mapping[int, int]
 ) -> list[tuple[int, int]]:
-    """Addends of `factor` times `n`, each with its factor; none if it is no sum."""
+    """Return the addends of `factor * n` with their factors; [] where n is no sum."""
     op, args = g.ops[n], g.args[n]
     if op in ("add", "sub"):
         other = factor if op == "add" else g.call("neg", factor)
@@ -770,7 +838,23 @@ def _addends(
 
 
 def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
-    """Works of equations that have none yet, for the generalized forces Q."""
+    """Return the work on each decoupled group of coordinates, or the total work.
+
+    Parameters
+    ----------
+    e : Equations
+        Without works.
+    Q : sequence of int, length n
+        The generalized forces.
+    dL_dt : int
+        The partial derivative of L by t.
+
+    Returns
+    -------
+    tuple of Work
+        Empty where neither forces, constraints, events nor impacts can change the
+        energy.
+    """
     g, model = e.graph, e.model
     acts = bool(model.forces) or model.dissipation is not None or dL_dt != g.zero
     acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
@@ -789,12 +873,12 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
 
 
 def may_strike(e: Equations, row: Row) -> bool:
-    """Whether a constraint's rate may jump: an impact takes energy."""
+    """Whether the rate of a constraint may jump: an impact, which takes energy."""
     return may_jump(e, [row.rate])
 
 
 def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
-    """Whether the value of a node may jump: by a switch, or by a mode of the file."""
+    """Whether a node may jump: by a switch, or by a mode of the file."""
     g, cone = e.graph, e.graph.cone(nodes)
     if not e.model.modes.isdisjoint(g.depends(nodes)):
         return True
@@ -804,7 +888,7 @@ def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
 def _of_groups(
     e: Equations, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
-    """Work of each group that has some; nothing where L is no sum."""
+    """Return the work of each group with power or impacts; () where groups mix."""
     g = e.graph
     energies, _ = shared(e, found, e.energy)
     rates, left = [g.zero] * len(found), g.zero
@@ -813,7 +897,7 @@ def _of_groups(
         *rates, left = (
             gradient(g, part, [g.variable("t")])[0] for part in (*parts, rest)
         )
-    # Impacts may do work on what these rows couple.
+    # Impacts may do work on the coordinates of these rows.
     met = [law.row for law in e.laws] + [x for x in e.rows if may_strike(e, x)]
     struck = {j for row in met for j in row.A.entries}
     made: list[Work] = []
@@ -834,7 +918,7 @@ def _of_groups(
 
 
 def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:
-    """Power of the forces on some coordinates."""
+    """Return the power of applied and constraint forces on `some` coordinates."""
     g, among = e.graph, {*some}
     rates = [g.variable(name) for name in e.velocities]
     power = g.product_sum((Q[j], rates[j]) for j in some)
@@ -850,15 +934,18 @@ def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> i
     return power
 
 
-# A condition that is false by less than this part of what an act changes it by is true
-# but for rounding.
+# A condition that is false by less than this part of its change by an act counts as
+# true: the difference is rounding.
 FALSE = 1e-9
-# So often events act at a start at most.
+# Greatest number of acts of events at a start.
 MOST_ACTS = 1000
 
 
 def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
-    """Let events act at a start; values : of all names there, changed by that."""
+    """Execute the events that act at a start.
+
+    values : the values of all names at the start, changed in place.
+    """
     located = [k for k, x in enumerate(model.events) if x.at is not None]
     due = [k for k, x in enumerate(model.events) if x.at is None]
     modes = {mode for x in model.events for mode, _ in x.sets}
@@ -889,7 +976,7 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
 
 
 def _comes(equality: bool, before: float, after: float) -> bool:
-    """Whether a condition that was false is true, by its values."""
+    """Whether a condition changed from false to true, by its values."""
     least = FALSE * abs(after - before)
     if equality and before > 0.0:
         before, after = -before, -after
