@@ -1,7 +1,7 @@
-"""Kinematics of the laws of a run at a state: gaps, rates, and which could act.
+"""Kinematics of the laws of a run at a state: gaps, rates, and the closed laws.
 
-Gaps and rates count as zero within rounding: of their terms, and of the time at which
-a step was cut.
+A law is closed where it could act. Gaps and rates count as zero within the rounding of
+their terms and of the time at which a step ended.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats, Ints
     from lagsim.run.arc import Arc
 
-# How far a state is moved, by parts, to see what its rounding does.
+# Relative change of a state from which the effect of its rounding is computed.
 PROBE = 2.0**-26
 
 
 class Shape:
-    """M (n, n) and the rows of equalities and of laws (L, n) at a place."""
+    """The mass matrix M (n, n), and rows of equalities and laws (L, n), at a state."""
 
     def __init__(self, n: int, laws: int, numbers: Floats) -> None:
         self.M, rows = numbers[: n * n].reshape(n, n), numbers[n * n :].reshape(-1, n)
@@ -47,18 +47,26 @@ class Shape:
 
     @cached_property
     def reply(self) -> Delassus:
-        """Accelerations of all laws per multiplier, beside the equalities."""
+        """Accelerations of the laws per unit multiplier, on the equalities."""
         return delassus(self.M, self.equalities, self.rows)
 
     def lift(self, some: Sequence[int], rates: Floats) -> Floats:
-        """Change of q or q' (n,) by which some laws have these rates (r,) less."""
+        """Return the change of q or q' (n,) that adds given rates to some laws.
+
+        Parameters
+        ----------
+        some
+            The numbers of r laws.
+        rates : ndarray, shape (r,)
+            The changes of the residuals or rates of these laws.
+        """
         D = self.reply.D[np.ix_(some, some)]
         return self.reply.response[:, some] @ least_squares(D, rates, None)
 
 
 @lru_cache(maxsize=4)
 def _shape(n: int, laws: int, numbers: bytes) -> Shape:
-    """Shape of M and all rows; an impact, and often the motion, changes neither."""
+    """Return the `Shape` of these numbers, from a cache: they often stay constant."""
     return Shape(n, laws, np.frombuffer(numbers))
 
 
@@ -68,35 +76,40 @@ class Kinematics:
     Attributes
     ----------
     gaps, rates, accelerations : ndarray, shape (L,)
-        Of the rows: the gap of a contact, else the speed; its rate, or the speed; and
-        the rate of that as it would be without any law.
+        Of each law: the gap of a contact, or the rate of another law; the rate; and the
+        derivative of the rate without any law.
     forces : ndarray, shape (L,)
-        The size of the terms of `accelerations`.
+        The magnitude of the terms of `accelerations`.
     free : ndarray, shape (size,)
         y' without any law.
     pushes : ndarray, shape (L,)
-        The same with what closed laws could add: the scale of what is held.
+        `forces` plus the accelerations that closed laws could add: the scale of a
+        balance of forces.
     moves : ndarray, shape (n,)
-        What closed laws could do to each coordinate: an acceleration.
+        The magnitude of the accelerations of coordinates that closed laws could cause.
     bounds, statics : ndarray, shape (L,)
+        The friction coefficient or limit of each law while it slides and while it
+        sticks.
     slack : ndarray, shape (L,)
-        Gaps, or speeds, that are rounding.
+        Bounds of the rounding errors of `gaps`.
     still : ndarray, shape (L,)
-        Rates that are rounding.
+        Bounds of the rounding errors of `rates`.
     seen : ndarray, shape (size,)
-        The largest sizes of the state's components so far.
-    in_force : list of bool, of L
-    grazing : dict
-        Contacts that turn back at their ground without an impact -> the depth.
-    reach : ndarray, shape (L,)
-        How far the motion so far has moved each row's residual, and its rate.
+        The largest magnitude of each component of the state so far.
+    in_force : list of bool, length L
+        Whether the condition `when` of each law is true.
+    grazing : dict of int to float
+        The depths of contacts whose gap turns back below 0 without an impact.
+    reach : tuple of two ndarray, shape (L,)
+        The ranges of the residual and of the rate of each law in the motion so far.
     shape : Shape
+        The mass matrix and all rows.
     rows : ndarray, shape (L, n)
-        Those of the shape.
+        The rows of the laws.
     """
 
     def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
-        """Evaluate the laws at the state y."""
+        """Evaluate the laws at the state y (size,) and the time t (default: now)."""
         system, n, m = arc.system, arc.system.n, arc.system.m
         self.arc, self.y, self.laws = arc, y, system.laws
         self.t = t = arc.t if t is None else t
@@ -118,35 +131,35 @@ class Kinematics:
         self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
         sizes = np.maximum(rate_scales, slopes @ seen[speeds])
         v = y[speeds]
-        # Of what has not moved yet: by where it will soon be.
+        # A coordinate that has not moved yet has the size that it will have soon.
         soon = seen[:n] + arc.settings.output_step * np.abs(v)
         held = np.maximum(gap_scales, slopes @ soon)
-        # Within rounding of the time a gap changes, and what moves it as time goes by.
+        # Within the rounding of the time a gap changes by its rate and by terms of t.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
         self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {}
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
-        # What rounds in the forces has moved what they balance, since the last step;
-        # within rounding of the time they change what moves.
+        # Rounding errors of balanced forces have changed rates during the last step;
+        # within the rounding of the time forces change rates.
         rounding = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
         self.still = rounding + SAME_TIME * math.ulp(t) * self.pushes
 
     def at(self, y: Floats, t: float | None = None) -> Kinematics:
-        """Evaluate the laws at another state, where the same contacts graze."""
+        """Evaluate the laws at the state y (size,), with the grazing contacts."""
         there = Kinematics(self.arc, y, t)
         there.grazing = self.grazing
         return there
 
     def _let_go(self) -> None:
-        """Find the accelerations that there would be without any law."""
+        """Compute the accelerations without any law, and the sizes of their terms."""
         n = self.arc.system.n
         self.free, b, self.bounds, self.statics = self._free(self.t, self.y)
         a = self.free[self.levels[1]]
         self.accelerations = self.rows @ a - b
-        # What forces do to each row, or have done in the last step: where they balance,
-        # or vanish, rounding is that of their terms.
+        # Terms of the forces now or in the last step: where forces balance or vanish,
+        # the rounding is that of their terms.
         pushed = np.maximum(np.abs(a), self.arc.state.parts[:n])
         self.forces = self.shape.slopes @ pushed + np.abs(b)
         self.pushes: Floats = self.forces
@@ -157,7 +170,7 @@ class Kinematics:
             self.moves = np.abs(self.shape.reply.response) @ most
 
     def _most(self, closed: list[bool]) -> Floats:
-        """About how much each closed law could push with (L,)."""
+        """Estimate the largest multiplier (L,) of each closed law; 0 of all others."""
         # Laws are few: numpy would take twice as long.
         own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
         most = [0.0] * self.count
@@ -176,8 +189,8 @@ class Kinematics:
 
     @cached_property
     def roundoff(self) -> Floats:
-        """Rounding bounds of `accelerations` (L,): by their terms, and by the state."""
-        # Each component moves by another part, or what cancels would stay hidden.
+        """Bounds (L,) of the errors of `accelerations` by rounding."""
+        # Each component changes by another part: equal parts could cancel.
         parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
         free, b, *_ = self._free(self.t, self.y + np.array(parts) * self._known())
         a = self.rows @ free[self.levels[1]] - b
@@ -186,13 +199,24 @@ class Kinematics:
 
     @cached_property
     def restitutions(self) -> Floats:
-        """Those of the laws (L,) at this state."""
+        """The coefficients of restitution (L,) of the laws at this state."""
         if all(law.bounce is None for law in self.laws):
             return np.array([law.restitution for law in self.laws])
         return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
 
     def out_of_range(self, closed: Collection[int], met: int | None) -> str:
-        """Say which of some laws has a negative bound, or a wrong restitution."""
+        """Return a message about a coefficient out of its range, or an empty string.
+
+        Bounds must not be negative, static bounds not less than dynamic ones, and
+        restitutions in [0, 1].
+
+        Parameters
+        ----------
+        closed
+            The numbers of the closed laws.
+        met
+            The law whose event function was located at this time, if any.
+        """
         e, mu = self.restitutions.tolist(), self.bounds.tolist()
         for k in closed:
             name, kind = f"`{self.laws[k].name}`", self.laws[k].kind
@@ -208,9 +232,10 @@ class Kinematics:
         return ""
 
     def _is_weaker_at_rest(self, k: int, met: int | None) -> bool:
-        """Whether a row at slip 0 may hold with less than it slides with.
+        """Whether the static bound of a law at slip 0 is less than its dynamic bound.
 
-        The one that is met may be so within rounding, and fall to it.
+        The bounds of the law that was located (`met`) are equal within rounding: there
+        it counts whether the static bound falls to the dynamic one.
         """
         law, own = self.laws[k], [k]
         if law.static == law.bound:
@@ -227,15 +252,16 @@ class Kinematics:
         return bool(before[3][k] > before[2][k])
 
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the same as `_free` within rounding of the time before."""
+        """Return `_free` at the time before this one by the rounding of the time."""
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
     def _goes_below(self, k: int, met: int | None) -> bool:
-        """Whether a bound that is 0 or less is so by more than rounding, or falls.
+        """Whether a bound of 0 or less is negative by more than rounding, or falls.
 
-        The one that is met has come to 0 within rounding. At the end of an arc a switch
-        may come before it: `max(0, sin(t))` is asked again after it.
+        The bound of the law that was located (`met`) is 0 within rounding. At the end
+        of an arc a switch may keep it from falling, as in `max(0, sin(t))`: the test is
+        repeated in the next arc.
         """
         before = float(self._free_before()[2][k])
         falls = k == met and before > 0.0 and self.t < self.arc.end
@@ -243,7 +269,7 @@ class Kinematics:
 
     @cached_property
     def present(self) -> Floats:
-        """The accelerations (L,) that there are with the laws that hold now."""
+        """The accelerations (L,) of the laws with the modes now in force."""
         system = self.arc.system
         if not system.p.law_mode.any():
             return self.accelerations
@@ -251,10 +277,10 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Sizes (size,) by which a state is rounded: also those of its rows.
+        """Return the sizes (size,) that determine the rounding of a state.
 
-        Rows that hold do so within the rounding of their own terms; those of velocities
-        have none that are places.
+        They include the sizes of the terms of the rows, within whose rounding a row in
+        force is satisfied. Rows of velocities have no terms of positions.
         """
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
@@ -267,19 +293,19 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return y' without any law, b of the laws, and their bounds and statics."""
+        """Return y' (size,) without laws; b, bounds and statics (L,) of the laws."""
         arc, p = self.arc, self.arc.system.p
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
         field = self._field(t, y)
         p.law_mode[:] = mode
-        # Left there by `field`.
+        # Results that `field` stores in the parameters.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
 
     def _field(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,), along the surfaces that the motion follows."""
+        """Return y' (size,) of the motion along the surfaces that it follows."""
         arc = self.arc
         along = arc.rates(t, y) if arc.system.p.sliding else None
         field = arc.field(t, y)  # last, as it leaves b and the bounds of laws
@@ -287,9 +313,10 @@ class Kinematics:
 
     @cached_property
     def answer(self) -> Delassus:
-        """Accelerations per multiplier, also beside surfaces that the motion follows.
+        """Accelerations of the laws per unit multiplier, along the surfaces followed.
 
-        Forces keep it there, which no impulse has.
+        Forces keep the motion on these surfaces, but impulses do not: for impulses see
+        `Shape.reply`.
         """
         shape = self.shape
         if not self.arc.system.p.sliding:
@@ -298,14 +325,14 @@ class Kinematics:
         return delassus(shape.M, rows, shape.rows)
 
     def _along(self) -> Floats:
-        """Rows (., n) of the surfaces that the motion follows."""
+        """Return the rows of the surfaces that the motion follows, n columns each."""
         _, J = self.arc.surface_rows(self.t, self.y)
         return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
-        """Which laws could act: a slip with its contact.
+        """Return which of the L laws are closed; a slip is closed with its contact.
 
-        also : those that are closed whatever their gaps are.
+        also : the numbers of laws that count as closed at any gap.
         """
         mode, in_force = self.arc.system.p.law_mode.tolist(), self.in_force
         closed: list[bool] = []
@@ -321,21 +348,24 @@ class Kinematics:
         return closed
 
     def strikes(self, k: int) -> bool:
-        """Whether a closed law's rate must change at once."""
+        """Whether the rate of closed law k must jump."""
         kind, rate = self.laws[k].kind, self.rates[k]
         if kind is Kind.TIMED:
             return bool(abs(rate) > self.still[k])
         return kind is not Kind.SLIP and bool(rate < -self.still[k])
 
     def is_off(self, k: int, part: float) -> bool:
-        """Whether a residual is off by more than a part of how it has moved."""
-        # Within its last step a place is rounded as what forces did in all of it.
+        """Whether the residual of law k exceeds a part of its range, and rounding."""
+        # Rounding of positions: that of the displacement by forces in the last step.
         rounded = SUM_ROUNDOFF * self.forces[k] * self.arc.state.step_h**2
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
 
     def depth(self, k: int) -> float:
-        """How far below 0 the gap of a contact in flight gets; inf elsewhere."""
+        """Return the depth below 0 that the gap of contact k reaches in flight.
+
+        Infinity where law k is no contact in flight, or its gap does not turn back.
+        """
         flies = self.arc.system.p.law_mode[k] == kept.OFF
         back = self.present[k]
         if self.laws[k].kind is not Kind.CONTACT or not (flies and back > 0.0):
@@ -343,10 +373,10 @@ class Kinematics:
         return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
 
     def rest(self, k: int, restitution: float) -> float | None:
-        """Time for which a contact goes on to bounce if that is no motion.
+        """Return the time for which contact k still bounces, if this is negligible.
 
-        Its next flight is no higher than the tolerance of how far it has moved, or than
-        rounding.
+        Bouncing is negligible where the height of the next flight is at most `least`.
+        Else None.
         """
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):
@@ -357,10 +387,10 @@ class Kinematics:
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
     def least(self, k: int, part: float | None = None) -> float:
-        """Height of a flight that is none: of the tolerance, or rounding.
+        """Return the largest height of a negligible flight of contact k.
 
-        Another `part` of how far the contact has moved may stand for the tolerance. The
-        rounding of the time is in it: a place is known no better.
+        This is `part` of the range of its gap (default: the tolerance of the run), or
+        the rounding of the gap and of the time.
         """
         values = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
@@ -375,7 +405,7 @@ class Kinematics:
         )
 
     def are_spanned(self, some: Sequence[int], others: Sequence[int]) -> list[bool]:
-        """Return for each of some laws whether its row is spanned by rows of others."""
+        """Return for each of some laws whether rows of others span its row."""
         sizes = self.shape.slopes.max(axis=0)
         rows = self.rows / np.where(sizes > 0.0, sizes, 1.0)
         lengths = np.linalg.norm(rows, axis=1)[:, None]
@@ -389,15 +419,29 @@ class Kinematics:
     def problem(
         self, some: Sequence[int], restitutions: Floats, reply: Delassus
     ) -> tuple[Closed, Floats]:
-        """Rows of some laws as a problem, and what they do (n, r)."""
-        # All of them, as is usual, need no copies.
+        """Return r laws as the rows of a contact problem, and their response (n, r).
+
+        Parameters
+        ----------
+        some
+            The numbers of the r laws.
+        restitutions : ndarray, shape (r,)
+            Their coefficients of restitution.
+        reply
+            The accelerations of all laws per unit multiplier.
+        """
+        # All laws, the usual case, need no copies.
         at = slice(None) if len(some) == self.count else np.array(some, dtype=int)
         own = Delassus(reply.D[at][:, at], reply.response[:, at], reply.factor[:, at])
         limits = self.bounds[at], self.statics[at]
         return Closed.of(self.laws, some, own, *limits, restitutions), own.response
 
     def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
-        """Give some laws as rows whose modes are chosen; left : see `modes`."""
+        """Return some laws as the rows of the problem that selects their modes.
+
+        left : for some laws the number of times at this instant at which they reached
+        the end of their mode (`mechanics.contact.modes`).
+        """
         closed, response = self.problem(some, np.zeros(len(some)), self.answer)
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
         return Acting(
@@ -407,12 +451,21 @@ class Kinematics:
 
 
 class Acting(NamedTuple):
-    """Laws that could act at a state, r of them: what `modes` asks for.
+    """The r laws that could act at a state: the arguments of `mechanics.contact.modes`.
 
     Attributes
     ----------
+    closed : Closed
+        The laws as rows of a contact problem.
+    rates, roundoff : ndarray, shape (r,)
+        Rates, and bounds of the rounding errors of accelerations.
+    slow : ndarray, shape (r,)
+        The largest slips that count as 0.
+    left : ndarray of int, shape (r,)
+        The number of times at this instant at which each law reached the end of its
+        mode.
     response : ndarray, shape (n, r)
-        Accelerations of the coordinates by multipliers of one.
+        Accelerations of the coordinates per unit multiplier.
     """
 
     closed: Closed

@@ -1,14 +1,15 @@
-"""Sliders without mass: which stick and which slide, and their velocities.
+"""Sliders without mass: selection of the sliding ones, and their velocities.
 
-Those in springs alone whose force is below its limit stick. Those at the limit slide
-where sticking would lead beyond it: of several, each slips against its force or has a
-force that does not grow, which is a linear complementarity problem for the slips, with
-the stiffness of the springs. A moment later it decides about those whose force does not
-change at first. Forces of dampers change at once with the slips of others: each such
-slider slips against its limit or has a force within it, in the same problem.
+A slider in springs alone sticks while its force is below its limit. At the limit it
+slides where sticking would raise its force above the limit. For several sliders, each
+slips against its force or has a force that does not grow: a linear complementarity
+problem for the slips, with the stiffness of the springs. For sliders whose force does
+not change at first, the problem is solved at a time shortly after. Forces of dampers
+change at once with the slips of other sliders: each slider in dampers slips against its
+limit or has a force within its limit, in the same problem.
 
-Where a limit falls at once below the force of springs, sliders jump: each slips against
-the force that it has then, or none of it is beyond its limit (J. J. Moreau, Evolution
+Where a limit jumps below the force of springs, sliders jump: each slips against its
+force after the jump, or this force is within its limit (J. J. Moreau, Evolution
 problem associated with a moving convex set, J. Diff. Eq. 26 (1977) 347, section 5).
 """
 
@@ -37,11 +38,12 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
-# A force is at its limit within so many tolerances, as a contact closes.
+# A force is at its limit within this multiple of the tolerance, as a contact closes.
 CLOSING = 10.0
-# Newton's steps to their velocities, which are linear but for dampers that are not; and
-# to their places after a jump, of springs that are stiffer by the second part, since
-# two sliders in series have one force; their stiffness is a difference over the third.
+# Largest numbers of Newton's steps for velocities (which are linear but for nonlinear
+# dampers), and for positions after a jump. There the stiffness is increased by the part
+# STIFFER, since two sliders in series have one force; it is computed as a difference
+# quotient, over the part ASIDE of the positions.
 STEPS = 8
 JUMPS = 50
 STIFFER = 1e-6
@@ -49,10 +51,21 @@ ASIDE = 2.0**-20
 
 
 class Settled(NamedTuple):
-    """State of sliders: y (size,), what has changed, and whether places jump.
+    """The result of the selection of sliding and sticking sliders.
 
-    And the constraints whose forces exceed their limits wherever sliders are, or at
-    whatever velocities.
+    Attributes
+    ----------
+    y : ndarray, shape (size,)
+        The state with the positions and velocities of the sliders.
+    events : list of Event
+        The changes between sticking and sliding.
+    jumps : bool
+        Whether positions of sliders jump.
+    unmet : list of str
+        Constraints whose forces exceed their limits at all positions or velocities of
+        the sliders.
+    ending : Outcome
+        The outcome of the run where `unmet` is not empty.
     """
 
     y: Floats
@@ -63,17 +76,20 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Part of its limit by which a force may be off it."""
+    """Return the part of its limit by which a force at the limit may differ from it."""
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
 def settle(arc: Arc, y: Floats) -> Settled:
-    """Set how sliders move from a state on, and their velocities in it."""
+    """Select the sliding sliders at the state y, shape (size,), and their velocities.
+
+    The modes are stored in the parameters of the kernels.
+    """
     return _Sliders(arc, y).settled()
 
 
 class _Sliders:
-    """The sliders of a run at a state; two relations of one count as their first."""
+    """The sliders of a run at a state, each with the number of its first row."""
 
     def __init__(self, arc: Arc, y: Floats) -> None:
         self.arc, self.y, self.p = arc, y.copy(), arc.system.p
@@ -91,7 +107,7 @@ class _Sliders:
         self._measure()
 
     def settled(self) -> Settled:
-        """Return the state with what sticks at rest, and what slides on its way."""
+        """Return the state with sticking sliders at rest, and others in motion."""
         past = self._past(self.elastic, SATISFIED)
         jumps = bool(past)
         if jumps:
@@ -111,9 +127,9 @@ class _Sliders:
         return Settled(self.y, events, jumps, unmet, ending)
 
     def _measure(self) -> None:
-        """Note the forces (L,), and on which side of 0 the limits are of what slides.
+        """Store the forces (L,) of the sliders, 0 of all other laws, and their signs.
 
-        They are 0 of other laws.
+        The sign of a slider of two rows is 1.
         """
         self.forces = np.zeros(len(self.laws))
         self.forces[self.all] = self._forces(self.y)
@@ -121,13 +137,14 @@ class _Sliders:
         self.signs = {k: 1.0 if self.laws[k].pair >= 0 else signs[k] for k in self.own}
 
     def _forces(self, y: Floats) -> Floats:
-        """Multipliers of all sliders at y."""
+        """Return the multipliers of all rows of sliders at the state y (size,)."""
         return self.arc.runner.function("sliders", len(self.all))(self.arc.t, y)
 
     def _past(self, some: list[int], part: float) -> list[int]:
-        """Which forces of some are past their limits by a part of these, or rounding.
+        """Return the sliders of `some` whose forces are past their limits.
 
-        Where the part is below 0, no more than that below.
+        They exceed the limit by the part `part` of it and by rounding; with a negative
+        part, they exceed the limit less this part and less rounding.
         """
         found, here = [], self._at(self.own)
         for k in some:
@@ -144,7 +161,7 @@ class _Sliders:
             self.p.law_direction[k] = self.signs[k]
 
     def _move(self) -> None:
-        """Give sliders the velocities of those that slide, and of those that do not."""
+        """Solve for the velocities of all sliders with the present selection."""
         self._set(self.sliding)
         arc, own = self.arc, self.places
         velocities = self.y[arc.velocities]
@@ -156,7 +173,10 @@ class _Sliders:
                 return
 
     def _at(self, some: Collection[int], later: float = 0.0) -> Kinematics:
-        """Kinematics with the rows that slide of some, now or later as things are."""
+        """Evaluate the kinematics with the sliders `some` set to slide.
+
+        later : the time from now, by which the state advances at its present rates.
+        """
         arc, y = self.arc, self.y
         if later:
             self._set(self.sliding)
@@ -165,7 +185,7 @@ class _Sliders:
         return Kinematics(arc, y, arc.t + later)
 
     def _slip(self, edge: list[int]) -> None:
-        """Find which slide: slips, and rates of forces below limits, complement."""
+        """Select the sliding ones of the sliders at their limits, `edge`."""
         for _ in range(STEPS if edge else 0):
             self._move()
             before, self.sliding = self.sliding, self._slipping(edge)
@@ -175,11 +195,12 @@ class _Sliders:
             self.sliding = self._slipping(edge, self.arc.moment)
 
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
-        """Which of some (e,) slide, now or later, where velocities change linearly.
+        """Return the sliders of `edge` that slide, now or at a time `later` from now.
 
-        D (r, r): what a slip of each against its force takes off the rate of each row.
-        A slider in dampers has two rows, of the margins of its force to both limits.
-        Where the limit is 0 both signs are: that of the slip is taken.
+        This solves a linear complementarity problem of r rows. Its matrix D (r, r) has
+        the decrease of the rate of each row per unit slip of each slider against its
+        force. A slider in dampers has two rows, the margins of its force to both
+        limits. Where a limit is 0 the slip has either sign, which is stored.
         """
         slides, sticks = self._at(edge, later), self._at((), later)
         both = [k for k in edge if k in self.viscous]
@@ -210,9 +231,10 @@ class _Sliders:
         return {k for k, moves in zip(edge, moving, strict=True) if moves}
 
     def _jump(self) -> None:
-        """Take sliders in springs to where no force is beyond its limit.
+        """Move the sliders in springs to positions at which no force exceeds its limit.
 
-        With forces p (s,) of these the ways of slips are D p + c, by the compliance D.
+        The displacements of the sliders are D p + c with their forces p (s,) and the
+        compliance D (s, s).
         """
         positions = self.y[self.arc.state.positions]
         some = [k for k in self.elastic for k in (k, self.laws[k].pair) if k >= 0]

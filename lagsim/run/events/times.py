@@ -1,6 +1,6 @@
 """Events at times known in advance: switches of t alone, and the sizes of pulses.
 
-The branch of each switch in time is fixed in an arc. A smooth pulse of t alone is
+The branch of each switch of t alone is fixed in an arc. A smooth pulse of t alone is
 located within the steps, as all localized terms are (`methods.parts.search`).
 """
 
@@ -34,16 +34,18 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
 
 
-# Breaks accumulate if, after FEWEST, windows of so many get shorter so fast that all
-# that follow would take less than this part of the time since the first.
+# After FEWEST breaks, breaks accumulate if the lengths of windows of WINDOW breaks
+# decrease so fast that all breaks to come would take less than the part SHORT of the
+# time since the first break.
 WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
 class _Ahead(Source):
-    """Future breaks of a run, in order, found as the run gets to them.
+    """Future breaks of a run in order of time, computed when the run reaches them.
 
-    A run that is resumed finds it anew, past what it has taken; so does one whose
-    events set modes on which it depends, from then on.
+    A resumed run computes its breaks again and skips the breaks that it has passed.
+    Where an event sets modes on which breaks depend, the breaks after this event are
+    computed again.
     """
 
     DERIVED: tuple[str, ...] = ("_coming",)
@@ -57,16 +59,16 @@ class _Ahead(Source):
         self._coming: Iterator[Any] | None = None
 
     def _all(self) -> Iterator[Any]:
-        """Find all of it, from `_start` on."""
+        """Return an iterator over all breaks from the time `_start`."""
         raise NotImplementedError
 
     @property
     def _values(self) -> dict[str, float]:
-        """The parameters, and the modes that it depends on."""
+        """The values of the parameters, and of the modes on which breaks depend."""
         return self._arc.parameters | self._modes
 
     def _is_other(self, arc: Arc) -> bool:
-        """Whether modes have been set that it depends on; then it begins anew."""
+        """Whether modes on which breaks depend have changed; then restart from now."""
         modes = {name: arc.modes[name] for name in self._names}
         if modes == self._modes:
             return False
@@ -75,7 +77,7 @@ class _Ahead(Source):
         return True
 
     def _following(self, last: Any) -> Any:
-        """Next of it; `last` after all of it."""
+        """Return the next break, or `last` after all breaks."""
         if self._coming is None:
             self._coming = self._all()
             if self._taken:
@@ -85,7 +87,7 @@ class _Ahead(Source):
 
 
 def clocks(arc: Arc) -> dict[int, Clock]:
-    """Return the tables of a t + b at whose points y' has no jump, by their modes."""
+    """Return the tables of a t + b without a jump of y' at points, by their modes."""
     g, modes = arc.equations.graph, arc.system.switches.modes
     smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}
     found = {k: Clock.of(g, discrete) for k, discrete in smooth.items()}
@@ -93,20 +95,25 @@ def clocks(arc: Arc) -> dict[int, Clock]:
 
 
 class Knots(_Ahead):
-    """The points that tables of a t + b are passed at, without a jump of y'.
+    """The knots of a run: points of tables of a t + b without a jump of y'.
 
-    The kernel goes through them, so many at a time (`methods.parts.parameters.Knots`):
-    there is nothing to decide. Where y' may jump, at the ends, are breaks besides.
+    The kernel passes the knots without ending the arc; its memory holds a number of
+    knots at a time (`methods.parts.parameters.Knots`). The ends of a table, at which y'
+    may jump, are breaks also.
     """
 
     def __init__(self, arc: Arc) -> None:
         modes = arc.system.switches.modes
         super().__init__(arc, [modes[k].discrete for k in clocks(arc)])
-        self._are_events: list[bool] = []  # of those that the kernel knows
+        self._are_events: list[bool] = []  # of the knots in the kernel's memory
         self._told, self._last = 0, -inf
 
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
-        """Return times, modes, cells before and after, whether each is an event."""
+        """Return an iterator over the knots in order of time.
+
+        Each has its time, its mode, the cells before and after it, and whether it is
+        an event.
+        """
         return heapq.merge(*(self._of(*each) for each in clocks(self._arc).items()))
 
     def _of(self, k: int, clock: Clock) -> Iterator[tuple[float, int, int, int, bool]]:
@@ -121,7 +128,7 @@ class Knots(_Ahead):
                 yield time, k, before, after, is_event
 
     def begin(self, arc: Arc) -> Decision:
-        """Set the cells that the time reached is in."""
+        """Set the cell of each table at the time reached."""
         p = arc.system.p
         if self._is_other(arc) or not self._taken:
             p.apart = max(self._rounding(clock) for clock in clocks(arc).values())
@@ -136,7 +143,7 @@ class Knots(_Ahead):
         return GO_ON
 
     def _rounding(self, clock: Clock) -> float:
-        """Return how far off a time may be."""
+        """Return a bound of the rounding error of the times of knots."""
         at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
         ends = self._start, self._arc.settings.end
         x, a = (max(map(abs, pair)) for pair in zip(*map(at, ends), strict=True))
@@ -144,7 +151,7 @@ class Knots(_Ahead):
         return NEIGHBOURS * math.ulp(max(map(abs, ends))) + moved
 
     def _fill(self, arc: Arc) -> None:
-        """Give the kernel the next of them."""
+        """Write the next knots to the memory of the kernel."""
         p = arc.system.p
         coming = iter(partial(self._following, None), None)
         found = list(islice(coming, len(p.knot_times)))
@@ -155,7 +162,7 @@ class Knots(_Ahead):
         self._are_events, self._told = [x[-1] for x in found], 0
 
     def passed(self, arc: Arc) -> Decision:
-        """Report the kinks that the kernel has passed."""
+        """Report the knots that the kernel has passed, where they are events."""
         p, first = arc.system.p, self._told
         if p.passed == first:
             return GO_ON
@@ -169,7 +176,7 @@ class Knots(_Ahead):
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Give the kernel more of them."""
+        """Write further knots to the kernel if it has passed all that it has."""
         if code != at.KNOTS_PASSED:
             return None
         if arc.system.p.passed >= arc.system.p.known:
@@ -178,7 +185,7 @@ class Knots(_Ahead):
 
 
 class TimeBreaks(_Ahead):
-    """The breaks in time of a run, but for the points of tables that are `Knots`."""
+    """The breaks of a run: times at which switches of t change, except `Knots`."""
 
     DERIVED = ("_coming", "_discrete")
 
@@ -199,14 +206,14 @@ class TimeBreaks(_Ahead):
         return break_times(g, self._nodes(arc), self._values, *ends)
 
     def _nodes(self, arc: Arc) -> list[int]:
-        """Return discrete functions: of its own modes, then of the ends of `Knots`."""
+        """Return the discrete functions of its modes, then of the ends of `Knots`."""
         g, modes = arc.equations.graph, arc.system.switches.modes
         closed = (clock for k, clock in clocks(arc).items() if k in self._closed)
         ends = (at_ends(g, clock.axis, clock.argument) for clock in closed)
         return [*(modes[k].discrete for k in self._own), *ends]
 
     def begin(self, arc: Arc) -> Decision:
-        """Set the branches up to the next break."""
+        """Set the branches of the switches of t up to the next break."""
         if self._is_other(arc):
             self._next = self._following(inf)
         if self._own:
@@ -220,11 +227,11 @@ class TimeBreaks(_Ahead):
         return GO_ON
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
-        """Next break."""
+        """Return the time of the next break."""
         return (self._next,)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Go through a break that has been reached."""
+        """Pass a break if the run has reached it; else return None."""
         if code != at.DONE or arc.t < self._next - width(arc.settings, arc.t):
             return None
         self._met.add(arc.t, 0)
@@ -239,27 +246,27 @@ class TimeBreaks(_Ahead):
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 
-# An arc is looked at so many times; distances there are in powers of e, see
-# `methods.parts.missed`. What comes closer by less than this is no pulse.
+# Number of samples of an arc. Distances from the centre of a pulse are in powers of e,
+# see `methods.parts.missed`; a pulse has a minimum of distance at least SHALLOW deep.
 SAMPLES = 128
 SHALLOW = 3.0
-# The part of what a pulse does to a motion that counts as its size before.
+# Part of the change by a pulse that counts as the size of a component before it.
 FORESEEN = 1e-2
 
 
 class Pulses(Source):
-    """Sizes that pulses of t alone will give to what rests until then.
+    """Sizes of the changes that pulses of t alone will cause, for error control.
 
-    The first traces of a wide pulse, a hundred powers of ten below it, would be
-    controlled as finely as rounding lets them be. One that these samples miss leaves no
-    trace until a step over it is taken back (`methods.parts.search`).
+    Without them the error control would resolve the tail of a wide pulse, a hundred
+    powers of ten below its peak, down to rounding. A pulse between the samples has no
+    size until a step over it is rejected (`methods.parts.search`).
     """
 
     def __init__(self) -> None:
         self._seen = -inf  # up to this time
 
     def set_out(self, arc: Arc) -> Decision:
-        """Look at what comes up to the end of an arc, and a little past it."""
+        """Return the sizes by pulses up to the end of an arc and one sample past it."""
         if arc.t < self._seen:
             return GO_ON
         self._seen = arc.end
@@ -274,7 +281,20 @@ class Pulses(Source):
 
 
 def pulses(arc: Arc, times: Floats) -> list[float]:
-    """Those of some times at which a term of t alone is closest to where it acts."""
+    """Return the times of pulses: of terms of t alone that are localized.
+
+    Parameters
+    ----------
+    arc
+        The arc, with its parameters and modes.
+    times : ndarray, shape (k,)
+        Increasing sample times; the first and last are never pulses.
+
+    Returns
+    -------
+    list of float
+        The samples at which a term is closest to the value where it acts.
+    """
     graph, timed = arc.equations.graph, arc.system.timed
     values: dict[str, Any] = {**arc.parameters, "t": times}
     for mode in arc.system.switches.modes:
@@ -295,7 +315,10 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
 
 
 def _pushed(arc: Arc, time: float) -> Floats:
-    """Sizes (size,) of what the forces of a time do between two samples."""
+    """Return the changes (size,) of a state by the forces at a time.
+
+    The forces act for the part `FORESEEN` of the interval between samples.
+    """
     state, velocities = arc.state, arc.velocities
     width = FORESEEN * (arc.end - arc.t) / SAMPLES
     push = width * np.abs(arc.rates(time, arc.y)[velocities])
