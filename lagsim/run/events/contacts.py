@@ -1,10 +1,10 @@
-"""Constraints that come into force and go: contacts, friction, limits, freewheels.
+"""Impacts and mode selection of laws: contacts, friction, limits, freewheels.
 
-In an arc each law has a mode (`program/laws.py`). Where one ends, or a gap closes, it
-is asked first whether anything strikes: impulses take the velocities to where they may
-go on. Then the accelerations decide which of the closed laws hold. A contact that would
-rebound by less than the tolerance tells apart rests: of a ball that bounces ever less
-the time at which it comes to rest is that of the geometric series.
+In an arc each law has a mode (`program/laws.py`). Where a mode ends or a gap closes,
+the impacts of closing laws are computed first: their impulses change the velocities to
+admissible ones. Then the accelerations decide which of the closed laws hold. A contact
+whose rebound would be below the tolerance comes to rest: the rest time of a ball with
+ever smaller bounces is the limit of a geometric series.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ FORCING = (kept.HELD, kept.SLIDING)
 HOLDING = (kept.HELD, kept.REDUNDANT)
 # Kinds of laws that share loads, unless they have friction.
 SHARING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.LIMITED)
-# Where forces change, each moment looked at is so many times as late as the last.
+# Ratio of successive times ahead at which the change of forces is evaluated.
 LATER = 10.0
-# What has bounced so often comes to rest by a series, not by one impact.
+# A contact with more impacts than this comes to rest by a series, not by one impact.
 SERIES = 3
-# A contact closes within so many tolerances of how far it has moved; no tolerance is
-# less here than what a series of impacts leaves where it is taken to have ended.
+# Largest gap of a closed contact, in tolerances of the distance it has moved; the
+# tolerance is at least the gap that a series of impacts leaves at its computed end.
 CLOSING = 10.0
-# What turns at its ground is so near to turning, in parts of the time of its flight.
+# Longest time to the turning point of a contact that grazes, in parts of its flight.
 TURNING = 0.05
 
 
@@ -84,7 +84,19 @@ WARNINGS = {
 
 @dataclass(slots=True)
 class Found:
-    """Events at one time."""
+    """State after the events at one time, with the events, warnings and rows.
+
+    Attributes
+    ----------
+    y : ndarray, shape (size,)
+        The state after the impacts.
+    events, cautions
+        The events, and the warnings.
+    rows : ndarray or None
+        Table rows just before an impact; None where no impact is reported.
+    ending
+        The reason why the motion cannot continue, or None.
+    """
 
     y: Floats
     events: list[Event] = field(default_factory=list)
@@ -94,7 +106,7 @@ class Found:
 
 
 class Contacts(Source):
-    """The laws of a run."""
+    """Source of a run that computes the impacts of its laws and selects their modes."""
 
     def __init__(self, arc: Arc) -> None:
         self.laws = arc.system.laws
@@ -104,14 +116,15 @@ class Contacts(Source):
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
         self.ended = False
-        # What slid until this time, whoever asks once more at it; and how often what
-        # held until then has reached the edge of what it bears.
+        # Laws that slid until this time, for repeated selections at it; and how often
+        # each law that held until then has reached the limit of its multiplier.
         self.slid: set[int] = set()
         self.left: dict[int, int] = {}
-        # And what is closed at it whatever its gap is; constraints whose bounces end.
+        # Laws closed at this time whatever their gaps are; constraints whose bounces
+        # end.
         self.also: set[int] = set()
         self.rested: set[str] = set()
-        # Time, laws and modes where these are chosen with those of surfaces.
+        # Time, laws and their modes, where selected together with modes of surfaces.
         self.joint: tuple[float, list[int], Modes] | None = None
         self.before = np.zeros(len(self.laws))  # the modes up to the time reached
         self.asked_at = arc.t
@@ -121,13 +134,19 @@ class Contacts(Source):
         p.law_floor[:] = p.law_opens[:] = 0.0
 
     def begin(self, arc: Arc) -> Decision:
-        """Choose the modes at the state reached."""
+        """Compute the impacts and select the modes at the state reached."""
         return self._decision(arc, self._through(arc, None))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Go through the end of a mode."""
+        """Return the decision at the end of a law's mode; None for any other code.
+
+        Raises
+        ------
+        InputError
+            If no motion can begin at the start of the run.
+        """
         if code == at.DONE and arc.t >= arc.settings.end and not self.ended:
-            # What strikes at the end does so, but for rounding.
+            # An impact at the end of the run is reported, to rounding of its time.
             self.ended = True
             found = self._through(arc, None)
             return None if found.rows is None else self._decision(arc, found, Turn.ARC)
@@ -140,10 +159,10 @@ class Contacts(Source):
         if p.law_mode[k] == kept.HELD:
             self.left[k] = self.left.get(k, 0) + 1
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
-            # The beginning on a disc has ended, and of those that began with it.
+            # Ends the regularized beginning of this slip, and of slips begun with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
             p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
-        joint = arc.system.surfaces > 0  # modes are chosen with those of surfaces
+        joint = arc.system.surfaces > 0  # modes are selected with those of surfaces
         found = self._through(arc, k, select=not joint)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
@@ -165,7 +184,7 @@ class Contacts(Source):
         )  # fmt: skip
 
     def _note_former(self, arc: Arc) -> None:
-        """Note what slid until this time, if it is a new one."""
+        """Store the laws that slid until this time, once for each time."""
         if arc.t != self.asked_at:
             slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
             self.asked_at, self.slid = arc.t, set(slid.tolist())
@@ -174,7 +193,18 @@ class Contacts(Source):
     def _report(
         self, found: Found, code: str, some: list[int], **numbers: float
     ) -> None:
-        """Warn of what the laws of some contacts leave open, or get wrong, once."""
+        """Add a warning about some laws, once for each text.
+
+        Parameters
+        ----------
+        found : Found
+        code : str
+            A key of `WARNINGS`.
+        some : list of int
+            Numbers of the laws.
+        **numbers
+            Fields of the text.
+        """
         text = WARNINGS[code].format(names=self._names(some), **numbers)
         found.cautions += self.once(code, text)
 
@@ -182,7 +212,16 @@ class Contacts(Source):
         return quoted(self.laws[k].name for k in some)
 
     def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> Found:
-        """Go through impacts, then choose the modes."""
+        """Compute the impacts at the state reached, then select the modes.
+
+        Parameters
+        ----------
+        arc : Arc
+        met : int or None
+            Number of the law whose mode has ended.
+        select : bool
+            Whether the modes are selected here, not later with those of surfaces.
+        """
         here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
         if arc.system.p.law_opens.any():
             found.y = _raised_state(here)
@@ -216,7 +255,7 @@ class Contacts(Source):
                 k
                 for k, law in enumerate(self.laws)
                 if law.kind is Kind.FREEWHEEL and here.in_force[k]
-            }  # it may engage by that
+            }  # the impact may engage a freewheel
             self._strike(here, sorted(free.union(some)), ends, found)
             here = here.at(found.y)
         if any(law.slider for law in self.laws):
@@ -228,7 +267,18 @@ class Contacts(Source):
     def _select(
         self, here: Kinematics, also: Collection[int], some: list[int], found: Found
     ) -> None:
-        """Choose the modes of laws by the accelerations; also : closed in any case."""
+        """Select the modes of laws by the accelerations.
+
+        Parameters
+        ----------
+        here : Kinematics
+        also : collection of int
+            Laws that count as closed whatever their gaps are.
+        some : list of int
+            Laws that are closed and can strike.
+        found : Found
+            The events and warnings are added to it.
+        """
         arc, p = here.arc, here.arc.system.p
         joint, self.joint = self.joint, None
         if joint is None or joint[0] != arc.t or found.rows is not None or here.grazing:
@@ -241,7 +291,7 @@ class Contacts(Source):
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
         stopped = [k in self.slid and self.laws[k].pair >= 0 for k in held]
-        if any(stopped):  # what is left of the speed of a disc goes no farther
+        if any(stopped):  # the remaining speed of a slip that stops is removed
             asked = np.where(stopped, here.rates[held], 0.0)
             found.y[arc.velocities] -= here.shape.lift(held, asked)
         events = _changes(here, self.before) if arc.steps else ()
@@ -264,27 +314,43 @@ class Contacts(Source):
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
 
     def that_may_act(self, arc: Arc) -> list[int]:
-        """Numbers of the laws that could act at the state reached."""
+        """Return the numbers of the laws that could act at the state reached."""
         self._note_former(arc)
         return that_could_act(Kinematics(arc, arc.y), self.also)
 
     def take(self, arc: Arc, some: list[int], found: Modes) -> None:
-        """Take modes of some laws that are chosen with those of surfaces."""
+        """Store modes of some laws that were selected with those of surfaces.
+
+        Parameters
+        ----------
+        arc : Arc
+        some : list of int
+            Numbers of the laws.
+        found : Modes
+            Modes of rows, those of these laws first.
+        """
         self.joint = arc.t, some, found
         self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
 
     def _put(self, arc: Arc, chosen: Chosen) -> None:
         """Store modes where the compiled functions read them."""
         p = arc.system.p
-        own = p.law_place < 0.0  # a slider's are those that it is settled with
+        own = p.law_place < 0.0  # the modes of sliders are set by `settle`
         p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
         p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 
     def rest_soon(self, arc: Arc, within: float) -> None:
-        """Take slips on discs that may come to rest in this time to be at rest.
+        """Count as at rest the slips on discs that may stop within this time.
 
-        With switches that accumulate: of a slip that goes round with them nothing is
-        left, but friction along what is left would hide what the switches do.
+        This applies where switches accumulate: a slip whose direction turns with the
+        switches vanishes at their limit, and friction along the remaining slip would
+        hide the effect of the switches.
+
+        Parameters
+        ----------
+        arc : Arc
+        within : float
+            The time.
         """
         here, p = Kinematics(arc, arc.y), arc.system.p
         discs = [k for k, law in enumerate(self.laws) if law.pair >= 0]
@@ -292,7 +358,10 @@ class Contacts(Source):
         p.law_still[discs] = np.maximum(p.law_still[discs], slow)
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
-        """Kinematics with sliders without mass as they go on."""
+        """Return the kinematics after an update of the massless sliders.
+
+        The state, events and ending are stored in `found`.
+        """
         arc, before = here.arc, found.y
         settled = settle(arc, before)
         found.y, found.events = settled.y, found.events + settled.events
@@ -305,19 +374,20 @@ class Contacts(Source):
         return here.at(found.y)
 
     def _is_examined(self, arc: Arc) -> bool:
-        """Whether the examination of the start has judged all laws in force.
+        """Whether the examination of the start has checked all laws in force.
 
-        It knows what solving the guesses leaves in a residual; at a state that has not
-        moved yet no range tells. Events may have set other modes at the start since.
+        That examination uses the residuals left by the solution for the guesses; at a
+        state that has not moved yet there are no ranges to compare a residual with.
+        Events may have set other modes at the start since.
         """
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
-        """Whether a law that is in force now is off by more than it was located.
+        """Whether the residual of a law now in force exceeds the location tolerance.
 
-        Its function jumps there, or it has been closed in flight: no motion goes on,
-        and no energy of other bodies hides that.
+        Then its function jumps there, or it was closed in flight, and no motion can
+        continue. The energy of other bodies does not enter the tolerance.
         """
         kind, rtol, part = self.laws[k].kind, here.arc.plan.rtol, SATISFIED
         if kind is Kind.CONTACT and rtol is not None:
@@ -325,10 +395,10 @@ class Contacts(Source):
         return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, part)
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
-        """Which series of bounces end with an impact, and when each would.
+        """Return the end time of each series of bounces that ends with this impact.
 
-        Each contact is judged by its own flights. All that end do so together, as one
-        accumulation.
+        Each contact is judged by its own flights. All series that end are ended at this
+        impact, as one accumulation; the result is empty if none of them strikes now.
         """
         t = here.arc.t
         struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
@@ -352,7 +422,19 @@ class Contacts(Source):
     def _strike(
         self, here: Kinematics, some: list[int], ends: dict[int, float], found: Found
     ) -> None:
-        """Apply impulses of some laws; ends : when series end that do so with them."""
+        """Compute and apply the impulses of some laws.
+
+        Parameters
+        ----------
+        here : Kinematics
+            The laws just before the impact.
+        some : list of int
+            Numbers of the laws with impulses.
+        ends : dict of int to float
+            End times of the series of bounces that end with this impact.
+        found : Found
+            Its state, rows, events and warnings are updated.
+        """
         arc, y, lift = here.arc, found.y, here.shape.lift
         before = y.copy()
         found.rows = arc.runner.tabulate(arc.row())
@@ -364,12 +446,13 @@ class Contacts(Source):
         e = [0.0 if k in ends else here.restitutions[k] for k in some]
         problem, response = here.problem(some, np.array(e), here.shape.reply)
         if stopped:
-            # What ends is held: a slip has the friction of what is left of its impacts.
+            # A contact whose series ends is held as an equality; a slip has the
+            # friction of the impulses that remain in its series.
             kinds = [Kind.TIMED if k in ends else self.laws[k].kind for k in some]
             problem = replace(problem, kinds=tuple(kinds))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
-        # A flight that begins a rounding below the ground would end one farther below.
+        # A flight that begins below the ground by rounding would end deeper by as much.
         deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
         if deep:
             y[arc.state.positions] -= lift(deep, here.gaps[deep])
@@ -403,18 +486,18 @@ class Contacts(Source):
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         elif not result.impulses.any():
-            found.rows = None  # of rates that are rounding beside others of their body
+            found.rows = None  # the closing rates were rounding of their body's others
         self._warn(here, some, result, found, ending=bool(stopped))
 
     def _warn(
         self, here: Kinematics, some: list[int], result: Impact, found: Found,
         *, ending: bool,
     ) -> None:  # fmt: skip
-        """Warn of what the law of impacts leaves open, or gets wrong."""
+        """Add warnings of an impact that is not unique, or that gains energy."""
         if result.open:
             self._report(found, "impact-order", some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
-        # What ends a series is held, and may be pulled down from a last flight.
+        # The end of a series is held, and may be pulled down from its last flight.
         if not ending and result.energy > COMPUTED_ZERO * (
             np.abs(result.impulses) @ speeds
         ):
@@ -422,12 +505,21 @@ class Contacts(Source):
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
-    """Contacts in flight that turn back at their ground -> the depth.
+    """Return the depths of contacts in flight that turn back at their ground.
 
-    A depth within the errors of a gap is no impact: its speed, the root of that, would
-    be a jump a thousand times the tolerance. However loose that is, the rows satisfy
-    the contact. What turns it back has to act before the ground: none is told on the
-    surface of a switch, past which forces are others.
+    A depth within the error of a gap is no impact: the closing speed, of the order of
+    the square root of the depth, would be a jump of a thousand times the tolerance.
+    However loose the tolerance is, the rows satisfy the contact. The force that turns
+    the motion back has to act before the ground is reached: the result is empty on the
+    surface of a switch, beyond which the forces differ.
+
+    Parameters
+    ----------
+    here : Kinematics
+    closed : list of bool, length L
+        Whether each law is closed.
+    flown : float
+        Duration of the flight so far.
     """
     system = here.arc.system
     struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
@@ -446,7 +538,10 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
 
 
 def _raised_state(here: Kinematics) -> Floats:
-    """State (size,) with what is below its ground by an error on it, not closing."""
+    """Return the state (size,) with contacts that are below ground by an error raised.
+
+    Their gaps and closing rates become 0.
+    """
     state, p = here.arc.state, here.arc.system.p
     y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
     levels = (state.positions, here.residuals), (state.velocities, here.rates)
@@ -459,7 +554,18 @@ def _raised_state(here: Kinematics) -> Floats:
 
 
 def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) -> Floats:
-    """Velocities (n,) at y of laws that have been stopped, to rates `left` (r,)."""
+    """Return the velocities (n,) to subtract so that stopped laws do not move at y.
+
+    Parameters
+    ----------
+    here : Kinematics
+    y : ndarray, shape (size,)
+        State after the impact, with corrected gaps.
+    some : list of int, length r
+        Numbers of the laws.
+    left : ndarray, shape (r,)
+        Their rates after the impact; a law whose rate is 0 to rounding is stopped.
+    """
     there, rows = here.at(y), np.array(some)[np.abs(left) <= here.still[some]]
     if not (np.abs(there.rates[rows]) > there.still[rows]).any():
         return np.zeros(here.arc.system.n)
@@ -470,7 +576,10 @@ def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) ->
 
 
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
-    """State (size,) a moment later, with multipliers p of laws, to second order."""
+    """Return the state (size,) after time `moment`, to second order.
+
+    `p`, shape (r,): the multipliers of the laws `some`.
+    """
     rates = here.free.copy()
     rates[here.arc.velocities] += here.answer.response[:, some] @ p
     return here.arc.later(here.y, rates, moment)
@@ -480,12 +589,19 @@ def ahead_of(
     here: Kinematics, some: list[int],
     others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
 ) -> Ahead:  # fmt: skip
-    """Rates of change, and their rounding, of accelerations at given multipliers.
+    """Return a function of multipliers (r,): the rates of change of accelerations.
 
-    Each bounded one keeps its part of its bound.
+    The function returns these rates (k + r,) of `others` and of laws, and the rounding
+    bounds (r,) of those of laws. Each bounded multiplier keeps its ratio to its bound.
 
-    others : rates (k,) of other rows, which come first, at a state with accelerations
-    (n,) by these multipliers; of them no rounding is given.
+    Parameters
+    ----------
+    here : Kinematics
+    some : list of int, length r
+        Numbers of the laws.
+    others : callable
+        Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
+        which returns the rates (k,) of other rows. They come first in the result.
     """
     moment = here.arc.moment
 
@@ -505,7 +621,11 @@ def ahead_of(
 
 
 def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
-    """Numbers of the laws that are closed and do not separate."""
+    """Return the numbers of the laws that are closed and do not separate.
+
+    Laws of `also` count as closed whatever their gaps are. A slip could act only where
+    its contact could.
+    """
     closed, some = here.is_closed(also), list[int]()
     for k, law in enumerate(here.laws):
         leaves = law.kind.one_sided and here.rates[k] > here.still[k]
@@ -517,9 +637,19 @@ def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
 
 
 class Chosen(NamedTuple):
-    """The modes of all laws, and how they came about.
+    """Selected modes of all laws, with the multipliers that justify them.
 
-    some : the laws that could act; multipliers : theirs; D : their diagonal of D.
+    Attributes
+    ----------
+    mode, direction : ndarray, shape (L,)
+        Mode of each law, and the direction of its friction or limit.
+    some : list of int, length r
+        Numbers of the laws that could act.
+    multipliers, D : ndarray, shape (r,)
+        Their multipliers, and the diagonal of their matrix D, accelerations per
+        multiplier.
+    paradox, open : bool
+        Whether no modes satisfy the conditions; whether the motion is not unique.
     """
 
     mode: Floats
@@ -532,7 +662,7 @@ class Chosen(NamedTuple):
 
     @classmethod
     def of(cls, here: Kinematics, some: list[int], found: Modes) -> Chosen:
-        """Modes of the laws, of those of some, and of rows after these."""
+        """Return the modes of all laws; the first rows of `found` are laws `some`."""
         mode, direction = np.zeros((2, here.count))
         r = len(some)
         mode[some] = [float(x) for x in found.mode[:r]]
@@ -544,7 +674,10 @@ class Chosen(NamedTuple):
 
 
 def _chosen(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
-    """Select modes by the accelerations of some laws."""
+    """Select the modes by the accelerations of the laws `some`, which could act.
+
+    `left`: how often each law has reached the limit of its multiplier at this time.
+    """
     if not some:
         none = np.empty(0)
         mode, direction = np.zeros((2, here.count))
@@ -559,13 +692,22 @@ def _chosen(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chose
 
 
 def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
-    """Set the speeds that slips which begin on a disc have at the least, and stop at.
+    """Store the least speeds of slips that begin on a disc, and the speeds to stop at.
 
-    What rounding leaves of slower ones has no direction, and friction would pull them
-    into that of their force at once, for which explicit steps are too long. Up to
-    BEGUN of it they go on along the way that they began. The way that this is off by
-    is the power 3/2 of the part, against that of the time in which forces change. Of
-    slower ones friction would leave a fixed step unstable, by its stability bound of 2.
+    A slower slip has no direction but rounding, and friction would turn it into the
+    direction of its force at once, for which explicit steps are too long. Up to BEGUN
+    times the least speed a slip keeps its first direction. The error of its path is the
+    power 3/2 of the relative speed, compared with the path in the time in which forces
+    change. Friction on a slower slip would make a fixed step unstable, whose stability
+    bound is 2.
+
+    Parameters
+    ----------
+    here : Kinematics
+    found : Chosen
+        The modes selected.
+    slid : collection of int
+        Laws that slid until this time.
     """
     arc, p = here.arc, here.arc.system.p
     floors, stills = np.zeros(here.count), np.zeros(here.count)
@@ -576,7 +718,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         if law.pair < k:
             continue
         if kept.SLIDING not in found.mode[pair]:
-            if k in slid or law.pair in slid:  # it stops, and may be asked again
+            if k in slid or law.pair in slid:  # stops; selection may be repeated
                 stills[pair] = p.law_still[k]
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
@@ -591,8 +733,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             continue
         changes = _steady(here, found, pair, rubs)
         scale = rubs * changes
-        # Below this it would turn and stop in fewer roundings of the time than steps
-        # need.
+        # A slower slip would turn and stop in fewer roundings of t than steps need.
         rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * max(here.still[k], rounded))
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
@@ -611,9 +752,19 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
 
 
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
-    """Time in which the forces on a slip change by as much as its friction.
+    """Return the time in which the forces on a slip change by as much as its friction.
 
-    Looked for at ever later moments: a force may begin to change at a rate of 0.
+    Evaluated at ever later times, since a force may begin to change at a rate of 0.
+
+    Parameters
+    ----------
+    here : Kinematics
+    found : Chosen
+        The modes selected.
+    pair : list of int, length 2
+        The two laws of the slip on a disc.
+    rubs : float
+        Deceleration of the slip by its friction.
     """
     moment, steady = here.arc.moment, here.arc.settings.end - here.t
     while moment < steady:
@@ -621,7 +772,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
         later = here.at(y, here.t + moment)
         bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment
-        if not math.isfinite(change):  # there are no forces so far ahead
+        if not math.isfinite(change):  # the forces are undefined so far ahead
             return moment
         steady = min(steady, rubs / change) if change > 0.0 else steady
         moment *= LATER
@@ -629,7 +780,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 
 
 def _set_slack(here: Kinematics, found: Chosen) -> None:
-    """Set the slack by which rounding does not end a mode that has just begun."""
+    """Store slacks and bands: rounding must not end a mode that has just begun."""
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
     slack = p.slack[K:]
     slack[:] = 0.0
@@ -642,17 +793,17 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
         elif law.slider:
             speed = here.seen[arc.velocities][law.slider.coordinate]
             size[k] = band[k] = SUM_ROUNDOFF * speed
-            if p.law_direction[k] == 0.0:  # free of loss it may come back to its limit
+            if p.law_direction[k] == 0.0:  # lossless: it may return to its limit
                 size[k], band[k] = (
                     np.array([SUM_ROUNDOFF, at_edge(arc)]) * here.bounds[k]
                 )
         elif mode == kept.SLIDING:
             size[k] = here.still[k]
-            band[k] = 0.5 * p.law_floor[k]  # its way holds so far back
+            band[k] = 0.5 * p.law_floor[k]  # its direction is kept so far back
         elif mode == kept.OFF and law.kind.one_sided:
             position = law.kind is Kind.CONTACT
             rounding[k] = here.slack[k] if position else here.still[k]
-            if here.gaps[k] <= rounding[k]:  # what has not risen yet has a slack
+            if here.gaps[k] <= rounding[k]:  # a gap that has not opened yet has a slack
                 size[k] = max(rounding[k], math.ulp(0.0))
             size[k] += 2.0 * here.grazing.get(k, 0.0)
     event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
@@ -661,7 +812,10 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
 
 
 def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
-    """Report the constraints that hold now and did not, and the opposite."""
+    """Return events of constraints that now hold and did not before, or the reverse.
+
+    `before`, shape (L,): the modes before.
+    """
     t, now = here.arc.t, here.arc.system.p.law_mode
     if (now == before).all():
         return
@@ -669,7 +823,7 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
         {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
         for x in (before, now)
     )
-    told = was_on & is_on  # on another piece of its gap, perhaps
+    told = was_on & is_on  # possibly on another piece of the gap
     for k, law in enumerate(here.laws):
         name = law.name
         if law.kind.bounded:
