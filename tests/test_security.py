@@ -20,6 +20,7 @@ PROMISED = {
     "a table that is read": ["TABLE_BYTES"],
     "a record, golden or journal that is read": ["DOCUMENT_BYTES"],
     "rows": ["MAX_ROWS"],
+    "steps of a fixed size": ["STEPS"],
     "`derive`": [
         "DERIVING_SECONDS", "EXACT_DIGITS", "WRITTEN_OPERATIONS", "WRITTEN_DEPTH",
         "WRITTEN_TERMS",
