@@ -1,17 +1,17 @@
 """Reduced equations of motion, by elimination and by Routh's procedure.
 
-A holonomic constraint a q_c + r(q, t) = 0 with a constant a gives q_c = Q(q, t) of the
-others, q_c' = J q' + Q_t and q_c'' = J q'' + b_c. With B = (1, J) the full q'' is
-B q'' + (0, b_c), and the equations left are
+A holonomic constraint a q_c + r(q, t) = 0 with constant a determines q_c = Q(q, t) from
+the other coordinates q, with q_c' = J q' + Q_t and q_c'' = J q'' + b_c. With B = (1, J)
+the full q'' is B q'' + (0, b_c), and the reduced equations are
 
     B^T M B q'' = B^T (f - M (0, b_c)) + (A B)^T lambda,    A B q'' = b - A (0, b_c)
 
-Row c of the full ones gives the multiplier of the constraint. So one constraint after
-the other, as another one may be of that kind only then.
+Row c of the full equations determines the multiplier of the constraint. Constraints are
+eliminated one by one, as an elimination may bring another constraint into this form.
 
-An ignorable coordinate c, in which neither L nor the constraints stand, and on which no
-force acts, keeps its momentum p = dL/dq_c'. Its velocity follows from that, its
-acceleration from row c of M q'' = f, and what is left is solved without it:
+An ignorable coordinate c, on which neither L nor the constraints depend, and on which
+no force acts, has a constant momentum p = dL/dq_c'. Its velocity follows from p, its
+acceleration from row c of M q'' = f, and the other accelerations are solved without c:
 
     (M - M_c M_cc^-1 M_c^T) q'' = f - M_c M_cc^-1 f_c + A^T lambda
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 
-# The nodes of each, beside the slopes of a row.
+# The fields of each type that are nodes (a row has slopes A as well).
 NODES = {
     Row: ("residual", "rate", "b", "transport", "residual_scale", "rate_scale"),
     Work: ("rate", "energy"),
@@ -64,7 +64,7 @@ NODES = {
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
-    """Return the same equations with variables replaced in every expression."""
+    """Return the equations with variables replaced in every expression."""
     nodes: list[int] = []
 
     def noted(node: int) -> int:
@@ -77,7 +77,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
 
 
 def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
-    """Equations with f of each node in its place."""
+    """Return the equations with f(node) in place of each node."""
 
     def vector_of(x: SparseVector) -> SparseVector:
         entries = {j: f(node) for j, node in x.entries.items()}
@@ -120,7 +120,17 @@ def of_those_left(
     f: Sequence[int],
     momenta: Sequence[int],
 ) -> Equations:
-    """Equations of the coordinates left."""
+    """Return the equations of the remaining coordinates.
+
+    Parameters
+    ----------
+    e
+        The equations of all coordinates.
+    left
+        The indices in e.q of the remaining coordinates.
+    M, f, momenta
+        The new nodes, by indices in e.q: entries of M, forces, and momenta.
+    """
     rows: dict[int, dict[int, int]] = {i: {} for i in left}
     for (i, j), node in M.items():
         if i in rows:
@@ -136,7 +146,7 @@ def of_those_left(
 
 
 def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseVector:
-    """Vector over the coordinates left; `entries` has their old numbers."""
+    """Return a vector over the coordinates `left`; `entries` are by old indices."""
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}
     return SparseVector(g, len(left), kept)
@@ -152,23 +162,22 @@ def minus(g: Graph, node: int, x: int, y: int) -> int:
     return g.call("sub", node, g.call("mul", x, y))
 
 
-# A coordinate is given by a constraint only if it does not move much more, in the
-# metric of M, than those that it is expressed by: their errors are its own.
+# Largest ratio, in the metric of M, of the change of an eliminated coordinate to the
+# changes of the coordinates that determine it: their errors grow by this ratio.
 STEEPEST = 1e3
 
 
 def eliminable(
     e: Equations, values: Mapping[str, float], sizes: Mapping[str, float]
 ) -> tuple[int, int] | None:
-    """Row and coordinate whose elimination makes the least fill; None if there is none.
+    """Return the row and coordinate whose elimination has the least fill, or None.
 
     Parameters
     ----------
     values
-        Of all variables at the start. Whether a factor is zero depends on them.
+        The values of all variables at the start, with which factors are evaluated.
     sizes
-        Of each coordinate the square root of its entry of M's diagonal, or what stands
-        in its place.
+        Coordinate -> square root of its diagonal entry of M, or a substitute for it.
     """
     g, moving, modes = e.graph, frozenset(e.moving), e.model.modes
     held = Counter(c for row in e.rows for c in row.A.entries)
@@ -180,7 +189,7 @@ def eliminable(
         numbers = evaluate(g, A.values(), values)
         steep = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
         most = max(steep.values(), default=0.0)
-        # What stands in one relation only leaves the others as they are.
+        # Coordinates of one relation only come first: other relations stay unchanged.
         keys += [
             (held[c], (len(A) - 1) * (held[c] + mass[c] - 2), -x / most, k, c)
             for c, x in steep.items()
@@ -191,18 +200,18 @@ def eliminable(
     return min(keys)[3:] if keys else None
 
 
-# Functions with values, and no slope, where an argument is at an end of its range or 0.
+# Functions with a value but no slope at an end of their domain, or at 0.
 ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh")
 
 
 def usable(
     g: Graph, row: Row, values: Mapping[str, float], moving: Collection[str]
 ) -> bool:
-    """Whether a row may give a coordinate: holonomic, without switches and edges.
+    """Whether a row may determine a coordinate: holonomic, no switches, no edges.
 
-    Where the rate of a relation jumps, all velocities do: that is an impact. At an edge
-    (x = 1 of y = sqrt(1 - x)) the relation ends, and what is left of the motion without
-    the coordinate would be thrown back.
+    A jump of the rate of a relation is an impact, at which all velocities jump. At an
+    edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
+    coordinates would rebound.
     """
     cone = g.cone([row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)
@@ -218,7 +227,15 @@ def usable(
 
 
 def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
-    """Equations without row k and coordinate c, and expressions for their variables."""
+    """Eliminate coordinate c by row k.
+
+    Returns
+    -------
+    reduced : Equations
+        The equations without row k and coordinate c.
+    recovered : dict
+        Variables q_c, q_c', q_c'' and the multiplier of the row -> their expressions.
+    """
     g, flow = e.graph, e.flow
     q = g.variable(e.q[c])
     [rest] = g.substitute([e.rows[k].residual], {q: g.zero})
@@ -233,7 +250,7 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
         moved = plus(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
     acceleration = g.variable(rate_of(e.q[c], 2))
     lam = g.variable(f"lambda_{e.rows[k].name}")
-    # The equation of c, without the multiplier, by what this pushes with.
+    # The equation of c without the multiplier, divided by the factor of the multiplier.
     without = {acceleration: moved, lam: g.zero}
     [force] = g.substitute([full.motion_residuals()[c]], without)
     multiplier = g.call("div", force, full.rows[k].A[c])
@@ -271,7 +288,7 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
 def _add_products(
     g: Graph, M: dict[tuple[int, int], int], x: Mapping[int, int], y: Mapping[int, int]
 ) -> None:
-    """Add x y^T to M by its lower triangle, of which the upper one is a copy."""
+    """Add the lower triangle of x y^T to M, and its transpose to the upper one."""
     for i, a in x.items():
         for j, b in y.items():
             if j <= i:
@@ -279,10 +296,11 @@ def _add_products(
 
 
 def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
-    """Equations with M + A^T W A and f + A^T W b in place of M and f, for some rows.
+    """Return equations with M + A^T W A and f + A^T W b for M and f, A of `rows`.
 
-    q'' and lambda are the same, and M is regular where those rows make up for what it
-    lacks: the length of a quaternion has no inertia. W is diagonal, to the size of M.
+    q'' and lambda are unchanged. The new M is regular if M is positive definite on
+    the null space of A: the length of a quaternion has no inertia. W is diagonal, of
+    the magnitude of M.
     """
     g, M, f = e.graph, e.mass_entries, list(e.f)
     inertias = {i: node for (i, j), node in M.items() if i == j}
@@ -299,17 +317,17 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
 
 
 def with_lengths(e: Equations) -> Equations:
-    """Equations with inertia along the lengths of quaternions, which never change."""
+    """Return equations with inertia along the constant lengths of quaternions."""
     rows = [row for row in e.rows if row.name.startswith(UNIT_LENGTH)]
     return augmented(e, rows) if rows else e
 
 
-# The momentum of a coordinate becomes a parameter, or a column, of this name and its.
+# Prefix of the parameter, or column, of a momentum; the coordinate's name follows.
 MOMENTUM = "momentum."
 
 
 def conserved(equations: Equations) -> list[int]:
-    """Coordinates whose momentum is kept, as far as the graph shows it."""
+    """Return indices of coordinates of constant momentum, as derived from the graph."""
     e, g = equations, equations.graph
     if e.is_set:
         return []  # momenta jump where events set an inertia
@@ -327,10 +345,9 @@ def conserved(equations: Equations) -> list[int]:
 
 
 def ignorable(equations: Equations) -> list[int]:
-    """Coordinates that the motion of the others can do without.
+    """Return the indices of the ignorable coordinates; at least one other remains.
 
-    At least one other coordinate is left. None where the action is integrated, which
-    needs all velocities.
+    The list is empty where the action is integrated, which needs all velocities.
     """
     e, g = equations, equations.graph
     free = [] if e.quadratures or e.states else conserved(e)
@@ -343,12 +360,19 @@ def ignorable(equations: Equations) -> list[int]:
 def ignored(
     e: Equations, coordinates: Sequence[int], limit: float
 ) -> tuple[Equations, dict[int, int]]:
-    """Equations without `coordinates`, and expressions for their rates.
+    """Return equations without `coordinates`, and expressions for their rates.
+
+    Parameters
+    ----------
+    coordinates
+        Indices of ignorable coordinates.
+    limit
+        Largest count of multiplications.
 
     Raises
     ------
     TooLongError
-        Where solving for these takes more than `limit` multiplications.
+        If solving for the rates takes more than `limit` multiplications.
     """
     g = e.graph
     left = [j for j in range(len(e.q)) if j not in coordinates]
@@ -384,21 +408,21 @@ def ignored(
 
 
 class Reduction(NamedTuple):
-    """The equations that are integrated, and expressions for all other variables.
+    """Equations that are integrated, and expressions for all other variables.
 
     Attributes
     ----------
     equations : Equations
-        On the graph of the full ones.
+        The reduced equations, on the graph of the full equations.
     recovered : dict of int to int
-        Variables that are left out (q_e, its rates, its multiplier) -> expressions of
-        those that are integrated, their accelerations and multipliers.
+        Eliminated variables (q_e, its rates, its multiplier) -> expressions of the
+        integrated variables, with their accelerations and multipliers.
     eliminated : tuple of (str, str)
-        Coordinates, and the constraints that give them.
+        Coordinates, each with the constraint that determines it.
     ignored : tuple of str
         The ignorable coordinates.
     momenta : dict of str to int
-        The parameter that each of their momenta is -> its node in the full state.
+        Parameter of each constant momentum -> its node as a function of the full state.
     """
 
     equations: Equations
@@ -410,9 +434,9 @@ class Reduction(NamedTuple):
     def eliminate(
         self, values: Mapping[str, float], sizes: Mapping[str, float]
     ) -> Reduction:
-        """Express coordinates by the others, as long as there are `eliminable` ones.
+        """Return a reduction without coordinates that are `eliminable`.
 
-        One coordinate is always left.
+        At least one coordinate remains. See `eliminable` for the parameters.
         """
         reduction, names = self, []
         while len(reduction.equations.q) > 1:
@@ -428,14 +452,23 @@ class Reduction(NamedTuple):
     def ignore(
         self, coordinates: Sequence[int], start: Instant, limit: float = math.inf
     ) -> Reduction:
-        """Integrate `coordinates`, which are `ignorable`, by quadrature.
+        """Return a reduction in which `coordinates` are integrated by quadrature.
 
-        Of the full equations only: first of all.
+        Applies to the full equations only, before any elimination.
+
+        Parameters
+        ----------
+        coordinates
+            Indices of `ignorable` coordinates.
+        start
+            The full initial state, which determines the momenta.
+        limit
+            Largest count of multiplications.
 
         Raises
         ------
         TooLongError
-            Where solving for them takes more than `limit` multiplications.
+            If solving for the rates takes more than `limit` multiplications.
         """
         e = self.equations
         momenta = {MOMENTUM + e.q[c]: e.momenta[c] for c in coordinates}
@@ -449,7 +482,7 @@ class Reduction(NamedTuple):
         return reduction._replace(equations=replace(equations, model=model))
 
     def kept(self, full: Floats) -> Floats:
-        """Return the values (n,) of the coordinates left, or of their rates."""
+        """Return the entries (n,) of `full` for the remaining coordinates or rates."""
         if len(full) == len(self.equations.q):
             return full
         names = (c.name for c in self.equations.model.coordinates)
@@ -457,7 +490,7 @@ class Reduction(NamedTuple):
         return full[[places[name] for name in self.equations.q]]
 
     def constants(self, start: Instant) -> dict[str, float]:
-        """Return the values of the momenta at a full start."""
+        """Return the values of the momenta at a full initial state, by parameter."""
         if not self.momenta:
             return {}
         model = self.equations.model
@@ -469,7 +502,7 @@ class Reduction(NamedTuple):
         return dict(zip(self.momenta, found, strict=True))
 
     def state(self, start: Instant, blocks: Blocks) -> Floats:
-        """State y (size,) at a full start: q, q', the quadratures; all else from 0."""
+        """Return y, shape (size,), at a full initial state; works start at 0."""
         e, y = self.equations, np.zeros(blocks.size)
         y[blocks.positions] = self.kept(start.q)
         y[blocks.velocities], y[blocks.first_order] = self.kept(start.v), start.s
@@ -492,17 +525,17 @@ class Reduction(NamedTuple):
 # --- Sliders without mass between springs and dampers: Jenkins and Iwan elements
 #
 # A coordinate z without inertia, on which a limited relation r = a z' + ... = 0 acts,
-# has the equation 0 = f_z + a lambda. It gives the multiplier as a function of the
-# state, lambda = -f_z/a, and other coordinates on which the relation acts have it as a
-# force. What is left of z is its own motion, by one row at a time:
+# has the equation 0 = f_z + a lambda. This determines the multiplier as a function of
+# the state, lambda = -f_z/a, a force on the other coordinates of the relation. The
+# motion of z itself follows from one row at a time:
 #
 #     sticks    r = 0                          while |lambda| <= F
 #     slides    |lambda| = F, of two relations also r parallel to lambda
 #                                              while -lambda r >= 0
 #
-# The row that slides is one of positions, or of velocities where dampers act on z, and
-# z' jumps where it begins to. Both act on z alone: it has the inertia 1, and its row a
-# multiplier of its own, so that neither changes the motion of what has mass.
+# The sliding row is one of positions, or of velocities where dampers act on z; z' jumps
+# where sliding begins. Both rows act on z alone: z has inertia 1, and its row a
+# separate multiplier, so that neither changes the motion of coordinates with mass.
 #
 # Sources: G. Jenkin, Engineering 114 (1922) 603; W. D. Iwan, J. Appl. Mech. 33 (1966)
 # 893, section 2; J. J. Moreau, Evolution problem associated with a moving convex set,
@@ -512,11 +545,11 @@ class Reduction(NamedTuple):
 def equations_of_motion(model: Model) -> Equations:
     """Derive the equations of motion of a model, to be integrated.
 
-    Multipliers of sliders without mass are in them as functions of the state.
+    Multipliers of sliders without mass are functions of the state in these equations.
 
-    Each slider has a coordinate of its own: it is in no other relation, or in one of a
-    slider whose own coordinate is found before, as in a chain. Others stay as they are,
-    and have no inertia; so do those with a static limit of their own.
+    A slider has a coordinate that is in no other relation, or else only in relations of
+    sliders whose coordinate was found before, as in a chain. Other massless coordinates
+    remain without inertia, also with a static limit that differs from the dynamic one.
     """
     e = derive(model)
     if all(law.kind is not Kind.LIMITED for law in e.laws):
@@ -526,7 +559,7 @@ def equations_of_motion(model: Model) -> Equations:
     for k, (j, _) in multipliers.items():
         law, pair = laws[k], laws[k].pair
         if (pair >= 0 and pair not in multipliers) or law.static != law.bound:
-            return e  # without mass a force that drops has no motion
+            return e  # a massless slider has no motion for a dropping force
         if law.when is not None:  # out of force it has the limit 0
             limit = g.call("mul", law.when, law.bound)
             law = law._replace(bound=limit, static=limit, when=None)
@@ -544,7 +577,7 @@ def equations_of_motion(model: Model) -> Equations:
 
 
 def at_limit(g: Graph, law: Law, force: float) -> int:
-    """Node that vanishes where a slider's force is at its limit, on that side of 0."""
+    """Return a node that is 0 if a slider's force is at its limit with its sign."""
     slider = law.slider
     assert slider is not None
     if law.pair >= 0:
@@ -554,7 +587,7 @@ def at_limit(g: Graph, law: Law, force: float) -> int:
 
 
 def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
-    """Laws of sliders -> their coordinates, and multipliers as nodes; all forces."""
+    """Return slider law -> its coordinate and multiplier (node), and all forces."""
     g, f = e.graph, list(e.f)
     found: dict[int, tuple[int, int]] = {}
     held = {j for row in e.rows for j in row.A.entries}
@@ -584,7 +617,7 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
 def _slider(
     e: Equations, law: Law, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
 ) -> Slider | None:
-    """Slider of law k on coordinate j; None where it hangs on no spring or damper."""
+    """Return the slider of law k on coordinate j; None without spring or damper."""
     g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k
     way = g.variable(f"slides.{e.laws[k if first else law.pair].constraint}")
@@ -609,14 +642,14 @@ def _slider(
     limit = g.call("sub", law.bound, size)
     ends = g.call("neg", lost)
     if law.bound in g.dependent([law.bound], e.moving):
-        ends = g.call("min", ends, law.bound)  # it may not become negative
+        ends = g.call("min", ends, law.bound)  # the limit may not become negative
     left = g.call("if", slides, ends, limit) if first else g.one
     name, solved = str(g.payload(way)), _one_of(g, slides, row, law.row)
     return Slider(j, force, name, solved, limit, left, first)
 
 
 def _one_of(g: Graph, slides: int, row: Row, sticks: Row) -> Row:
-    """Row that is one of two by a condition; that which sticks is of velocities."""
+    """Return `row` where `slides` is true, else `sticks`, a row of velocities."""
 
     def either(a: int, b: int) -> int:
         return g.call("if", slides, a, b)

@@ -1,27 +1,29 @@
-"""Which switches a model has, and its expressions with their branches frozen.
+"""Switches of a model, and its expressions with the branches of switches frozen.
 
 Inside an arc of a run the branch of each switch is fixed, so that the equations are
-smooth there, also for a Runge-Kutta stage at or past the arc's last instant. What
-decides a switch (the condition of `if`, the argument of `abs`, ...) may depend on
+smooth there, also for a Runge-Kutta stage at or past the arc's last instant. The
+expression that decides a switch (the condition of `if`, the argument of `abs`, ...) may
+depend on
 
 - parameters only: it is no switch;
-- t, but on nothing that moves: a *time switch*. Its discrete function (the truth of the
-  condition, the sign, the floor, ...) becomes a mode variable, constant on each arc;
-- what moves: a *state switch*.
+- t, but no variable of the motion: a *time switch*. Its discrete function (the truth of
+  the condition, the sign, the floor, ...) becomes a mode variable, constant on an arc;
+- variables of the motion: a *state switch*.
 
-Conditions joined by `and`, `or`, `not` are taken apart as far as their parts differ in
+Conditions joined by `and`, `or`, `not` are separated as far as their parts differ in
 kind: in `if(t < 1 and x > 0, ...)`, `t < 1` is a time switch.
 
-`if(x > 0, -x^1.5, (-x)^1.5)` is written with roots that each have a value on their own
-side alone. A stage past the surface would take the one where there is none: there the
-expression counts as written.
+In `if(x > 0, -x^1.5, (-x)^1.5)` each root has a value on its own side alone. A stage
+past the surface would evaluate a frozen root outside its domain: there the expression
+is evaluated as written.
 
-Under -c |v|^p sign(v) with 0 < p < 1 a body comes to rest in a finite time, and while
-another force grows slowly from 0 it moves at (F/c)^(1/p), that is hardly, at a rate of
-decay that has no bound. No step is short enough for that. So the root is taken of no
-less than a floor far below the tolerance: within it the force is that of dry friction
-of the size c floor^p, under which the motion sticks, slips and is located as under any
-other. The velocity is off by no more than the floor. A cube root is a switch for this.
+Under -c |v|^p sign(v) with 0 < p < 1 a body comes to rest in a finite time. While
+another force F grows slowly from 0, the velocity is about (F/c)^(1/p), close to 0, with
+an unbounded rate of decay, for which no step is short enough. So the argument of the
+root is at least a floor far below the tolerance: below the floor the force is dry
+friction of size c floor^p, whose sticking and slipping are located as for any other dry
+friction. The error of the velocity is at most the floor. For this purpose a cube root
+of velocities is a switch.
 """
 
 from __future__ import annotations
@@ -53,9 +55,10 @@ if TYPE_CHECKING:
 
 
 def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
-    """Condition that all roots and logarithms of a branch have a value.
+    """Return the condition that roots and logarithms of a branch have a value.
 
-    Of those that hang on what decides the branch; nested branches look after their own.
+    Only of functions of the variables `decides`, which decide the branch, and outside
+    nested branches; None if there are no such functions.
     """
     found = None
     seen: set[int] = set()
@@ -75,19 +78,19 @@ def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
     return found
 
 
-# What has no derivatives at 0.
+# Functions without derivatives at 0.
 ROOTS = ("pow", "sqrt", "cbrt")
-# What can be a switch.
+# Operations that can be a switch.
 SWITCHING = ("cbrt", *(op for op, x in OPERATIONS.items() if x.switch or x.condition))
 
 
 class Roots(NamedTuple):
-    """Which roots have a floor.
+    """Roots and powers whose argument has a floor.
 
     Attributes
     ----------
     floors
-        The expression of a surface -> the name of its floor.
+        The expression of a surface (node) -> the name of its floor.
     """
 
     graph: Graph
@@ -101,7 +104,7 @@ class Roots(NamedTuple):
         sides: Sequence[Side],
         speeds: Collection[str],
     ) -> Roots:
-        """Find the roots below `nodes` of what decides `sides` in velocities."""
+        """Find the roots, below `nodes`, of expressions of `sides` in `speeds`."""
         fast = g.dependent([s.node for s in sides], speeds)
         names = {
             s.node: f"floor.{k}"
@@ -118,7 +121,7 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Floor of a root or power, and by what it is to be multiplied."""
+        """Return the name of the floor of a root or power, and its factor, or None."""
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):
             return None
@@ -126,13 +129,13 @@ class Roots(NamedTuple):
         return (self.floors[node], factor) if node in self.floors else None
 
     def _smooth(self, n: int) -> bool:
-        """Whether a power is no root, nor the slope of one."""
+        """Whether a power is neither a root nor the derivative of a root."""
         g = self.graph
         exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
         return exponent is not None and (exponent > 1.0 or exponent % 1.0 == 0.0)
 
     def _inside(self, n: int) -> tuple[int, float]:
-        """Return what decides whether a root is at 0, and its factor."""
+        """Return the expression that is 0 where the argument n is 0, and its factor."""
         g, factor = self.graph, 1.0
         while n not in self.floors:
             op, args = g.ops[n], g.args[n]
@@ -151,7 +154,7 @@ class Roots(NamedTuple):
         return n, factor
 
     def floored(self, n: int, x: int) -> int:
-        """Return what root or power `n` is taken of: x, not less than its floor."""
+        """Return the argument x of root or power `n`, limited below by its floor."""
         g = self.graph
         found = self.floor(n)
         if found is None or g.value(x) is not None:
@@ -168,13 +171,13 @@ def mixed(g: Graph, part: int, low: int, high: int) -> int:
     return g.call("add", low, g.call("mul", part, g.call("sub", high, low)))
 
 
-# What is linear in each of its arguments, or in each branch and in the condition.
+# Operations linear in each argument, or in each branch and in the condition.
 LINEAR = ("mul", "if")
 SUMS = ("add", "sub", "neg")
 
 
 class Shown:
-    """Replaces steps by what they are worth while the motion slides."""
+    """Replacement of steps by their values while the motion slides on a surface."""
 
     def __init__(
         self,
@@ -184,9 +187,10 @@ class Shown:
         roots: Roots,
         bent: Collection[int] = (),
     ) -> None:
-        """Of sides with numbers in `bent`, corners of equalities, the mode is shown.
+        """Store the sides; `bent` are the numbers of sides at corners of equalities.
 
-        At the corner itself the row of constraints is that of the present side.
+        Switches of these sides are decided by their mode variable, so that at the
+        corner the row of constraints is that of the present side.
         """
         self.g, self.roots = g, roots
         self.bent = {g.variable(sides[k].variable) for k in bent}
@@ -201,7 +205,7 @@ class Shown:
         self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
 
     def nodes(self, nodes: list[int]) -> list[int]:
-        """`nodes` as shown."""
+        """Return `nodes` with steps replaced."""
         g = self.g
         if not self.slides:
             return nodes
@@ -238,9 +242,10 @@ class Shown:
         return same
 
     def _combine(self, n: int) -> None:
-        """Let what is not linear in a side be the combination of both sides, as forces.
+        """Replace node n, where nonlinear in a side, by the combination of both sides.
 
-        A branch of a branch, a product of two steps. Of whole numbers a side is left.
+        Forces combine so, for instance a branch of a branch, or a product of two steps.
+        Sides of whole numbers are not combined.
         """
         g, op = self.g, self.g.ops[n]
         below = [self.on[a] for a in g.args[n]]
@@ -268,7 +273,7 @@ class Shown:
         return g.call("if", self.slides[v], mixed(g, part, low, high), n)
 
     def _root(self, n: int, args: tuple[int, ...]) -> int:
-        """Root with its floor, which is 0 unless the motion slides."""
+        """Return a root with its floor, which is 0 unless the motion slides."""
         g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
         if g.ops[inner] in CHOOSING:
             return self._apart(n, inner, args)
@@ -282,7 +287,7 @@ class Shown:
         return g.call("mul", kept, g.call("cbrt", size))
 
     def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
-        """Root of what has two branches, as the combination of their roots."""
+        """Return the root of an expression of two branches: both roots combined."""
         g, op = self.g, self.g.ops[inner]
         condition, *branches = g.args[inner]
         if op != "if":
@@ -315,9 +320,9 @@ class Shown:
 
 
 class Mode(NamedTuple):
-    """A time switch: the mode variable's name and the node of its discrete function.
+    """Time switch: the name of its mode variable, and its discrete function (node).
 
-    Between the levels `smooth`, which are excluded, it steps without a jump of y'.
+    At levels in the open interval `smooth` it steps without a jump of y'.
     """
 
     variable: str
@@ -334,11 +339,11 @@ class Switches:
     modes
         The time switches, one per distinct discrete function.
     state
-        The state switches by their discrete functions, roughly as they were written.
+        Discrete function of each state switch (node) -> its approximate text.
     sides
-        Where the state is with respect to the surfaces that the motion depends on.
+        Position of the state relative to each surface on which the motion depends.
     corners
-        Of equalities, by the numbers of their sides.
+        Number of a side -> corner of equalities on its surface.
     """
 
     graph: Graph
@@ -351,9 +356,9 @@ class Switches:
     corners: Mapping[int, Corner] = field(default_factory=dict)
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
-        """`nodes` with each switch decided by its mode variable.
+        """Return `nodes` with each switch decided by its mode variable.
 
-        For time switches, `nodes` must be among those that they were found in.
+        Time switches are frozen only in nodes in which they were found.
         """
         g = self.graph
         nodes = list(nodes)
@@ -371,9 +376,9 @@ class Switches:
         return [done[n] for n in nodes]
 
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
-        """Those whose surface moves, each side being fixed.
+        """Return discrete functions whose surface depends on `names` with sides frozen.
 
-        The others, `sign(sign(x))`, step with another switch and need no side.
+        The other ones, as `sign(sign(x))`, step with another switch and need no side.
         """
         g = self.graph
         nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
@@ -392,7 +397,7 @@ class Switches:
     def _on_a_side(
         self, n: int, args: tuple[int, ...], variable: int, sign: int
     ) -> int:
-        """Switch `n` on the frozen `args`, decided by its side."""
+        """Return switch `n` of the frozen `args`, decided by its side."""
         g, op = self.graph, self.graph.ops[n]
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
@@ -403,10 +408,10 @@ class Switches:
         return g.call("if", value, *args) if op in ("min", "max") else value
 
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
-        """Return node `n` on the frozen `args`.
+        """Return node `n` of the frozen `args`.
 
-        Of a root or power of what is a number on one side, the number is taken there,
-        which has derivatives where the root of 0 has none.
+        A root or power of an expression that is a number on one side becomes a number
+        on that side, which has derivatives where the root of 0 has none.
         """
         g = self.graph
         op = g.ops[n]
@@ -428,7 +433,7 @@ class Switches:
         return replace(self, _sides_of={}).freeze([n])[0]
 
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
-        """`if` n on frozen `args`; as written where the branch has no value."""
+        """Return `if` n of frozen `args`; as written where a branch has no value."""
         g, (condition, *branches) = self.graph, args
         decides = g.depends([g.args[n][0]])
         inside = [_has_value(g, branch, decides) for branch in branches]
@@ -444,10 +449,10 @@ class Switches:
         return g.call("if", condition, *apart)
 
     def _product(self, op: str, first: int, second: int) -> int:
-        """Product or quotient of frozen arguments.
+        """Return the product or quotient of frozen arguments.
 
-        What is 0 on one side makes it 0 there, whatever the other one does: a slope of
-        a root has no bound where the root has ended.
+        An argument that is 0 on one side makes the result 0 on that side, also where
+        the other argument is unbounded, as the derivative of a root at 0.
         """
         g = self.graph
         pairs = [(first, second)] if op == "div" else [(first, second), (second, first)]
@@ -459,11 +464,11 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return node `n` on frozen `args` where these have a value.
+        """Return node `n` of the frozen `args` in its domain, else as written.
 
-        A stage past the surface would take a root of something negative where there is
-        none as written: there the argument counts as written. `frozen` is the whole
-        first argument: what is frozen by time alone has no stage past it.
+        A stage past the surface could evaluate a root of a negative number, where the
+        expression as written has none. `frozen` is the whole first argument: if it is
+        frozen by time alone, no stage leaves the domain.
         """
         g = self.graph
         op = g.ops[n]
@@ -478,10 +483,10 @@ class Switches:
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
-        """`nodes` as rows show them: as written, but for sliding.
+        """Return `nodes` for output rows: as written, except while sliding.
 
-        While the motion slides along a surface, what steps there has the value that
-        keeps it there: between those of the two sides.
+        While the motion slides along a surface, a function that steps there has the
+        value, between the values of the two sides, that keeps the motion there.
         """
         known = self.graph, self.sides, self._sides_of, self._roots
         shown = Shown(*known, bent=self.corners)
@@ -491,9 +496,9 @@ class Switches:
 def prevailing(
     value: Callable[[float], Sequence[float]], start: float, end: float
 ) -> list[float]:
-    """Return the values that step functions without a break have in (start, end).
+    """Return the values of step functions, `value(t)`, without a break in (start, end).
 
-    A value that is taken at one instant only, like sign(0), is outvoted.
+    The majority of three samples excludes a value at one instant only, like sign(0).
     """
     samples = [
         [float(x) for x in value(start + part * (end - start))]
@@ -532,20 +537,20 @@ def find_switches(
     Parameters
     ----------
     g, nodes
-        The expressions, derivatives included: differentiation makes switches.
+        The graph and the expressions, with their derivatives, which may have switches
+        of their own.
     moving
-        The names of what changes along the motion, other than t.
+        The names of variables, other than t, that change along the motion.
     dynamics
-        Those of the expressions that decide the motion: their state switches get
-        sides.
+        The expressions that determine the motion: their state switches have sides.
     speeds
-        The names of velocities: roots of these are switches, see `Roots`.
+        The names of velocities: roots of velocities are switches, see `Roots`.
     ignored
-        Switches of the motion at the end of a mode anyway.
+        Switches (nodes) that have no sides, as they step only where a mode ends.
     accelerations, rates
-        All that y' depends on, but for quadratures, and rows and their rates (None:
-        forces decide on more than velocities): where what steps in them makes no jump,
-        its points are passed, see `_smooth` and `_passed`.
+        The expressions on which y' depends, except quadratures; and the residuals and
+        rates of rows (None if velocities may jump by forces too). Levels at which these
+        do not jump are passed, see `_smooth` and `_passed`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     orders = highest_orders(g, accelerations) if accelerations else {}
@@ -572,7 +577,7 @@ def find_switches(
 def _sides(
     g: Graph, switches: Mapping[int, str]
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
-    """Sides of switches, one for all that step together."""
+    """Return the sides of switches, one per surface, and the side of each switch."""
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
     for discrete, text in switches.items():
@@ -586,13 +591,13 @@ def _sides(
 
 
 def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, float]:
-    """Levels, excluded, between which a cell of a table changes and y' does not jump.
+    """Return the open interval of levels of a table's cell at which y' is continuous.
 
-    y' has derivatives of the table up to an order, which continue at its knots. Nothing
-    is decided there: an impact or the end of a contact takes a jump, and so does a
-    motion along the knot itself. For that the fields of both sides have to point to
-    it (Filippov), but here they are one and the same: a motion that comes with a rate
-    leaves with it, one that touches turns back as it came, and one at rest, rests.
+    y' contains derivatives of the table up to an order; these are continuous at the
+    knots of the interval. No event occurs there: an impact, the end of a contact, or
+    sliding along the knot needs a jump. Sliding needs vector fields of both sides that
+    point to the knot (Filippov), but here both fields are equal: a motion crosses the
+    knot at its rate, turns back where it only touches, and stays at rest if at rest.
     """
     cell = cell_of(g, discrete)
     return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)
@@ -605,11 +610,12 @@ def _passed(
     rates: Sequence[int] | None,
     speeds: Collection[str],
 ) -> Switches:
-    """Switches with the levels that kernels pass, see `Side`.
+    """Return the switches with the levels that kernels pass, `smooth` and `met`.
 
-    A table or whole number of positions is met at a rate that no force changes at
-    once: where that is clear the motion crosses, whatever y' does, unless a velocity
-    jumps as that of a row does, or another side by what decides it.
+    A level of a function of positions is met at a rate that forces do not change
+    instantaneously: where the rate is not 0 the motion crosses the level, even if y'
+    jumps, unless a velocity jumps because the rate of a row, or the expression of
+    another side, does.
     """
     others = [*(rates or ()), *(s.node for s in found.sides)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))
@@ -628,7 +634,7 @@ def _passed(
 
 
 class _Finder:
-    """Walks down from the nodes; what only decides a time switch is not reached."""
+    """Search for switches below nodes, not below the conditions of time switches."""
 
     def __init__(
         self,
@@ -653,7 +659,7 @@ class _Finder:
             stack += dict.fromkeys(below)
 
     def _below(self, n: int) -> tuple[int, ...]:
-        """Record `n` if it is a switch; return where to go on."""
+        """Record `n` if it is a switch; return the nodes below it to be searched."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)
@@ -687,7 +693,8 @@ class _Finder:
 def _is_guard(g: Graph, n: int) -> bool:
     """Whether `n` is x^y log(x), with its limit 0 where x^y is 0.
 
-    Differentiation makes these. The condition mends a single point; nothing switches.
+    Differentiation yields such nodes. The condition replaces the value at one point
+    only, so that `n` is no switch.
     """
     condition, limit, product = g.args[n]
     if g.ops[condition] != "le" or limit != g.zero or g.ops[product] != "mul":
@@ -704,8 +711,9 @@ def _is_guard(g: Graph, n: int) -> bool:
 def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     """Find the switches of the equations of motion.
 
-    Those of the state that only stand in outputs or in an energy without a slope make
-    no difference to the motion. Those of time alone count where others are not located.
+    State switches that are only in outputs, or in the energy but not in its
+    derivatives, have no influence on the motion. If not `located`, state switches have
+    no sides, and only time switches are frozen.
     """
     e = equations
     beside = [row.transport for row in e.every_row]
