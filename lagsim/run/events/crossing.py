@@ -1,20 +1,23 @@
 """Mode selection at a state on switching surfaces: crossing, sliding, or rest.
 
-A surface that is met at a rate is crossed. Where the rate vanishes, or is that of a
-velocity and so depends on the side, forces decide (`filippov`). A surface that steps
-together with another, `abs(x_dot) > 0` with `sign(x_dot)`, has no mode of its own: on
-each side of the other it has the side that it has there. One that keeps its level on a
-whole stretch, as `sign(x - max(-1, min(1, x)))` does, is on neither side.
+A surface reached with a nonzero rate is crossed. Where the rate vanishes, or is a rate
+of velocities, which depends on the side, the forces decide (`filippov`). A surface that
+steps together with another one, as `abs(x_dot) > 0` does with `sign(x_dot)`, has no
+mode of its own: its side is a function of the other surface's side. A surface whose
+expression is at its level on a whole interval, as that of
+`sign(x - max(-1, min(1, x)))`, is on neither side.
 
-Where the rates of a surface vanish, its slope (`x*abs(x)`, `x + x_dot*abs(x_dot)` at
-rest) or the forces on it, no derivative of first or second order tells to which side
-the motion goes. A few short steps do, whatever the order.
+Where the rate of a surface, its slope (`x*abs(x)`, `x + x_dot*abs(x_dot)` at rest) or
+the forces on it vanish, the derivatives of first and second order do not determine the
+side to which the motion leads. A few short integration steps determine this side,
+whatever the order.
 
-At the end of a switching curve, `v + sign(x)*sqrt(2*abs(x))` at the target, the slope
-of the curve has no bound, or vanishes (`x + v*abs(v)/2`), and no rate along it says
-anything. But what is left of the motion is known: at a speed s against forces that lead
-back at a the position gets no farther than s^2/(2 a). Where that is its rounding, the
-motion rests; so it does where switches accumulate, if forces stop it in the time left.
+At the end of a switching curve, as of `v + sign(x)*sqrt(2*abs(x))` at the target, the
+slope of the curve is unbounded, or vanishes (`x + v*abs(v)/2`), so that the rate along
+the curve does not determine the mode. The remaining motion has a bound instead: at a
+speed s against a deceleration a the position moves by at most s^2/(2 a). Where this
+bound is below the rounding of the position, the motion rests. Where switches
+accumulate, it also rests if the forces stop it in the time left to their limit.
 """
 
 from __future__ import annotations
@@ -55,28 +58,41 @@ if TYPE_CHECKING:
     from lagsim.run.events.kinematics import Acting
 
 
-# The first step is this part of the run, each next one so much longer, and so many.
+# First step in parts of the run, ratio of successive steps, largest number of steps.
 FIRST = 2.0**-44
 LONGER = 4.0
 MOST = 22
 
 
-# What is left may be so many times the rounding of a position: that of several steps.
+# Largest remaining motion at rest, in roundings of a position: that of several steps.
 FEW = 64.0
-# Beside rest in velocities the curve is looked at for speeds of this part of those
-# seen: their squares are clear of the rounding of positions.
+# Speeds at which the curve is evaluated beside rest, relative to the largest ones so
+# far: their squares are clear of the rounding of positions.
 SLOW = 2.0**-20
-# There the curve is as far off its level as the root of a rounding, a few times.
+# Largest distance of the curve from its level there, in sizes of the surface: a few
+# roots of a rounding.
 APART = FEW * RESIDUAL_ROUNDOFF**0.5
 
 
 def come_to_rest(
     modes: Modes, levels: Mapping[int, float], sizes: Floats, left: float
 ) -> bool:
-    """Select rest at the end of a switching curve, if it holds; return whether.
+    """Select rest at the end of a switching curve; return whether rest is possible.
 
-    Where the others that the state is on depend on its side, and the forces on both
-    sides of it lead back. left : the time in which switches accumulate there.
+    Rest requires a surface on whose side all other surfaces at their level depend, and
+    forces that lead back to this surface from both of its sides. If there is none, the
+    modes are left unchanged.
+
+    Parameters
+    ----------
+    modes : Modes
+        The modes of all K surfaces; changed to rest where it is possible.
+    levels : mapping of int to float
+        Levels of the surfaces that the state is on.
+    sizes : ndarray, shape (K,)
+        Magnitudes of the terms of all surfaces.
+    left : float
+        Time in which switches accumulate there.
     """
     value, kind = modes.value.copy(), modes.kind.copy()
     rows = modes.rows()
@@ -100,9 +116,10 @@ def _rests(
     sizes: Floats,
     left: float,
 ) -> bool:
-    """Try rest on surface k; the modes are left at it.
+    """Whether the motion can rest on surface k; if so, the modes are set to rest.
 
-    The others meet there: one whose expression jumps at k is met on one side alone.
+    The surfaces `others` have to be at their level on both sides of k: one whose
+    expression jumps at k is at its level on one side only.
     """
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     by_q = J[: arc.system.n]
@@ -143,21 +160,28 @@ def _rests(
     return True
 
 
-# Where nothing has moved, the forces are looked at so many times, at ever longer spans
-# from between two rows to the whole run.
+# Number of times ahead at which the forces on a state that has not moved are evaluated,
+# from the interval between two rows to the whole run.
 SAMPLES = 12
-# How a root falls with its argument tells what velocity the forces can keep up.
+# Ratio of the two floors from which the power law of a root is computed.
 FARTHER = 16.0
 
 
 def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
-    """Set the regularization of all roots for the arc to come: their floors.
+    """Store the floors of all roots, their regularization, for the next arc.
 
-    A floor is what the tolerance lets a velocity err in the run: ten times what it may
-    err in a step, so that no error leads through it.
+    A floor is the error of a velocity that the tolerance allows in the run: ten times
+    the error allowed in a step, so that no error of a step leads across it.
 
-    hit : the surface that has been hit, or is no more followed (`slipping`). There
-    what holds a slow motion falls well below its force: it would stick again.
+    Parameters
+    ----------
+    modes : Modes
+    hit : int or None
+        The surface that has been reached, or is no longer followed (`slipping`). In the
+        latter case its floor is reduced, so that the force that holds a slow motion is
+        well below the driving force; otherwise the motion would stick again.
+    slipping : bool
+        Whether the surface `hit` is no longer followed.
     """
     rooted = np.array([bool(side.floor) for side in modes.sides])
     if not rooted.any():
@@ -167,7 +191,7 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
     pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
     seen = _seen(modes, pushed)
     sizes = np.where(seen > 0.0, seen, pushed)
-    # What has no size yet, and no force on it, moves with the others, if at all.
+    # A surface without a size and without a force has the largest size of all.
     sizes = np.where(sizes > 0.0, sizes, np.max(sizes))
     floors = np.where(rooted, rtol * np.where(sizes > 0.0, sizes, 1.0), 0.0)
     modes.store(floor=floors, least_root=floors)
@@ -180,21 +204,24 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
-    """Largest size of each surface so far (K,); pushed : that between two rows."""
+    """Return the largest magnitude of each surface so far (K,); 0 if rounding only.
+
+    `pushed`, shape (K,): changes by the forces in the interval between two rows.
+    """
     arc = modes.arc
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
-    # The rounding of what cancels is no size.
+    # The rounding of terms that cancel is not counted.
     least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[arc.state.driven])
     moved = slopes @ arc.ranges[arc.state.driven]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
-    # What has not left its floor has not been seen, nor has the rounding of forces.
+    # Magnitudes within the floor, or within the rounding of forces, are not counted.
     least = np.maximum(modes.p.least_root, ACCELERATION_ROUNDOFF * pushed)
     return np.where(found > least, found, 0.0)
 
 
 def _pushes(modes: Modes) -> Floats:
-    """Return the rates (LOOKS, K) of the surfaces by the forces at times to come."""
+    """Return the rates of the surfaces by the forces ahead, shape (SAMPLES, K)."""
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
     first = min(arc.state.row_step, left)
@@ -204,7 +231,11 @@ def _pushes(modes: Modes) -> Floats:
 
 
 def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
-    """Velocity at which the root is as large as the largest force."""
+    """Return the velocity at which the root of surface k equals the largest force.
+
+    It is extrapolated by a power law from the roots at `floors` (K,) and at FARTHER
+    times these; infinite where the power law does not apply.
+    """
     small = _jump(modes, k)
     modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
     large = _jump(modes, k)
@@ -217,7 +248,7 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: Modes, k: int) -> float:
-    """Return half of what the sides of a surface differ in its rate."""
+    """Return half the difference of the rates of surface k between its two sides."""
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
@@ -228,54 +259,54 @@ def _jump(modes: Modes, k: int) -> float:
     return 0.5 * abs(found[1] - found[0])
 
 
-# A motion that comes to rest in a time goes no farther by then than this many times
-# what its rate makes of it.
+# Bound of the distance to rest, in products of the rate and the time to rest.
 REACH = 4.0
-# All corners of up to so many surfaces are looked at for the scales of their rates.
+# Largest number of surfaces all of whose corners are evaluated for scales of rates.
 FEW_CORNERS = 3
 
 
 @dataclass(slots=True)
 class Crossing:
-    """Sides of all surfaces at a state; `decide` leaves the modes that are selected.
+    """Selection of the sides and modes of all K surfaces at a state.
 
-    The expression of a surface may jump at another one. So sides are selected in the
-    order of dependence: each from the value that its expression has once the sides are
-    selected that it depends on.
+    The expression of a surface may jump at another surface. Therefore sides are
+    selected in the order of dependence: each from the value of its expression, after
+    the sides on which this expression depends. `decide` stores the selected modes in
+    `modes`.
 
     Attributes
     ----------
     known
-        Surfaces that are known to be at their level -> how far off they may be.
+        Largest distance from its level of each surface known to be at its level.
     levels
-        Of each surface that the state is on, its level.
+        Level of each surface that the state is on.
     sizes : ndarray, shape (K,)
         Magnitudes of the terms of all surfaces.
     values, rows
-        Of all surfaces, with the sides selected so far.
+        Values and rows of all surfaces, with the sides selected so far.
     """
 
     modes: Modes
     known: Mapping[int, float]
     at_rest: Collection[int]  # surfaces whose rate is zero
-    left: float  # the time in which the motion comes to rest on those
+    left: float  # the time in which the motion comes to rest on the surfaces `at_rest`
     hit: int | None  # the surface that has ended the arc before
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
-    contacts: Contacts | None  # whose laws could act beside them
-    laws: list[int] = field(default_factory=list)  # the numbers of those that could
-    open: list[int] = field(default_factory=list)  # what forces decide
-    loose: list[int] = field(default_factory=list)  # what follows from the open ones
-    hanging: list[int] = field(default_factory=list)  # open, beside some sides alone
-    undecided: list[int] = field(default_factory=list)  # by nothing at all
+    contacts: Contacts | None  # laws that could act beside the surfaces
+    laws: list[int] = field(default_factory=list)  # numbers of the laws that could act
+    open: list[int] = field(default_factory=list)  # surfaces that forces decide
+    loose: list[int] = field(default_factory=list)  # surfaces decided by open ones
+    hanging: list[int] = field(default_factory=list)  # open on some sides alone
+    undecided: list[int] = field(default_factory=list)  # surfaces left undecided
     levels: dict[int, float] = field(default_factory=dict)
-    stale: set[int] = field(default_factory=set)  # sides other than in `rows`
-    roundoff: Floats = field(init=False)  # of the rates of the open ones (K,)
+    stale: set[int] = field(default_factory=set)  # sides changed since `rows`
+    roundoff: Floats = field(init=False)  # roundoff bounds of open surfaces' rates (K,)
     values: Floats = field(init=False)
     sizes: Floats = field(init=False)
     rows: Rows = field(init=False)
 
     def find(self) -> None:
-        """Find the levels that the state is on; set the sides of other surfaces."""
+        """Find the levels that the state is on; store the sides of other surfaces."""
         modes = self.modes
         self._evaluate()
         for k in modes.order:
@@ -285,7 +316,7 @@ class Crossing:
                 self._put_clear(k)
 
     def decide(self) -> None:
-        """Choose the mode."""
+        """Select the modes of all surfaces, by their rates or by the forces."""
         modes = self.modes
         self.roundoff = np.zeros(modes.count)
         value, whole = modes.value.copy(), modes.whole
@@ -314,7 +345,7 @@ class Crossing:
         self.levels = {k: level for k, level in enumerate(found) if level is not None}
 
     def _level(self, k: int, value: float) -> float | None:
-        """Level of surface k that a value of its expression is on; None off all."""
+        """Return the level of surface k at which `value` is; None if at no level."""
         level = self.modes.level(k, value)
         most = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.known.get(k, 0.0))
         return level if abs(value - level) <= most else None
@@ -334,7 +365,7 @@ class Crossing:
             self.stale.add(k)
 
     def _sort(self, k: int) -> None:
-        """Decide what a surface's own rate decides; note what is left."""
+        """Select the mode of surface k by its own rate, or count k as open or loose."""
         modes = self.modes
         rows = self.rows
         hangs = not modes.depends[k].isdisjoint([*self.open, *self.loose])
@@ -359,7 +390,10 @@ class Crossing:
             self.open.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
-        """Return the rate of a surface in positions; 0 where it is rounding."""
+        """Return the rate of surface k; 0 where below rounding.
+
+        Also 0 for a surface that depends on velocities or whose rate is known to be 0.
+        """
         modes, arc = self.modes, self.modes.arc
         if modes.on_rates[k] or k in self.at_rest:
             return 0.0
@@ -370,9 +404,9 @@ class Crossing:
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
     def _follows(self, k: int) -> bool:
-        """Whether a surface's side is known on each side of the open ones.
+        """Whether the side of surface k follows from the sides of the open surfaces.
 
-        There its expression may have values of its own, on a level or off it.
+        On each side of these its expression may have another value, at a level or not.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)
@@ -391,7 +425,10 @@ class Crossing:
         return signs not in ([-1.0, -1.0], [1.0, 1.0])
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
-        """Open surface that k steps together with, and their common sign."""
+        """Return the open surface with which k steps together, and the factor.
+
+        The factor is the ratio of their gradients; None if there is no such surface.
+        """
         J, b = rows.J, rows.b
         for j in self.open:
             if self.modes.on_rates[j] != self.modes.on_rates[k]:
@@ -402,12 +439,21 @@ class Crossing:
         return None
 
     def _settle(self, corner: Sequence[int]) -> set[int]:
-        """Put the open surfaces on these sides, and what hangs on them where it is.
+        """Store sides of the open surfaces, and the sides of those that follow.
 
-        So is an open one whose expression is off its level beside other open ones.
+        Loose and hanging surfaces are put on the sides of their expressions' values. So
+        is an open surface whose expression leaves its level beside other open ones.
 
-        Return those whose side their expression does not tell: they keep their level,
-        or step together with an open one.
+        Parameters
+        ----------
+        corner : sequence of int
+            Side of each open surface.
+
+        Returns
+        -------
+        set of int
+            Surfaces whose expressions do not determine their side: those that keep
+            their level, or step together with an open surface.
         """
         modes, arc = self.modes, self.modes.arc
         for k, side in zip(self.open, corner, strict=True):
@@ -441,25 +487,35 @@ class Crossing:
         return free
 
     def _by_forces(self, now: list[int]) -> None:
-        """Decide the rest by what the forces do on each side."""
+        """Select the modes of the open surfaces by the forces on each side.
+
+        `now`: the side of each open surface before.
+        """
         cone = self._cone()
-        # Not to be at rest: a surface that it has just come to may have to hold it.
+        # The surface just reached starts from its side, not from rest at its level.
         still = [i for i, k in enumerate(self.open) if k != self.hit]
         found = cone.select(now, still)
         if self.contacts is not None and cone.modes is not None:
             self.contacts.take(self.modes.arc, self.laws, cone.modes)
-        if found is None and self.at_rest:  # round and round to where it rests
+        if found is None and self.at_rest:  # the motion spirals into its rest
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
             self.undecided = self.open
-        if self.loose:  # what steps together with a surface has its side, or follows it
+        if self.loose:  # loose surfaces have the side of their leader, or follow it
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
         self._take(found or now, cone.shares)
 
     def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
-        """Side to which short steps with shares w (k,) leave an open surface.
+        """Return the side to which short steps leave an open surface; None if neither.
 
-        chosen : the modes of the laws, first of all rows.
+        Parameters
+        ----------
+        w : ndarray, shape (k,)
+            Shares of the open surfaces.
+        i : int
+            Index of the surface among the open ones.
+        chosen : RowModes
+            Modes of all rows, those of the laws first.
         """
         self._share(w)
         if self.contacts is not None:
@@ -482,7 +538,15 @@ class Crossing:
         return None
 
     def _take(self, sides: Sequence[int], shares: Floats) -> None:
-        """Take sides, with what steps together with the surfaces that it follows."""
+        """Store the modes of open surfaces, and of surfaces that step with them.
+
+        Parameters
+        ----------
+        sides : sequence of int
+            Mode of each open surface.
+        shares : ndarray, shape (k,)
+            Share of each open surface.
+        """
         modes = self.modes
         base = [BELOW if side in (SLIDING, REDUNDANT) else side for side in sides]
         below = self._settle(base)
@@ -517,18 +581,18 @@ class Crossing:
         return leader in own or any(self._depends(j, leader) for j in others)
 
     def _cone(self) -> FilippovCone:
-        """Return what the forces do with each of the surfaces below or above."""
+        """Return the Filippov cone of the open surfaces and of laws that could act."""
         modes, arc = self.modes, self.modes.arc
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:
             self._settle(corner)
             rows, a, others = modes.rows(y), modes.accelerations(y), np.zeros(0)
-            if self.laws:  # the motion without them
+            if self.laws:  # accelerations without the laws
                 here = Kinematics(arc, y)
                 a, others = here.free[arc.state.driven], here.accelerations[self.laws]
             J, b = rows.J[self.open], rows.b[self.open]
             if whole.any():
-                # The number of a table's knot has another slope in each cell.
+                # The slope of a table's cell number differs from cell to cell.
                 size = np.max(np.abs(J), axis=1, initial=0.0)
                 known = whole & (size > 0.0)
                 scale = np.divide(lengths, size, out=np.ones(len(J)), where=known)
@@ -540,7 +604,7 @@ class Crossing:
 
         def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
             J, b, a, others = terms(corner, y)
-            # What has no value tells nothing.
+            # An undefined rate counts as 0.
             found = np.append(J @ a - b, others)
             return np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0)
 
@@ -563,9 +627,21 @@ class Crossing:
     def _acting(
         self, left: Mapping[int, int], corner: Sequence[int]
     ) -> tuple[Acting, Floats]:
-        """Laws at a corner; rates (k, r) that they give to the open surfaces.
+        """Return the laws at a corner, and their effect on the open surfaces' rates.
 
-        left : how often each has reached the edge of what it bears.
+        Parameters
+        ----------
+        left : mapping of int to int
+            How often each law has reached the limit of its multiplier at this time.
+        corner : sequence of int
+            Side of each open surface.
+
+        Returns
+        -------
+        Acting
+            The r laws that could act.
+        ndarray, shape (k, r)
+            Rates of the k open surfaces per multiplier.
         """
         self._settle(corner)
         arc = self.modes.arc
@@ -574,7 +650,7 @@ class Crossing:
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
-        """Put the open surfaces between their sides, by shares (k,), or at levels."""
+        """Store shares w (k,) of open surfaces, between their sides or at levels."""
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
             if share != LEVEL:
@@ -582,9 +658,14 @@ class Crossing:
         self.modes.write()
 
     def _ahead(self, w: Floats, p: Floats) -> tuple[float, Floats]:
-        """Return a short time, and how fast rates with shares (k,) change.
+        """Return a short time, and the changes per time of all rates (k + r,).
 
-        Of the surfaces, then of the laws, whose multipliers are p (r,).
+        Parameters
+        ----------
+        w : ndarray, shape (k,)
+            Shares of the open surfaces; their rates come first.
+        p : ndarray, shape (r,)
+            Multipliers of the laws; their accelerations follow.
         """
         modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.moment
         self._share(w)
