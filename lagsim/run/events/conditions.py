@@ -207,9 +207,9 @@ class Truth:
         return {*met.nonzero()[0].tolist()}
 
     def hold(self, conditions: Iterable[int], *, for_ever: Iterable[int] = ()) -> None:
-        """Store that these conditions are true from now on, those of `for_ever` always.
+        """Store that these conditions are true from now on.
 
-        A condition that is always true never acts again.
+        The conditions of `for_ever` remain true for ever: their events never act again.
         """
         state = self.state
         for c in conditions:
@@ -264,7 +264,7 @@ class Truth:
         return bool(changes)
 
     def _become(self, now: Look, were_clear: Flags, rises: Flags) -> set[int]:
-        """Return the conditions that were false and are true; store those now false.
+        """Return the conditions that became true; store the sides of those now false.
 
         Parameters
         ----------

@@ -138,7 +138,7 @@ class Contacts(Source):
         return self._decision(arc, self._through(arc, None))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision at the end of a law's mode; None for any other code.
+        """Return the decision at the end of a law's mode or of the run; else None.
 
         Raises
         ------
@@ -333,7 +333,7 @@ class Contacts(Source):
         self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
 
     def _put(self, arc: Arc, chosen: Chosen) -> None:
-        """Store modes where the compiled functions read them."""
+        """Store selected modes in the memory that the compiled functions read."""
         p = arc.system.p
         own = p.law_place < 0.0  # the modes of sliders are set by `settle`
         p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
@@ -723,7 +723,7 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
         if k in slid or law.pair in slid:
-            # A smooth beginning is over where anything else happens.
+            # The regularized beginning of a slip ends at any other event.
             floors[pair] = p.law_floor[k] if math.isinf(p.law_lasts[k]) else 0.0
             stills[pair] = p.law_still[k]
             continue

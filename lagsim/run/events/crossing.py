@@ -351,14 +351,14 @@ class Crossing:
         return level if abs(value - level) <= most else None
 
     def _put_clear(self, k: int) -> None:
-        """Put surface k on the side on which its expression is."""
+        """Store the side of surface k given by the value of its expression."""
         before = self.modes.value[k]
         self.modes.put_clear(k, self.values[k])
         if self.modes.value[k] != before:
             self.stale.add(k)
 
     def _put(self, k: int, mode: int) -> None:
-        """Put surface k below or above its level, or at rest on it."""
+        """Store that surface k is below or above its level, or at rest at it."""
         before = self.modes.value[k]
         self.modes.put(k, self.levels[k], mode)
         if self.modes.value[k] != before:
