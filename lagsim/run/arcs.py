@@ -502,7 +502,7 @@ class Run:
         states[2] -= back * (states[2] - self.shown)
         ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
         aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(states[0]))
-        # The kernel's memory keeps the values of the last row.
+        # Data stored by `tabulate` are those of the last state, the current one.
         states[0] += aside
         states[1] -= aside
         return arc.runner.tabulate(states)

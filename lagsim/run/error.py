@@ -1,4 +1,4 @@
-"""Errors of a run: the estimate by a repeat, and what rounding does to what rests."""
+"""Error estimate of a run by a repeat; displacement of bodies at rest by rounding."""
 
 from __future__ import annotations
 
@@ -21,18 +21,21 @@ if TYPE_CHECKING:
 
 # Past the horizon the estimate exceeds this part of a coordinate's range.
 LOST = 0.1
-# How many times the growth is told at.
+# Number of times at which the growth of the error is reported.
 TIMES = 20
 
 
 class Failed(str):
-    """Reason why a repeat gave no error bar."""
+    """Reason why a repeat provided no error estimate."""
 
     __slots__ = ()
 
 
 class CoordinateError(NamedTuple):
-    """The estimated error of one coordinate, in its unit and as a part of its range."""
+    """Largest estimated error of one coordinate or state, and its time.
+
+    `largest` is in the unit of the coordinate, `relative` is a part of its range.
+    """
 
     largest: float
     relative: float
@@ -45,26 +48,26 @@ class ErrorBar(NamedTuple):
     Attributes
     ----------
     method, rtol
-        Of the repeat.
+        Method and relative tolerance of the repeat.
     names
-        Of the coordinates and the first-order states, n in all.
+        Names of the coordinates and the first-order states, n in all.
     times : ndarray, shape (k,)
-        Of the rows that were compared.
+        Times of the compared rows.
     errors : ndarray, shape (k, n)
-        The estimates, in their units.
+        Error estimates, in the units of the coordinates and states.
     scales : ndarray, shape (n,)
-        The range of each, or what counts as one.
-    still : ndarray, shape (n,)
-        What moves less than this has no horizon; by default nothing.
+        Range of each coordinate and state, or a substitute of its range.
+    still : ndarray, shape (n,), or None
+        Displacements by rounding, below which motion has no horizon; None for zeros.
     rates : ndarray or None
-        The estimates for the velocities, a column a coordinate.
+        Error estimates of the velocities, one column a coordinate.
     repeated : dict
-        Times, coordinates, velocities and states of the repeat, by the number of
-        what was compared.
+        Times, coordinates, velocities and states of the repeat, by the index of the
+        compared row.
     parted : str
-        How the two runs ended differently, if they did.
+        Difference between the ends of the two runs; empty if they ended alike.
     rests : bool
-        Nothing moves but by rounding.
+        Whether the model rests: all motion is by rounding.
     """
 
     method: str
@@ -81,12 +84,12 @@ class ErrorBar(NamedTuple):
 
     @property
     def parts(self) -> Floats:
-        """The estimates as parts of the ranges (k, n)."""
+        """Error estimates as parts of the ranges (k, n)."""
         return _parts(self.errors, self.scales)
 
     @property
     def coordinates(self) -> dict[str, CoordinateError]:
-        """The largest error of each coordinate and state, and when."""
+        """Largest error of each coordinate and state, and its time."""
         worst = np.argmax(self.errors, axis=0)
         largest, parts = self.errors, self.parts
         return {
@@ -98,30 +101,30 @@ class ErrorBar(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """The largest part of a range that any error reaches."""
+        """Largest error as a part of its range, over all coordinates and times."""
         return float(np.max(self.parts, initial=0.0))
 
     @property
     def growth(self) -> list[tuple[float, float]]:
-        """Times, and the largest part of a range that any error has reached by then."""
+        """Times, and the largest relative error of all coordinates up to each time."""
         reached = np.maximum.accumulate(np.max(self.parts, axis=1))
         last = len(self.times) - 1
         samples = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})
         return [(float(self.times[k]), float(reached[k])) for k in samples]
 
     def lost_by(self, errors: Floats) -> Floats:
-        """Errors (n,) or (k, n) as parts of what can be lost."""
+        """Return errors (n,) or (k, n) as parts of the larger of range and `still`."""
         still = 0.0 if self.still is None else self.still
         return _parts(errors, np.fmax(self.scales, still))
 
     @property
     def lost(self) -> Floats:
-        """The largest error in each row (k,), as parts of what can be lost."""
+        """Largest error in each row (k,), relative as in `lost_by`."""
         return np.asarray(np.max(self.lost_by(self.errors), axis=1))
 
     @property
     def horizon(self) -> float | None:
-        """The first time at which an error exceeds the part LOST of its range."""
+        """First time at which an error exceeds the part LOST of its range, or None."""
         lost = np.flatnonzero(self.lost > LOST)
         return float(self.times[lost[0]]) if len(lost) else None
 
@@ -130,25 +133,25 @@ def _parts(errors: Floats, scales: Floats) -> Floats:
     return np.divide(errors, scales, out=np.zeros_like(errors), where=scales > 0.0)
 
 
-# --- Displacement of what rests: coordinates if nothing held them, what follows them
+# --- Displacement of coordinates at rest by roundoff, and of states that follow them
 #
 # See `mechanics.equations`. A coordinate that moves no farther than the rounding of its
 # forces could take it is at rest.
 
-# Rows of a motion that forces are looked at, and operations for them, at most.
+# Largest number of rows at which forces are evaluated, and of operations for these.
 MOST_ROWS = 64
 MOST_OPERATIONS = 2e5
 
 
 class Held(NamedTuple):
-    """Largest force on each coordinate, and its possible displacement (n,)."""
+    """Largest force on each coordinate (n,), and the displacement by it alone (n,)."""
 
     forces: Floats
     reach: Floats
 
     @property
     def moved(self) -> Floats:
-        """Displacement by roundoff of a body whose forces balance."""
+        """Displacement (n,) by roundoff of a body whose forces balance."""
         return np.asarray(SUM_ROUNDOFF * self.reach)
 
 
@@ -159,23 +162,23 @@ def could_push(
     step: float,
     reactions: Floats | None = None,
 ) -> Held:
-    """Return what forces could do along a motion to coordinates that they do not move.
+    """Return the largest forces on coordinates at rest, and possible displacements.
 
-    By the terms of the forces, and all that is rounded where they are computed. In the
-    whole of the motion; where a force grows with the place, in the time in which that
-    holds what it moves; and what only constraints push, between two projections: there
-    the rounding of that is taken away again.
+    The forces are sums of the magnitudes of their terms and intermediate results, whose
+    rounding errors could move a coordinate. They act during the whole motion; if a
+    force is elastic, during the inverse of its frequency; if a coordinate is moved only
+    through constraints, between two projections, which remove the rounding errors.
 
     Parameters
     ----------
     rows : ndarray, shape (k, 1 + 2 n)
         Times, coordinates and velocities.
     which
-        The coordinates; of others nothing is given.
+        Indices of the coordinates; displacements of all others are 0.
     step
-        Between two projections, at most.
-    reactions : ndarray, shape (n,)
-        What constraints push with at most, where that is known.
+        Longest time between two projections.
+    reactions : ndarray, shape (n,), optional
+        Largest constraint forces on the coordinates, if known.
     """
     e, g, n = equations, equations.graph, len(equations.q)
     state = e.moving
@@ -197,7 +200,7 @@ def could_push(
     pulled = _most(forces, inertias)
     own, linked = np.zeros(n), np.zeros(n)
     chosen, time = list(which), float(np.ptp(rows[:, 0]))
-    # What is held by a force of this slope goes no farther than in 1/w.
+    # A coordinate held by a force of this slope moves no farther than in the time 1/w.
     stiff = time * time * _most(stiffness, inertias[chosen])
     own[chosen] = pulled[chosen] * time * time / np.fmax(stiff, 1.0)
     labels = joined(n, [A.entries for A in e.slopes])
@@ -208,11 +211,16 @@ def could_push(
 
 
 def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
-    """Displacement of states (l,) if coordinates moved by their `reach` (n,).
+    """Return the displacement of first-order states (l,) that follow coordinates.
 
-    In the whole of the motion, or in its own time constant where a state has one.
+    It is reached during the whole motion, or during the time constant of a state.
 
-    rows : (k, 1 + 2 n + l), times, coordinates, velocities and states
+    Parameters
+    ----------
+    rows : ndarray, shape (k, 1 + 2 n + l)
+        Times, coordinates, velocities and states.
+    reach : ndarray, shape (n,)
+        Displacements of the coordinates.
     """
     e, g, n = equations, equations.graph, len(equations.q)
     variables = [g.variable(name) for name in e.state]
@@ -232,7 +240,7 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:
-    """Return the largest quotient of each row; what is not finite does not count."""
+    """Return the largest finite quotient sizes/inertias of each row; 0 without one."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias
     return np.asarray(
@@ -241,7 +249,15 @@ def _most(sizes: Floats, inertias: Floats) -> Floats:
 
 
 def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
-    """`largest_beside` in each group of coordinates with one label."""
+    """Return `largest_beside` (n,) within each group of coordinates of one label.
+
+    Parameters
+    ----------
+    labels : sequence of int, length n
+        Label of the group of each coordinate.
+    roots, found : ndarray, shape (n,)
+        See `largest_beside`.
+    """
     whole = np.array(found)
     for label in sorted({k for i, k in enumerate(labels) if k != i}):
         group = np.array(labels) == label
@@ -250,7 +266,11 @@ def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
 
 
 def largest_beside(roots: Floats, found: Floats) -> Floats:
-    """Return the largest of range_j min(1, root_j/root_i): by size, without n^2."""
+    """Return max over j of found_j min(1, roots_j/roots_i) for each i, by sorting.
+
+    roots, found : ndarray, shape (n,)
+        Roots of the inertias; displacements or accelerations of the coordinates.
+    """
     finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
     lightest = np.argsort(roots)
     whole = np.zeros(len(found))

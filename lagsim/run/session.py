@@ -1,8 +1,8 @@
-"""The way of a model to its rows: read, derive, examine, plan, compile, integrate.
+"""The stages from a model to its rows: read, derive, examine, plan, compile, integrate.
 
-A `Case` is what to simulate, and how; a `Session` one that is planned and compiled, and
-runs as often as it is asked to. Whatever runs models goes this way: commands, studies,
-and the Python interface. What is heavy to import is imported at its stage.
+A `Case` consists of equations, start and settings; a `Session` is a planned and
+compiled case, which can be run any number of times. Commands, studies and the Python
+interface all run models by sessions. Large modules are imported only at their stage.
 """
 
 from __future__ import annotations
@@ -36,30 +36,31 @@ LAPS = (
 
 
 class Clock:
-    """Time in seconds that each stage has taken."""
+    """Elapsed time of each stage in seconds."""
 
     def __init__(self) -> None:
         self.timings = dict.fromkeys(LAPS, 0.0)
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """Record the time since the last lap."""
+        """Add the time since the last lap to the stage `name`."""
         now = time.perf_counter()
         self.timings[name] += now - self._last
         self._last = now
 
     def rounded(self) -> dict[str, float]:
-        """Return them as documents do, to microseconds."""
+        """Return the elapsed times, rounded to microseconds for documents."""
         return {name: round(seconds, 6) for name, seconds in self.timings.items()}
 
 
 class StartError(LagsimError):
-    """No run begins at this start (exit 1); `examined` says why.
+    """Error raised for an inadmissible start (exit code 1).
 
     Attributes
     ----------
     equations : Equations
     examined : StartReport
+        Verdicts on the start, with the reasons.
     """
 
     exit_code = 1
@@ -76,7 +77,7 @@ class StartError(LagsimError):
 
 
 class Case(NamedTuple):
-    """Case of a simulation: equations, start, settings."""
+    """Case of a simulation: equations, admissible start, settings."""
 
     equations: Equations
     examined: StartReport
@@ -89,11 +90,13 @@ class Case(NamedTuple):
 
     @property
     def model(self) -> Model:
-        """Model that the equations are those of."""
+        """Model of the equations."""
         return self.equations.model
 
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
-        """Case with other values of parameters, derived no more.
+        """Return the case with other values of parameters.
+
+        The equations are derived anew only if the pieces of a gap change.
 
         Raises
         ------
@@ -103,20 +106,20 @@ class Case(NamedTuple):
         return examined(self.equations, model, model.settings())
 
     def asking(self, **other: Any) -> Case:
-        """Case with other settings."""
+        """Return the case with some settings replaced."""
         return self._replace(settings=self.settings._replace(**other))
 
     def at(self, state: Instant) -> Case:
-        """Case with another start, as admissible as its own."""
+        """Return the case with another start, which is not examined again."""
         return self._replace(examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
-        """Choose how to integrate.
+        """Choose the formulation, the linear solver and the method.
 
         Raises
         ------
         InputError
-            Where what was asked for cannot handle the model.
+            If the requested method or formulation cannot handle the model.
         """
         from lagsim.plan.plan import make_plan
 
@@ -125,11 +128,12 @@ class Case(NamedTuple):
         return found
 
     def ready(self, plan: Plan | None = None, *, clock: Clock | None = None) -> Session:
-        """Plan, unless there is a plan, and compile.
+        """Compile the case by `plan`, by default by its own plan.
 
         Raises
         ------
         InputError
+            If the requested method or formulation cannot handle the model.
         """
         from lagsim.program.system import System
 
@@ -144,15 +148,17 @@ class Case(NamedTuple):
 
 
 class Session(NamedTuple):
-    """A case, planned and compiled.
+    """A planned and compiled case.
 
     Attributes
     ----------
     longest_step : float
-        No step of a method that chooses its steps is longer, if it is not 0; the ranges
-        of the coordinates over the steps are then noted, too.
+        Largest step of a method with adaptive steps; 0 for no limit. With a limit, the
+        ranges of the coordinates over the steps are recorded, too.
+    most_steps : int
+        Largest number of steps of a run.
     arc_steps : float
-        How many of the most steps an arc counts as, besides its own.
+        Number of steps that each arc counts as, in addition to its own steps.
     """
 
     case: Case
@@ -164,24 +170,26 @@ class Session(NamedTuple):
 
     @property
     def equations(self) -> Equations:
-        """Equations of the case."""
+        """Equations of motion of the case."""
         return self.case.equations
 
     @property
     def columns(self) -> Columns:
-        """Columns of the rows."""
+        """Columns of the output rows."""
         return self.system.columns
 
     @property
     def lists_events(self) -> bool:
-        """Whether constraints hold at times, forces have switches, or events act."""
+        """Whether there are unilateral constraints, switches or events of the file."""
         e = self.case.equations
         return bool(e.laws or self.plan.switches.sides or e.model.events)
 
     def bound(self, case: Case) -> Session | None:
-        """Session of the same equations with other values, compiled no more.
+        """Return a session of `case` with the compiled functions of this session.
 
-        None where these values need other functions.
+        case : case of the same equations with other values of parameters.
+
+        None if the values require other functions.
         """
         pieces = (
             [x.row.residual for x in e.laws] for e in (case.equations, self.equations)
@@ -195,15 +203,15 @@ class Session(NamedTuple):
         return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
-        """Return the same system integrated otherwise: at other tolerances, say."""
+        """Return the session with another plan for its system, as other tolerances."""
         return self._replace(plan=plan)
 
     def asking(self, **other: Any) -> Session:
-        """Return the same with settings that change neither plan nor system."""
+        """Return the session with settings replaced that affect no plan or system."""
         return self._replace(case=self.case.asking(**other))
 
     def first_arc(self) -> Arc:
-        """State at the start, on no way yet."""
+        """Return the first arc, at the start of the run."""
         from lagsim.run.arc import first_arc
 
         case = self.case
@@ -222,18 +230,23 @@ class Session(NamedTuple):
         sections: Sections | None = None,
         joined: Callable[[Run | Apart], None] | None = None,
     ) -> Trajectory:
-        """Integrate, handing every row to the observers.
+        """Integrate the case and pass every row to the observers.
 
         Parameters
         ----------
-        corners
-            Gets what happens at events between rows.
-        sections
-            Gets the rows of sections.
+        observers
+            Receive the rows in blocks (k, columns).
+        interrupt
+            Requests of an early end.
         progress
             Called with the fraction of the run that is done.
+        corners
+            Receives the rows just before and just after events. Ignored for decoupled
+            subsystems, as `sections` is.
+        sections
+            Receives the rows of sections.
         joined
-            Gets the run before it begins, and may put it where another was.
+            Called with the run before its start; may restore the state of another run.
         """
         from lagsim.run.arcs import Apart, Run
 
@@ -248,7 +261,7 @@ class Session(NamedTuple):
             joined(run)
         import numpy as np
 
-        # A motion that diverges passes every number; what is made of it says so itself.
+        # A diverging motion overflows; the run checks its values and reports it.
         with np.errstate(all="ignore"):
             return run.whole(self.most_steps, self.arc_steps)
 
@@ -261,7 +274,9 @@ def open_case(
     Parameters
     ----------
     settings
-        By default those of the file.
+        Settings of the simulation, by default those of the file.
+    clock
+        Receives the time of each stage.
 
     Raises
     ------
@@ -288,7 +303,10 @@ def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
 def _begun(
     equations: Equations, settings: Settings, *, classify: bool = False
 ) -> tuple[Equations, StartReport]:
-    """Examine a start, with the modes that periodic events set there."""
+    """Return the equations with the modes set by events at the start, and its report.
+
+    classify : passed to `examine`.
+    """
     from lagsim.admissibility.examination import examine
 
     time, rest = settings.start, settings.rest
@@ -301,9 +319,14 @@ def _begun(
 
 
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
-    """Case of equations with the values of another binding of their model.
+    """Return the case of derived equations with the parameter values of `model`.
 
-    They are derived anew where a gap has other pieces with these values.
+    The equations are derived anew if the values change the pieces of a gap.
+
+    Parameters
+    ----------
+    equations
+        Equations of the same model with other parameter values.
 
     Raises
     ------
@@ -316,7 +339,9 @@ def examined(equations: Equations, model: Model, settings: Settings) -> Case:
 
 
 def check(model: Model) -> tuple[Case, Sequence[Choice]]:
-    """Look at a start, admissible or not, and at how it would be integrated.
+    """Return the case of a model, and the choices of its plan.
+
+    The start need not be admissible; if it is not, there are no choices.
 
     Raises
     ------
@@ -340,18 +365,22 @@ def wanted(
     options: Mapping[str, float | str] | None = None,
     hint: str = "add it",
 ) -> Settings:
-    """Return the file's settings; refuse what this version cannot run.
+    """Return the settings of the file, with `options`, for a simulation.
 
     Parameters
     ----------
     who
-        Who wants to run it, for messages.
+        Name of the command or function that runs the model, for messages.
+    options
+        Settings that replace the settings of the file.
     hint
-        Where no duration is given.
+        Advice if the file has no duration.
 
     Raises
     ------
     InputError
+        If the duration is missing, a method or formulation does not exist, or events
+        are too frequent.
     """
     settings = model.settings(options)
     if settings.duration:
@@ -366,7 +395,7 @@ def wanted(
 
 
 def too_frequent(model: Model, settings: Settings) -> list[Problem]:
-    """Faults of periods that are too short for the run."""
+    """Return problems with periods of strobes and events too short for the run."""
     from lagsim.run.events.sections import too_many_strobes
 
     return [
@@ -389,7 +418,7 @@ def _too_frequent_events(model: Model, settings: Settings) -> list[Problem]:
 
 
 def unknown_names(settings: Settings) -> list[Problem]:
-    """Faults of a method, and a formulation, that do not exist."""
+    """Return problems with a method and a formulation that do not exist."""
     from lagsim.methods import method_problems
     from lagsim.plan.formulation import formulation_problems
 
