@@ -1,27 +1,29 @@
-"""Unilateral constraints in numbers: rows that hold, their multipliers and impulses.
+"""Numerical unilateral constraints: modes of rows, their multipliers and impulses.
 
-Linear algebra on the Delassus matrix of the rows that could act, beside the equalities
-that hold: no graph, no state.
+All functions are linear algebra on the Delassus matrix of the rows that may be in
+force, with the equalities in force eliminated; graph and state do not occur.
 
-Impacts obey Newton's law of restitution and Coulomb's of friction: the rate of each
-contact after the impact is at least -e times the one before, and is that where there is
-an impulse. By Poisson's law one impact without restitution ends the approach; another
-adds e times its impulse, or more where a contact would close. All contacts that touch
-share one impact, at one time: where they act on each other, another order of impacts
-would end in other rates. Where a series of impacts is taken as one, a contact may have
-to pull in it: the series ends with it at rest, and what held it down meanwhile (its
-weight) is part of no impact. Its friction is in proportion, of either sign, so that
-what slides one way all the time loses what it does by the impulses of the series and of
-the weight.
+Impacts obey Newton's law of restitution and Coulomb's law of friction: the rate of each
+contact after the impact is at least -e times the rate before, with equality where the
+contact has an impulse. By Poisson's law, an impact without restitution ends the
+approach; a second one adds e times its impulse, or more where a contact would close.
+All contacts that touch share one simultaneous impact; where they are coupled, another
+order of impacts would end in other rates. Where a series of impacts is computed as a
+single impact, a contact may need a negative impulse: the series ends with the contact
+at rest, and the impulse of the forces that press it down meanwhile (its weight) is part
+of no impact. Friction is proportional to that impulse, of either sign, so that a slip
+of constant direction loses the momentum due to the impulses of the series and of the
+weight.
 
-From accelerations at rates that are known follows which rows hold, slide or let go.
-What slides is driven by a force of known direction. What rests holds if a multiplier
-within its bound does it, and otherwise begins to slide against it. A box on four legs
-can lose any leg on whose side its weight is not. Where discs leave no corner to pivot
-to, legs are taken away until those that are left are independent, as long as friction
-allows it. Of friction that rows share, discs have the least parts of their bounds: a
-disc slips where no sharing holds it, along a way that the other rows leave. A switch's
-surface is a row as well (`Closed.with_shares`).
+The modes of the rows follow from their accelerations at known rates. The friction of a
+sliding row has a known direction. A row at rest holds where a multiplier within its
+bound suffices, and otherwise begins to slide against that multiplier. The choice is not
+unique: a box on four legs may stand on any three that support its weight. Where Lemke's
+method does not end at independent contacts, because friction is bounded by discs,
+contacts are removed until the remaining ones are independent, as far as friction
+permits. Friction that rows share is distributed such that discs have the least parts of
+their bounds: a disc slips only where no distribution holds it, in a direction that the
+other rows leave free. The surface of a switch is a row, too (`Closed.with_shares`).
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """
@@ -65,35 +67,40 @@ if TYPE_CHECKING:
 class Mode(IntEnum):
     """Mode of a row."""
 
-    OFF = 0  # no multiplier
-    HELD = 1  # an equality with its multiplier
-    SLIDING = 2  # not held: the multiplier has the size of its bound
-    REDUNDANT = 3  # it holds because others do
+    OFF = 0  # the multiplier is 0
+    HELD = 1  # in force as an equality
+    SLIDING = 2  # the multiplier is at its bound
+    REDUNDANT = 3  # implied by held rows
 
 
 @dataclass(frozen=True)
 class Closed:
-    """Contacts that touch with their slips, and other rows in force: r of them.
+    """The r rows that may be in force: closed contacts, their slips, and other laws.
 
     Attributes
     ----------
     D : ndarray, shape (r, r)
-        The Delassus matrix: the accelerations of the rows (or rates, of impulses) that
-        multipliers of one give. Zero in the diagonal: a row on which nothing acts.
+        The Delassus matrix: D_ij is the acceleration of row i due to a multiplier 1
+        of row j (or its change of rate due to an impulse 1). A zero diagonal entry
+        marks a row that no multiplier accelerates.
     kinds : tuple of Kind
+        The role of each row.
     normals : tuple of int
-        Of a slip: the row of its contact; else -1.
+        For a slip, the index of the row of its contact; else -1.
     pairs : tuple of int
-        Of one of two slips: the row of the other; else -1.
+        For one of two slips, the index of the row of the other; else -1.
     bounds, statics : ndarray, shape (r,)
-        The friction coefficient while it slides and while it sticks, or the limit.
+        The friction coefficient, or limit, while the row slides and while it sticks.
     restitutions : ndarray, shape (r,)
+        The coefficients of restitution.
     poisson : tuple of bool, optional
-        Of contacts: restitution is of impulses, not of rates.
+        For contacts: restitution is of impulses (Poisson), not of rates (Newton).
     factor : ndarray, shape (k, r)
-        D = factor^T factor, from which rows at a small angle are still told apart.
+        D = factor^T factor. Rows at a small angle are independent in the factor even
+        where they are dependent in D to rounding.
     pushes : ndarray, shape (k, r), optional
-        Where shares of switching surfaces are rows, too: D = factor^T pushes.
+        Present where shares of switching surfaces are rows, too:
+        D = factor^T pushes.
     """
 
     D: Floats
@@ -109,7 +116,7 @@ class Closed:
 
     @cached_property
     def columns(self) -> Floats:
-        """What multipliers of one do in the space of the factor (k, r)."""
+        """`pushes` where present, else `factor`: D = factor^T columns, shape (k, r)."""
         return self.factor if self.pushes is None else self.pushes
 
     @classmethod
@@ -122,7 +129,19 @@ class Closed:
         statics: Floats,
         restitutions: Floats,
     ) -> Closed:
-        """Rows of some laws, by their numbers; all else is of these, in this order."""
+        """Return the rows of some laws.
+
+        Parameters
+        ----------
+        laws : sequence of Law
+            All laws of the model.
+        some : sequence of int, length r
+            The indices of the laws whose rows are returned.
+        reply : Delassus
+            The Delassus matrix of these rows, in the order of `some`.
+        bounds, statics, restitutions : ndarray, shape (r,)
+            The numbers of these rows, in the order of `some`.
+        """
         own, place = [laws[k] for k in some], {k: i for i, k in enumerate(some)}
         return cls(
             D=reply.D,
@@ -137,10 +156,18 @@ class Closed:
         )
 
     def with_shares(self, D: Floats, bounds: Floats) -> Closed:
-        """Add rows with bounds (s,) for shares of surfaces; D is that of all rows.
+        """Return the rows with s further ones, for the shares w of switching surfaces.
 
-        A share is in [0, 1]; 1/2 less it is limited as a force is, to 1/2. The jump of
-        forces need not be along the row, so that D is not symmetric.
+        The multiplier of such a row is proportional to 1/2 - w, which is bounded in
+        both directions since w is in [0, 1]. The jump of the forces need not be along
+        the row, so that D need not be symmetric.
+
+        Parameters
+        ----------
+        D : ndarray, shape (r + s, r + s)
+            The Delassus matrix of all rows.
+        bounds : ndarray, shape (s,)
+            The bounds of the further multipliers.
         """
         if not len(bounds):
             return self
@@ -155,17 +182,27 @@ class Closed:
 
     @cached_property
     def bounded(self) -> Flags:
-        """Which multipliers are bounded in both directions (r,)."""
+        """Mask (r,) of the rows whose multiplier is bounded in both directions."""
         return np.array([kind.bounded for kind in self.kinds], dtype=bool)
 
 
 def _problem(
     closed: Closed, c: Floats, sizes: Floats, directions: Floats, *, given: Flags
 ) -> Problem:
-    """Problem of rows whose bounded multipliers have sizes (r,), or parts of them.
+    """Return the complementarity problem of rows with accelerations or rates c.
 
-    Bounds of friction are in parts of the multiplier of its contact; of what is given
-    (r,), in which of the two directions (r,).
+    Parameters
+    ----------
+    closed : Closed
+    c : ndarray, shape (r,)
+        Accelerations or rates at multipliers 0.
+    sizes : ndarray, shape (r,)
+        Bounds of bounded multipliers; of slips, as parts of the multiplier of the
+        contact.
+    directions : ndarray, shape (r,)
+        For rows that slide: the multiplier as a part of its bound, in [-1, 1].
+    given : ndarray of bool, shape (r,)
+        The rows that slide.
     """
     low, high = np.zeros((2, 2, len(c)))
     for k, kind in enumerate(closed.kinds):
@@ -183,16 +220,17 @@ def _problem(
 
 
 class Delassus(NamedTuple):
-    """The answer of rows to their multipliers.
+    """Accelerations of r rows, and of n coordinates, due to multipliers of the rows.
 
     Attributes
     ----------
     D : ndarray, shape (r, r)
-        rows K rows^T, where K f is the acceleration that forces f give.
+        The Delassus matrix rows K rows^T, where K f is the acceleration (n,) due to
+        forces f (n,).
     response : ndarray, shape (n, r)
         K rows^T.
     factor : ndarray, shape (k, r)
-        D = factor^T factor, for the k free directions.
+        D = factor^T factor, with k the number of free directions.
     """
 
     D: Floats
@@ -201,11 +239,19 @@ class Delassus(NamedTuple):
 
 
 def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
-    """Delassus matrix of rows (r, n) beside equalities A (e, n).
+    """Compute the Delassus matrix of constraint rows under equalities.
 
-    M (n, n) has to be positive in all directions that A lets through; coordinates
-    without mass, and equalities that others imply, do no harm. A row on which nothing
-    can act has zeros.
+    Rows that the equalities determine, and which no multiplier accelerates, have zero
+    columns in the factor.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix, positive definite on the null space of A. Massless coordinates
+        are admissible.
+    A : ndarray, shape (e, n)
+        The rows of the equalities; may be linearly dependent.
+    rows : ndarray, shape (r, n)
     """
     diagonal = M.diagonal()
     if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:
@@ -223,19 +269,21 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """Result of an impact: impulses, and its kind.
+    """Result of an impact on r rows.
 
     Attributes
     ----------
     impulses : ndarray, shape (r,)
     after : ndarray, shape (r,)
-        The rates.
+        The rates of the rows after the impact.
     open : bool
-        Another order of the impacts would end elsewhere: a choice of this law.
+        Another order of the impacts would end in other rates: the result is a
+        convention of the impact law.
     energy : float
-        The change of the kinetic energy, seen from what is struck.
+        The change of the kinetic energy in the frame of the struck bodies: the sum of
+        impulse times mean rate over the rows.
     found : bool
-        False where the laws contradict each other (a body that is crushed).
+        False where the laws have no common solution (a body that is crushed).
     """
 
     impulses: Floats
@@ -246,10 +294,18 @@ class Impact:
 
 
 def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
-    """Impulses at rates (r,); what is smaller than roundoff (r,) counts as 0.
+    """Compute the simultaneous impact of all rows.
 
-    Newton's targets of contacts that are locked into each other may contradict; such
-    an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
+    Where the rates after the impact by Newton's law contradict each other, the impact
+    is inelastic. The rate of a `TIMED` row becomes 0 by an impulse of either sign.
+
+    Parameters
+    ----------
+    closed : Closed
+    rates : ndarray, shape (r,)
+        The rates of the rows before the impact.
+    roundoff : ndarray, shape (r,)
+        Rates up to this size count as 0.
     """
     if len(rates) == 1 and closed.kinds[0].one_sided:
         return _of_one(closed, float(rates[0]), float(roundoff[0]))
@@ -277,7 +333,7 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
 
 
 def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
-    """Impact of one contact by itself."""
+    """Compute the impact of a single one-sided row."""
     own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
     before = 0.0 if abs(rate) <= roundoff else rate
     bounces = closed.kinds[0] is Kind.CONTACT and before < 0.0
@@ -291,7 +347,7 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
 
 
 def _at_rest(closed: Closed, rates: Floats) -> Flags:
-    """Which slips rest (r,) and have another friction than while they slide."""
+    """Return the mask (r,) of slips at rest whose static friction differs."""
     pairs = np.array(closed.pairs)
     still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
     slips = np.array([kind is Kind.SLIP for kind in closed.kinds])
@@ -301,12 +357,20 @@ def _at_rest(closed: Closed, rates: Floats) -> Flags:
 def _impulses(
     closed: Closed, c: Floats, rests: Flags, given: Floats | None = None
 ) -> Solution:
-    """Impulses for rates c (r,) that are to become 0; what is limited gives none.
+    """Solve for the impulses that bring rates c to 0 where the laws permit.
 
-    Friction is bounded by them, and by those of contacts that are `given` (r,) before;
-    its coefficient is the static one where a slip rests before the impact (r,).
+    Limited rows have no impulse. Slips of `TIMED` contacts slide on in their direction,
+    or are held where friction would reverse it.
 
-    The slips of stopped contacts slide on, or are held where that would turn them back.
+    Parameters
+    ----------
+    closed : Closed
+    c : ndarray, shape (r,)
+        The rates, less the rates to be reached.
+    rests : ndarray of bool, shape (r,)
+        The slips with the static friction coefficient.
+    given : ndarray, shape (r,), optional
+        Impulses of contacts that bound friction in addition to the solved ones.
     """
     r, kinds = len(c), list(closed.kinds)
     goes_on, directions = np.zeros(r, dtype=bool), np.zeros(r)
@@ -341,10 +405,10 @@ def _impulses(
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
-    """Whether the order of impacts counts.
+    """Whether the rates after the impact depend on the order of single impacts.
 
-    It does where one changes the rate of another that is struck as well. Inelastic ones
-    without friction that push each other's rates down end in one state all the same.
+    They do where two contacts that are struck are coupled, except for contacts without
+    restitution and friction whose impulses lower each other's rates.
     """
     pushed = np.abs(p) > SOLUTION_ROUNDOFF * np.abs(p).max(initial=0.0)
     groups = {
@@ -370,22 +434,24 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """Modes of all rows, r of them.
+    """Modes and multipliers of r rows.
 
     Attributes
     ----------
-    mode : tuple of Mode
-        Held rows are independent of each other.
+    mode : tuple of Mode, length r
+        Held rows are linearly independent.
     direction : ndarray, shape (r,)
-        Of a sliding row: its multiplier over its bound; with two slips, of each
-        its part. Of a redundant row that bears a share: the part, at most 1, of its
-        bound at rest. Else 0.
+        Of a sliding row: its multiplier divided by its bound (with two slips: a
+        component of a unit vector). Of a redundant row with a multiplier: the
+        multiplier divided by the static bound. Of other rows: 0.
     multipliers : ndarray, shape (r,)
     paradox : bool
-        Painlevé's: no solution, or a sliding contact that presses with an effective
-        mass that is not positive. What may part instead is let go.
+        Painlevé's paradox: no solution, or a sliding contact under pressure whose
+        effective mass is not positive. A contact that may separate instead is
+        released, without a paradox.
     open : bool
-        Friction slides by a multiplier that is not unique, and so is not the motion.
+        A multiplier that is not unique bounds sliding friction: the motion is not
+        unique.
     """
 
     mode: tuple[Mode, ...]
@@ -404,24 +470,27 @@ def modes(
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
     left: Ints | None = None,
 ) -> Modes:
-    """Decide what the rows do.
+    """Determine the modes of the rows and their multipliers.
 
     Parameters
     ----------
+    closed : Closed
     accelerations : ndarray, shape (r,)
-        Of the rows, with no multiplier of theirs.
+        The accelerations of the rows at multipliers 0.
     rates : ndarray, shape (r,)
-        Of slips and limited rows; those larger than slip_roundoff (r,) slide.
+        The rates of the rows. Bounded rows with larger rates than `slip_noise` slide.
     roundoff : ndarray, shape (r,)
-        Accelerations that are smaller count as 0.
+        Accelerations up to this size count as 0.
+    slip_noise : ndarray, shape (r,)
+        Rates of bounded rows up to this size count as 0.
     ahead : callable, optional
-        How fast accelerations with multipliers (r,) at fixed parts of their bounds
-        change, and the rounding of that, (r,) each. It decides about rows on an edge, a
-        contact with neither force nor acceleration or a row that rests at its bound:
-        else they hold.
+        Maps multipliers (r,) to the rates of the accelerations (r,) with multipliers
+        at fixed parts of their bounds, and to the rounding errors of these rates (r,).
+        The rates decide ties: contacts without force and acceleration, and rows at
+        rest with the multiplier at its bound. Without `ahead` tied rows hold.
     left : ndarray of int, shape (r,), optional
-        How often what held until now has reached the edge of what it bears at this
-        time: there it does not go on where no rate decides.
+        How often each row has already reached the end of its held mode at this time.
+        A row with a positive number does not hold where the rates decide no tie.
     """
     if not closed.kinds:
         return Modes((), accelerations, accelerations, paradox=False)
@@ -448,7 +517,7 @@ def modes(
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
-    """Which rows slide already (r,), and the directions of their friction (r,)."""
+    """Return the mask (r,) of rows that slide, and their friction directions (r,)."""
     if not closed.bounded.any():
         return closed.bounded, np.zeros(len(rates))
     pairs = np.array(closed.pairs)
@@ -458,19 +527,30 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
-# Where a row reaches its edge again at one time, forces beside discs are at their
-# bounds within this part.
+# Where a row reaches the end of its mode again at the same time, multipliers in
+# problems with discs count as being at their bounds within this part.
 EDGE = 1e-8
-# At the edge of what holds, the force of a disc is known to the root of rounding: it is
-# along a way within this angle.
+# At the bound, the force of a disc is known to the square root of rounding only: it
+# counts as being along a direction within this angle.
 ALONG = 1e-3
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a problem, whose solution says which are held and which on an edge.
+    """Rows of a complementarity problem whose solution determines their modes.
 
-    Those that are `given` slide in `directions`; `sizes` are their bounds.
+    Attributes
+    ----------
+    closed : Closed
+    problem : Problem
+    sizes : ndarray, shape (r,)
+        The bounds, as in `_problem`.
+    given : ndarray of bool, shape (r,)
+        The rows that slide.
+    directions : ndarray, shape (r,)
+        The directions of the rows that slide.
+    roundoff, ahead, left
+        As in `modes`.
     """
 
     closed: Closed
@@ -484,14 +564,14 @@ class _Rows:
 
     @cached_property
     def one_sided(self) -> list[int]:
-        """Contacts and freewheels."""
+        """Indices of contacts and freewheels."""
         return [k for k, kind in enumerate(self.closed.kinds) if kind.one_sided]
 
     def rounding(self, p: Floats, limits: Floats) -> Floats:
-        """Bounds of the rounding of the accelerations of rows (r,), at multipliers p.
+        """Return roundoff bounds (r,) of the accelerations at multipliers p (r,).
 
-        Against all that could push: what rests without a force has its friction's
-        scale.
+        The scale is that of the largest multipliers, |p| or `limits` (r,): a row at
+        rest without a force has the scale of its friction.
         """
         problem = self.problem
         pushes = np.maximum(np.abs(p), limits)
@@ -500,16 +580,16 @@ class _Rows:
         return np.asarray(np.maximum(self.roundoff, parts * terms))
 
     def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:
-        """Modes and directions where ties are decided, and held rows independent.
+        """Return the modes (r,) and directions (r,) of all rows, with ties decided.
 
-        What is strictly between its bounds is held, what has an acceleration is at one
-        of them; the rest is tied.
+        A row whose multiplier is strictly between its bounds is held; a row with an
+        acceleration is at a bound; any other row is tied. Held rows are independent.
         """
         p, own = solution.p, self.closed.D.diagonal()
         limits = self.problem.limits(p)
         rounding = self.rounding(p, limits)
         small = rounding / np.where(own > 0.0, own, 1.0)
-        if self.problem.discs:  # their forces are known to that, and so are others
+        if self.problem.discs:  # all forces are known to this part only
             close = EDGE if self.left.max() > 1 else SETTLED_IMPULSE
             small = np.maximum(small, close * limits)
         for disc in self.problem.discs:  # both of its rows are on its edge, or neither
@@ -540,7 +620,7 @@ class _Rows:
     def _bounded(
         self, k: int, solution: Solution, rounding: Floats, bound: float, small: float
     ) -> tuple[Mode, float]:
-        """Mode of a bounded row, and its direction; one that is tied is off."""
+        """Return the mode of a bounded row (OFF for a tied one), and its direction."""
         if self.given[k]:
             return Mode.SLIDING, float(self.directions[k])
         rows = self.disc(k)
@@ -554,7 +634,7 @@ class _Rows:
         return (Mode.HELD if inside else Mode.OFF), 0.0
 
     def disc(self, k: int) -> list[int]:
-        """Row k, or both of its disc."""
+        """Return [k], or both rows of the disc of row k, in ascending order."""
         pair = self.closed.pairs[k]
         return [k] if pair < 0 else [min(k, pair), max(k, pair)]
 
@@ -568,10 +648,19 @@ class _Rows:
         limits: Floats,
         pressed: Flags,
     ) -> None:
-        """Set modes of rows that hold, each with the part of its bound that it bears.
+        """Set the modes of held and tied rows, and directions of those not held.
 
-        What others hold is redundant, and cannot part; slips of contacts without force
-        are off.
+        A row that depends on held rows is redundant. Slips of contacts without force
+        are off. `modes` and `directions` are changed in place.
+
+        Parameters
+        ----------
+        p, limits : ndarray, shape (r,)
+            Multipliers, and their largest sizes.
+        held, tied : list of int
+            Indices of rows.
+        pressed : ndarray of bool, shape (r,)
+            The rows whose limit is larger than rounding.
         """
         closed, span = self.closed, _Independent(self.closed.columns)
         turn = self._turned(p, tied, pressed)
@@ -602,7 +691,11 @@ class _Rows:
                 modes[k], directions[k] = Mode.OFF, 0.0
 
     def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats:
-        """Axes (r, r) of rows: of discs that are tied one across and one along p."""
+        """Return a rotation (r, r) of the rows.
+
+        The two rows of each tied disc become one across and one along its force; other
+        rows are unchanged.
+        """
         turn = np.eye(len(p))
         for i, k in self.problem.discs:
             if k in tied and pressed[k]:
@@ -613,11 +706,19 @@ class _Rows:
     def _movable(
         self, firm: list[int], rests: list[int], apart: list[int], turn: Floats
     ) -> list[int]:
-        """Rows of those apart that can move: a disc only along its force.
+        """Return the rows of `apart` that can leave their held mode.
 
-        Not a bounded row that firm ones hold, within their bounds or on the way there;
-        nor a disc that rows which rest hold along its force, and those on its edge
-        across it.
+        A single bounded row that depends on `firm` rows cannot. A disc can slip along
+        its force only: it cannot where that direction depends on rows at rest and on
+        the directions across the forces of discs at their bounds.
+
+        Parameters
+        ----------
+        firm, rests, apart : list of int
+            Indices of rows that hold firmly, of all rows at rest, and of tied rows
+            that would not hold.
+        turn : ndarray, shape (r, r)
+            See `_turned`.
         """
         if not apart:
             return apart
@@ -647,11 +748,12 @@ class _Rows:
         pressed: Flags,
         turn: Floats,
     ) -> tuple[Floats, Floats]:
-        """Rates (r,) of multipliers beside their bounds, and of accelerations, at ties.
+        """Return the rates (r,) of multipliers less bounds, and of accelerations (r,).
 
-        Along `turn`. They solve a complementarity problem of their own: what is held
-        has any rate of its multiplier, what is tied one that leads inside, or along the
-        edge of its disc; what slides, or has no rate, keeps its part of its bound.
+        Both are in the axes `turn`; they solve a complementarity problem. The rate of
+        the multiplier of a held row is free; that of a tied row leads inside its
+        bounds, or along the boundary of its disc; a row that slides keeps its part of
+        its bound. Both are 0 without ties or `ahead`.
         """
         r = len(p)
         if self.ahead is None or not tied:
@@ -672,7 +774,12 @@ class _Rows:
 
 
 class _Independent(Span):
-    """The span of the rows taken so far."""
+    """Span of selected columns of Y (k, r), which are scaled to length 1.
+
+    Parameters
+    ----------
+    Y : ndarray, shape (k, r)
+    """
 
     def __init__(self, Y: Floats) -> None:
         super().__init__(len(Y))
@@ -680,18 +787,19 @@ class _Independent(Span):
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
 
     def takes(self, row: int) -> bool:
-        """Take a row unless it is spanned already."""
+        """Add a row to the span, and return whether it was independent of the span."""
         return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
-        """Whether a row is not spanned."""
+        """Whether a row is independent of the span."""
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 
 def _supported(rows: _Rows, solution: Solution) -> Solution:
-    """Solution in which the contacts that bear are independent, if there is one.
+    """Return a solution whose contacts with a force are independent, if there is one.
 
-    All rows keep their accelerations within rounding.
+    Contacts are released one by one as long as the accelerations of all rows stay the
+    same to rounding.
     """
     problem, p = rows.problem, solution.p
     rounding = rows.rounding(p, problem.limits(p))
@@ -710,7 +818,12 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
 
 
 def _spare(rows: _Rows, solution: Solution) -> list[int]:
-    """Contacts that end first where forces change along a dependence."""
+    """Return the contacts that can be released first where contacts are dependent.
+
+    The multipliers are changed along a null vector of the dependent contacts, in both
+    directions, up to the first multiplier that reaches 0. The list is empty where the
+    contacts with a force are independent.
+    """
     p, span = solution.p, _Independent(rows.closed.columns)
     bear = [k for k in rows.one_sided if p[k] > 0.0]
     if all(span.takes(k) for k in bear):
@@ -727,10 +840,10 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
 
 
 def _eased(rows: _Rows, solution: Solution) -> Solution:
-    """Solution in which friction that rests is as far inside of its bounds as can be.
+    """Return a solution whose static friction is as far inside its bounds as possible.
 
-    Where several rows hold by multipliers that are not unique, and some friction is at
-    its bound: a slip is possible only where all of it must be.
+    The solution is changed only where the multipliers are not unique and some friction
+    is at its bound: a slip begins only where no choice of multipliers prevents it.
     """
     p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
     limits = rows.problem.limits(p)
@@ -770,7 +883,7 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
 def _expressed(
     rows: _Rows, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
-    """E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
+    """Return E (r, r), p0 (r,) of p = E x + p0, with x the multipliers of held rows."""
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
     for k, mode in enumerate(modes):
@@ -785,13 +898,14 @@ def _expressed(
 
 
 def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
-    """Solve once more, for the rows that hold by themselves.
+    """Solve for the multipliers of the held rows, and return all modes.
 
-    With the factor Y of D = Y^T Y nearly dependent rows cost only the digits they must:
-    B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
+    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
+    Y_H = Q R, so that nearly dependent rows lose no more digits than their condition
+    number requires.
     """
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
-    # Directions are parts of the bounds in force, here of those of the problem.
+    # Returned directions are parts of the bounds in force, not of the problem's.
     redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
     known = np.where(redundant, closed.statics, closed.bounds)
     other = (known > 0.0) & (known != sizes)
@@ -822,9 +936,10 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
 
 
 def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
-    """Whether friction that slides moves something by multipliers of dependent rows.
+    """Whether sliding friction makes the motion depend on non-unique multipliers.
 
-    Some of their multipliers, with their friction, accelerate no row that holds.
+    This is so where a combination of multipliers of held and redundant rows, with their
+    friction, accelerates none of these rows and is not 0 as a force.
     """
     bears = ~rows.closed.bounded | (rows.sizes > 0.0)
     both: list[Mode] = [
@@ -843,11 +958,11 @@ def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
 
 
 def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) -> bool:
-    """Whether a contact that holds and slides has no positive effective mass.
+    """Whether a held contact with sliding friction has no positive effective mass.
 
-    Pressing on it then does not push it away: each alone, and those that hold together,
-    against their mass without friction, det(R)^2. What need not press may part; that is
-    no paradox.
+    A force on such a contact does not separate it. Tested are each contact alone, and
+    all held rows together by the sign of the determinant with friction, relative to
+    that without friction, det(R)^2.
     """
     D = rows.closed.D
     free = [k for k, kind in enumerate(rows.closed.kinds) if kind is Kind.TIMED]
@@ -859,7 +974,7 @@ def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) ->
     signed = [k for k in held if k in rows.one_sided]
     if (masses[signed] <= ACCELERATION_ROUNDOFF * D.diagonal()[signed]).any():
         return True
-    if rows.closed.pushes is not None:  # jumps of forces need not be along their rows
+    if rows.closed.pushes is not None:  # force jumps need not be along their rows
         return False
     sign, size = np.linalg.slogdet(forces)
     other, plain = np.linalg.slogdet(R)
