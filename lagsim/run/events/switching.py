@@ -1,8 +1,9 @@
-"""Switches in the state: the modes of an arc, and what a located switch leads to.
+"""Switches in the state: the modes of an arc, and the modes after a located switch.
 
-At the start of an arc each surface is found to be below, above or on the state. Where
-the state is on a surface, its rate decides; where that vanishes or depends on the side,
-Filippov's conditions do (`crossing`): the motion leaves to a side or slides along it.
+At the start of an arc the state is below, above or on each surface. On a surface, the
+rate of its expression selects the side. Where this rate vanishes or depends on the
+side, Filippov's conditions select the mode (`crossing`): the motion leaves to a side or
+slides along the surface.
 """
 
 from __future__ import annotations
@@ -44,16 +45,18 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.events.contacts import Contacts
 
-# Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
+# Error of a nearly constant coordinate, in units of rtol times its largest change in a
+# step.
 NOISE = 1e-4
-# A passage of a corner is short where it gets no farther than a few roundings.
+# A passage of a corner is short where it goes no farther than this many roundings.
 SHORT = 16.0
-# What is left of accumulating switches, against the speeds there were.
+# Velocities left at the limit of accumulating switches, relative to earlier ones.
 LEFT = 1e-4
-# How far off a surface is that has been met is known but for as much.
+# Factor of the distance to a surface that was reached: it is known no better.
 TWICE = 2.0
-# Towards a surface past which there are no finite values, steps end after this part of
-# the way to it; where even that fails, after this part of it; and so often at most.
+# Steps towards a surface past which values are not finite end after the part AHEAD of
+# the distance. Where such a step fails it is shortened to the part BACK of its length,
+# MOST_APPROACHES times at most.
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
@@ -64,7 +67,7 @@ BENT = (
 
 
 class Switching(Source):
-    """The switches of a run."""
+    """The source of the switches of a run that depend on its state."""
 
     def __init__(self, arc: Arc, contacts: Contacts | None) -> None:
         self.contacts = contacts
@@ -73,10 +76,10 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
-        # When a surface was met last, its number, and how far off it the state may be.
+        # Time at which a surface was reached last, its number, and largest distance.
         self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
         self.resting: dict[int, float] = {}  # see `Modes.held`
-        # The surfaces that the state is on, and the corners that it has stopped at.
+        # Surfaces that the state is on, and corners at which velocities were stopped.
         self.levels: dict[int, float] = {}
         self.stopped: tuple[float, set[int]] = (math.nan, set())
         self.approaches = 0
@@ -85,11 +88,11 @@ class Switching(Source):
 
     @property
     def slides(self) -> Flags:
-        """The surfaces that the motion follows (K,)."""
+        """Whether the motion follows each of the K surfaces (K,)."""
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:
-        """Return when it is asked next whether steps lead to a surface."""
+        """Return the number of steps after which progress at surfaces is checked."""
         return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:
@@ -106,7 +109,7 @@ class Switching(Source):
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Go through a switch that was located, or towards one that is close by."""
+        """Pass a switch that was located, or approach one that is near; else None."""
         self.modes.arc = arc
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
@@ -127,16 +130,16 @@ class Switching(Source):
         at_rest: Collection[int] = (),
         time: float | None = None,
     ) -> Decision:
-        """Choose the mode at the state reached.
+        """Select the modes of all surfaces at the state reached.
 
         Parameters
         ----------
         hit
             The surface whose mode has just ended.
         at_rest
-            Surfaces that the state is on, and whose rate is zero.
+            Surfaces that the state is on, and whose expressions have the rate zero.
         time
-            What events are dated, if not the time reached.
+            The time of the events returned, if not the time reached.
         """
         modes = self.modes
         modes.arc = arc
@@ -164,7 +167,7 @@ class Switching(Source):
             ridges = [k for k in self.corners_met(arc) if modes.kind[k] == kept.LEVEL]
             cautions += self._undecided(ridges)
             for k in crossing.undecided:
-                if modes.kind[k] == 0.0:  # rows show what was chosen
+                if modes.kind[k] == 0.0:  # rows show the choice
                     modes.kind[k] = kept.CHOSEN
         modes.write()
         modes.store(roundoff=2.0 * roundoff)
@@ -178,19 +181,28 @@ class Switching(Source):
     # Corners of equalities
 
     def corners_met(self, arc: Arc) -> list[int]:
-        """Return the corners of equalities that the state is on."""
+        """Return the numbers of the corners of equalities that the state is on."""
         return [k for k in self.levels if k in arc.system.switches.corners]
 
     def stop(self, arc: Arc, y: Floats, corners: Collection[int]) -> list[Event]:
-        """Stop velocities at y that do not lead onto the sides that corners are on.
+        """Stop velocities that do not lead onto the sides selected at corners.
 
-        They are projected onto the rows of both sides. So are those that lead no
-        farther than the rounding of positions before forces lead back: events of rest
-        at the end of these passages are returned.
+        The velocities in y are projected onto the rows of both sides. So are velocities
+        that forces reverse before the position changes by more than rounding; then the
+        events of rest are returned.
+
+        Parameters
+        ----------
+        arc
+            The arc that begins.
+        y : ndarray, shape (size,)
+            The state, which is changed in place.
+        corners
+            The numbers of the corners of equalities.
         """
         modes, found = self.modes, list[Event]()
         stopped = set[int]()
-        if self._followed(arc):  # by others
+        if self._followed(arc):  # other corners
             arc.runner.project_sliding(arc.t, y)
         sizes, seen = modes.sizes(modes.rows(y)), arc.seen[arc.velocities]
         while True:
@@ -217,10 +229,10 @@ class Switching(Source):
         return found
 
     def _put_on(self, y: Floats) -> None:
-        """Project a state onto the surfaces that it follows, and rows that bend there.
+        """Project y (size,) onto the surfaces followed and the rows with corners there.
 
-        These are the rows of the lower side, and the velocities may be those of the
-        upper one.
+        The rows are those of the lower side, while the velocities may satisfy those of
+        the upper side. The state is changed in place.
         """
         arc = self.modes.arc
         step = arc.runner.function("velocity_step")(arc.t, y)
@@ -228,11 +240,14 @@ class Switching(Source):
         arc.runner.project_sliding(arc.t, y)
 
     def _followed(self, arc: Arc) -> bool:
-        """Whether the motion keeps to a corner of an equality."""
+        """Whether the motion follows a corner of an equality."""
         return any(self.slides[k] for k in arc.system.switches.corners)
 
     def _projected(self, *, resting: bool) -> Floats | None:
-        """State on the surfaces that it follows; note if that is a jump."""
+        """Return the state (size,) projected onto the surfaces followed.
+
+        None, with `jumped` set, where the projection changes the state too far.
+        """
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
         if resting and self._followed(arc):
@@ -252,16 +267,16 @@ class Switching(Source):
         return y
 
     def _known(self, hit: int | None, *, carried: bool) -> dict[int, float]:
-        """Surfaces that are known to be at their levels, and how far off they may be.
+        """Return the surfaces known to be at their levels, with largest distances.
 
-        That is the surface met last, as far off as it was there, and those at whose
-        levels constraints hold the motion, but for what rounding makes of these. One
-        whose expression has jumped since is farther off, and no more at its level.
+        These are the surface reached last, with its distance then, and the surfaces at
+        whose levels constraints hold the motion, with the rounding of the constraints.
+        A surface whose expression has jumped since is farther off and not included.
         """
         modes, arc = self.modes, self.modes.arc
         values = modes.values(arc.t, arc.y)
         off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
-        if hit is not None:  # what is carried along has another value above
+        if hit is not None:  # a carried surface has another value above
             self.met = arc.t, hit, 0.0 if carried else TWICE * off[hit]
         held = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.held()
@@ -271,7 +286,7 @@ class Switching(Source):
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
-        """Warn of a choice that nothing decides, once."""
+        """Return a caution that the motion past a switch is not unique, once."""
         names = self._names(several)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
@@ -283,7 +298,7 @@ class Switching(Source):
         return quoted(self.sides[k].text for k in sorted(several))
 
     def _set_slack(self, crossing: Crossing) -> None:
-        """Set slack and band, so that no mode ends by rounding or tolerated errors."""
+        """Store slack and band so that rounding and tolerated errors end no mode."""
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)
@@ -294,9 +309,9 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        # By errors within the tolerance surfaces change so: where a coordinate hardly
-        # moves they have any sign. The tolerance has a floor, see
-        # `methods.parts.control`; within its own a root is the same to either side.
+        # Changes of the expressions by errors within the tolerance: where a coordinate
+        # hardly moves their sign is arbitrary. The tolerance has a floor, see
+        # `methods.parts.control`; within the floor of a surface its roots coincide.
         speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
@@ -304,22 +319,22 @@ class Switching(Source):
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
-        """Ranges (size,) so far, also to y.
+        """Return the ranges (size,) so far, extended to the state y (size,).
 
-        And what each term of the forces alone would add in a step to q and q'.
+        The changes of q and q' in a step by the terms of the forces are added.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         pushes = arc.state.parts[:n]
         if arc.system.laws:
             pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
-        # At a time at which there have been events the last step was one to it.
+        # At the time of an event the last step is the one that ended there.
         step = (arc.t - arc.state.step_t or arc.state.step_h) if arc.steps else 0.0
         ranges, velocities = arc.ranges_to(y), arc.velocities
         ranges[velocities] += step * pushes
         ranges[arc.state.positions] += step * ranges[velocities]
         return ranges
 
-    # What a switch leads to
+    # Passing a switch
 
     def _changes(
         self, before: Flags, hit: int | None, time: float, *, rests: bool
@@ -330,13 +345,16 @@ class Switching(Source):
             if self.on_rates[k] or rests:
                 kind = "stick" if holds[k] else "slip"
             if holds[k] and kind == "switch" and self.sequence.ratio() < 1.0:
-                kind = "zeno"  # it has come to rest sooner than looked for
+                kind = "zeno"  # rest before the extrapolated limit
             yield Event(time, kind, switch=self.sides[k].text)
         if hit is not None and before[hit] == holds[hit] == self.slides[hit]:
             yield Event(time, "switch", switch=self.sides[hit].text)
 
     def _meet(self, arc: Arc, k: int) -> Decision:
-        """Go through the switch that was located."""
+        """Select the modes past surface k, which was located.
+
+        Where switches accumulate, the state is taken as at rest on their surfaces.
+        """
         self.approaches = 0
         self.sequence.add(arc.t, k)
         several = self.sequence.lately()
@@ -353,7 +371,7 @@ class Switching(Source):
             found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.bound[several]))
             if self.contacts is not None and not (goes_on or self.jumped):
-                # It is impacts that accumulate: they find their own end.
+                # Impacts accumulate, whose limit is computed by `contacts`.
                 found, goes_on = self.begin(arc, k), True
         if self.jumped:
             return found._replace(ending=Ending(Outcome.STATE_JUMPS))
@@ -363,16 +381,22 @@ class Switching(Source):
         return found._replace(turn=Turn.MODE)
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
-        """Return the event that switches have accumulated, at a constraint's corner."""
+        """Return the event of switches of surface k that accumulate.
+
+        At the corner of an equality it has the name of the equality.
+        """
         corner = arc.system.switches.corners.get(k)
         name = corner.rows[0] if corner else None
         return Event(time, "zeno", name, switch=self.sides[k].text)
 
     def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
-        """End an arc ahead of a surface that it cannot be stepped over.
+        """End an arc ahead of a surface that no step can pass.
 
-        On its other side what is frozen may have no finite value (a root, an inverse).
-        The state may be on one already, or no step leads to it: it counts as met.
+        On the other side the branch in force may have no finite value (a root, an
+        inverse). Where the state is on a surface already, or no step leads to it, the
+        surface counts as reached.
+
+        short : whether the arc ended before its planned end.
         """
         found = self._time_ahead(arc)
         if found is None:
@@ -381,9 +405,9 @@ class Switching(Source):
         return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Time ahead of the next surface, and its number if it has been reached.
+        """Return the next surface if it is reached, else None; and a time ahead of it.
 
-        None where no surface is near.
+        None alone where no surface is near.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:
@@ -397,10 +421,11 @@ class Switching(Source):
         return k if hit else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
-        """Go through a surface that the state is on but for rounding.
+        """Pass a surface that the state is on within rounding; else None.
 
-        It counts as met: far from the origin a position has no value between, and steps
-        too short to change it lead nowhere. A series comes no better off the surface.
+        Far from the origin no double lies between the position and the surface, and
+        steps too short to change the position make no progress. A series method that
+        does not leave a surface is replaced.
         """
         k, ahead = self._next(arc)
         if ahead < math.inf and self._is_on(arc, k):
@@ -411,7 +436,7 @@ class Switching(Source):
         return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
-        """Next surface on the path, at the present rates, and the time to it."""
+        """Return the next surface at the present rates, and the time to it (or inf)."""
         modes = self.modes
         rows = modes.rows()
         speeds = np.where(self.on_rates, modes.forced(arc.y), rows.rates)
@@ -424,7 +449,7 @@ class Switching(Source):
         return k, float(ahead[k])
 
     def _is_on(self, arc: Arc, k: int) -> bool:
-        """Whether rounding alone keeps the state from a surface's end."""
+        """Whether the state is at an end of the side of surface k within rounding."""
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
