@@ -649,7 +649,8 @@ class Chosen(NamedTuple):
         Their multipliers, and the diagonal of their matrix D, accelerations per
         multiplier.
     paradox, open : bool
-        Whether no modes satisfy the conditions; whether the motion is not unique.
+        Whether there is a paradox of Painlevé's (see `mechanics.contact.Modes`);
+        whether the motion is not unique.
     """
 
     mode: Floats
@@ -695,11 +696,11 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     """Store the least speeds of slips that begin on a disc, and the speeds to stop at.
 
     A slower slip has no direction but rounding, and friction would turn it into the
-    direction of its force at once, for which explicit steps are too long. Up to BEGUN
-    times the least speed a slip keeps its first direction. The error of its path is the
-    power 3/2 of the relative speed, compared with the path in the time in which forces
-    change. Friction on a slower slip would make a fixed step unstable, whose stability
-    bound is 2.
+    direction of its force at once, for which explicit steps are too long. Up to
+    `laws.BEGUN` times the least speed a slip keeps its first direction. The error of
+    its path is the power 3/2 of the relative speed, compared with the path in the time
+    in which forces change. Friction on a slower slip would make a fixed step unstable,
+    whose stability bound is 2.
 
     Parameters
     ----------
