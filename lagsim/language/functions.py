@@ -160,7 +160,6 @@ def _step(name: str, value: Callable[[float], float], **more: Any) -> Function:
         partials=lambda g, a, _: (g.zero,),
         switch=True,
         step=True,
-        simpler=simpler.step(name),
         **more,
     )
 
@@ -346,7 +345,6 @@ def _comparison(
         binds=4,
         sign=f" {sign} ",
         value=value,
-        simpler=simpler.comparison(name),
         native=f"fcmp o{name} double {{0}}, {{1}}",
         sympy=lambda s, x, y: getattr(s, sympy)(x, y),
         python=f"{{0}} {sign} {{1}}",

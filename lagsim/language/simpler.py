@@ -7,9 +7,6 @@ and no switch would be detected. For 0 < q < 1, the form is sign(u) |u|^(1 - q).
 A root of a square is an absolute value: sqrt(u^2), sqrt(4*u^2*v^2), (u^2)^0.5, hypot(u,
 0), max(u, -u), u*sign(u). Written as `abs`, its corner is a switch.
 
-Terms that cancel are dropped from comparisons and from the arguments of steps:
-`x + a < x + b` is `a < b`.
-
 A power of a root is written without the root: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3,
 abs(x)^2. A root has no slope at 0, where its power has one: the energy of a body at
 rest that is written with its speed. An expression is rewritten only where both forms
@@ -25,7 +22,7 @@ import sys
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
 
 class Builder(Protocol):
@@ -67,10 +64,7 @@ REWRITTEN = frozenset(("mul", "div", "pow", *UNDONE))
 _NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
 # Mantissas of powers of two, products with which are exact.
 HALVES = (0.5, -0.5)
-# A sum that is smaller, as a part of the sum of the sizes of its terms, is roundoff.
-ROUNDED = 2.0**-50
-# Largest number of nodes in the search for a sign, or for terms that cancel: sums of
-# squares can be long.
+# Largest number of nodes in the search for a sign: sums of squares can be long.
 MOST = 200
 
 
@@ -394,10 +388,6 @@ def extreme(g: Builder, x: int, y: int, *, largest: bool) -> int | None:
     """Simplify min(x, y) or max(x, y)."""
     if x == y:
         return x
-    found = cancelled(g, x, y)
-    more = g.value(g.call("sub", *found)) if found else None
-    if more is not None:
-        return x if (more > 0.0) == largest else y
     if y != g.call("neg", x) or g.value(x) is not None:
         return None
     size = g.call("abs", x)
@@ -414,57 +404,6 @@ def maximum(g: Builder, x: int, y: int) -> int | None:
     return extreme(g, x, y, largest=True)
 
 
-def cancelled(g: Builder, x: int, y: int) -> tuple[int, int] | None:
-    """Return u and c of x - y = u - c, a number, where terms of x - y cancel.
-
-    None where none do: sums, differences and multiples by numbers are taken apart.
-    Coefficients, and numbers, cancel where only roundoff is left of them. `x + 0.4 < x
-    - 0.2` would be decided by roundoff where x is large, and seem to depend on it.
-    """
-    parts, sizes = {g.one: 0.0}, {g.one: 0.0}
-    waiting = [(1.0, x), (-1.0, y)]
-    for c, n in waiting:  # grows on the way
-        if len(waiting) > MOST:
-            return None
-        op, args = g.ops[n], g.args[n]
-        factor, inner = _multiple(g, n)
-        if op in ("add", "sub"):
-            waiting += [(c, args[0]), (c if op == "add" else -c, args[1])]
-        elif inner not in (n, g.one):
-            waiting.append((c * factor, inner))
-        else:
-            parts[inner] = parts.get(inner, 0.0) + c * factor
-            sizes[inner] = sizes.get(inner, 0.0) + abs(c * factor)
-    gone = {n for n in parts if abs(parts[n]) <= ROUNDED * sizes[n]}
-    number = 0.0 if g.one in gone else parts.pop(g.one)
-    if gone <= {g.one} or not math.isfinite(sum(sizes.values())):
-        return None
-    left = g.zero
-    for n in sorted(parts.keys() - gone):
-        left = g.call("add", left, g.call("mul", g.constant(parts[n]), n))
-    return left, g.constant(-number)
-
-
-def comparison(name: str) -> Callable[[Builder, int, int], int | None]:
-    """Return the rule by which a comparison is simplified: terms of both sides go."""
-
-    def simplified(g: Builder, x: int, y: int) -> int | None:
-        found = cancelled(g, x, y)
-        return None if found is None else g.call(name, *found)
-
-    return simplified
-
-
-def step(name: str) -> Callable[[Builder, int], int | None]:
-    """Return the rule by which the argument of a step is simplified."""
-
-    def simplified(g: Builder, x: int) -> int | None:
-        found = cancelled(g, x, g.zero)
-        return None if found is None else g.call(name, g.call("sub", *found))
-
-    return simplified
-
-
 def absolute(g: Builder, x: int) -> int | None:
     """Simplify |x|: factor out numbers, and drop it for x of known sign."""
     op, args = g.ops[x], g.args[x]
@@ -474,8 +413,6 @@ def absolute(g: Builder, x: int) -> int | None:
         return g.call("mul", g.constant(abs(c)), g.call("abs", args[1]))
     if op == "div" and (c := g.value(args[1])) is not None:
         return g.call("div", g.call("abs", args[0]), g.constant(abs(c)))
-    if (found := cancelled(g, x, g.zero)) is not None:
-        return g.call("abs", g.call("sub", *found))
     return x if g.value(x) is None and never_negative(g, x) else None
 
 

@@ -672,8 +672,6 @@ class _Finder:
         if not timed and (n not in self.moving or op in JOINING):
             return args
         discrete = n if plain else g.call(row.decided_by, *args)
-        if not g.args[discrete]:
-            return args  # terms that move cancel
         if timed:
             self.time[n] = discrete
             return () if plain else args

@@ -32,14 +32,7 @@ from tests.language._programs import (
         ("x^0", "1"), ("1^x", "1"), ("x^0.5", "sqrt(x)"), ("(-x)^2", "x^2"),
         ("2 + 3", "5"), ("sin(0)", "0"), ("if(1 < 2, x, y)", "x"),
         ("if(not 1 < 2, x, y)", "y"), ("if(x > 0, y, y)", "y"), ("max(x, x)", "x"),
-        ("min(2, 3)", "2"), ("min(x + 2, x - 1)", "x - 1"), ("max(x - 1, x)", "x"),
-        ("abs((x - 3) - x)", "3"), ("sign(x + 2 - x)", "1"),
-        ("floor(y - y/2 - y/2 + 1.5)", "1"), ("heaviside(sin(x) - 1 - sin(x))", "0"),
-        ("if(x + 0.4 <= x - 0.2, x, y)", "y"),
-        ("if(y + x > x, 1, 2)", "if(y > 0, 1, 2)"),
-        ("if(2*(x + y) - 1 < y + 2*x + y, x, y)", "x"),
-        ("if(0.1*x + 0.2*x + 0.3 <= 0.3*x + (0.1 + 0.2), x, y)", "x"),
-        ("sin(x + y)*cos(y*x)", "cos(x*y)*sin(y + x)"),
+        ("min(2, 3)", "2"), ("sin(x + y)*cos(y*x)", "cos(x*y)*sin(y + x)"),
     ],
 )  # fmt: skip
 def test_equal_expressions_are_one_node(one, other):
