@@ -19,11 +19,13 @@ def test_it_moves_as_it_must(name):
     check(SCENES[name])
 
 
-# Failures that are known: too many steps at a root beside a switch, far from the origin;
-# a slip of a disc that sticks again at once.
+# Known failures: too many steps at a root beside a switch far from the origin; a slip
+# of a disc that sticks again at once.
 FAILING = {"8 balls touch by if, 1.5", "pushed at an angle of 2.0"}
 REWORDED = [
-    pytest.param(name, marks=pytest.mark.xfail(strict=True)) if name in FAILING else name
+    pytest.param(name, marks=pytest.mark.xfail(strict=True))
+    if name in FAILING
+    else name
     for name in SCENES
 ]
 
