@@ -1,14 +1,14 @@
-"""Failures of a method, and stiffness: another method goes on, or the run ends.
+"""Failures of a method, and stiffness: the method is changed, or the run ends.
 
-A series has no finite coefficients where an expression has a value and no derivative
-(drag that grows with the speed, from rest; a root of the time); an implicit step may
-find no solution. What handles everything then takes over, and where it fails as well,
-the motion itself is at an end. So it is for the method of `auto`, and for a series that
-was asked for: that it does not exist says nothing about the motion. An implicit step
-over a loss of rank finds a false solution: that too is left to what passes it even
-where the implicit method was asked for.
+A Taylor series has no finite coefficients where an expression has a value but no
+derivative (drag that grows with the speed, from rest; a root of the time); an implicit
+step may have no solution. The method `ANY`, which handles every model,
+then replaces the failed one; if it fails as well, the run ends. This change applies to
+the method of `auto`, and to a requested Taylor series, whose failure implies
+nothing about the motion. An implicit step over a loss of rank finds a false solution:
+there the method is replaced even if the implicit method was requested.
 
-Constraints that are not satisfied, however long projection goes on, end a run too.
+A run also ends if its constraints stay unsatisfied in spite of repeated projection.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
 
 
-# What a kernel gives that cannot go on.
+# Codes of kernels that cannot continue, and the outcomes.
 FAILED = {
     at.NOT_FINITE: Outcome.NOT_FINITE,
     at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
@@ -59,15 +59,15 @@ WHY = {
     Outcome.NEWTON_FAILED: "{} cannot solve its equations there",
 }
 LOSS = "the constraints become dependent there, which {} cannot integrate through"
-# What a method has noted of a loss of rank ahead of it is not another's.
+# Fields of the state about a loss of rank ahead, reset when the method changes.
 NO_LOSS = {"passes": 0.0, "planned": 0.0, "tried": 0.0}
 
 
 class Fallback(Source):
-    """Another method, for one that fails, or does not pass what is ahead."""
+    """Change of the method where it fails, or cannot pass a loss of rank."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Go on with it, if there is one."""
+        """Return the change to `ANY` after a failure, if a change is allowed."""
         name = arc.runner.method.NAME
         if code == at.LOSS_AHEAD:
             return handed_over(arc, LOSS.format(name), NO_LOSS)
@@ -79,18 +79,26 @@ class Fallback(Source):
 
 
 def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
-    """Go on with the method that handles everything."""
+    """Return the change of an arc's method to `ANY`, which handles every model.
+
+    reason : reason of the change, for the reader.
+    numbers : new values of fields of the state's header.
+    """
     arc = arc.by(replace(arc.plan, method=ANY), arc.system)
     return by_method(arc, reason, {"h": 0.0, **numbers})
 
 
 def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
-    """Go on with an arc by another method than before."""
+    """Return the decision to continue with `arc`, which has another method.
+
+    reason : reason of the change, for the reader.
+    numbers : new values of fields of the state's header.
+    """
     choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
     return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
 
 
-# What kept a run from its end; a place or a cause follows.
+# Reasons of failed runs; the state at the end follows.
 FAILURES = {
     Outcome.TOO_MANY_STEPS: "too many steps ({steps}{about})",
     Outcome.NOT_FINITE: "values that are not finite{about}",
@@ -110,7 +118,11 @@ FAILURES = {
 
 
 def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
-    """Say why a run ended so, in its last arc: at the state reached, or at `row`."""
+    """Return the reason of an ending in words, with the state at the end.
+
+    arc : last arc of the run.
+    row : output columns of the state to report, by default of the current state.
+    """
     outcome, until = ending.outcome, arc.equations.model.until
     if outcome is Outcome.DONE:
         return f"the end was reached at t = {arc.t!r}"
@@ -127,7 +139,7 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
-    """Name a method that may go on, where it is not the one that failed."""
+    """Return advice to use the method `ANY`, unless it is the method that failed."""
     if outcome not in WHY or arc.runner.method.NAME == ANY:
         return ""
     if arc.plan.step is not None:
@@ -147,7 +159,7 @@ def _described_state(arc: Arc, row: Floats) -> str:
 
 
 def _fastest(arc: Arc) -> str:
-    """Name the coordinate or velocity that grows fastest for its size."""
+    """Return a text on the component with the largest rate relative to its size."""
     moving = arc.state.dynamic
     rates = np.abs(arc.rates(arc.t, arc.y))[moving]
     sizes = np.abs(arc.y[moving])
@@ -160,7 +172,7 @@ def _fastest(arc: Arc) -> str:
 
 
 def end_of_table(arc: Arc) -> Ending | None:
-    """End of a run in a mode beyond the points of a table that does not go on."""
+    """Return the ending beyond the last point of a table without extrapolation."""
     g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
     cells = [
         (g.args[x.discrete], p.flat[arc.system.place(x.variable)])
@@ -181,8 +193,8 @@ def end_of_table(arc: Arc) -> Ending | None:
     return None
 
 
-# A state that is projected is off its constraints by rounding. One that is far off,
-# looked at so often and each time so many steps later, never meets them.
+# A projected state satisfies its constraints to rounding. Constraints count as never
+# satisfied if this number of checks fails, each after this number of further steps.
 CHECKS = 8
 APART = 10_000
 
@@ -198,7 +210,7 @@ class Unmet(Source):
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """End a run whose constraints have long not been satisfied."""
+        """Return the ending if constraints were unsatisfied in `CHECKS` checks."""
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
             return None
@@ -215,7 +227,7 @@ class Unmet(Source):
 
 
 def unsettled(arc: Arc) -> tuple[Caution, ...]:
-    """Report steps whose impulses did not converge."""
+    """Return a caution on steps whose impulses did not converge, if any."""
     count = int(getattr(arc.state, "unsettled", 0))
     if not count:
         return ()
@@ -227,46 +239,48 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
     return (Caution("unsettled-impulses", text),)
 
 
-# --- A step held at the stability bound: say so, or go on with the stiff method
+# --- A step limited by the stability bound: a caution, or a change to the stiff method
 #
-# By cost, not on principle: the stiff method takes over where its step is several times
-# larger and its operations fewer, as a trial shows. It would damp away a fast
-# oscillation that is excited and smaller than the tolerance, so one that is excited
-# stays. From time to time it is asked whether the explicit method has become cheaper
-# again.
+# The cost decides: the stiff method is selected where its step is several times larger
+# and its operations are fewer in a trial. It would damp an excited fast oscillation
+# that is smaller than the tolerance, so the explicit method is kept for excited ones.
+# From time to time a trial shows whether the explicit method has become cheaper again.
 #
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
-# section IV.2, for when to ask.
+# section IV.2, for the detection of stiffness.
 
 STIFF = "radau"
 EXPLICIT = "dop853"
-# Asked again after this many times as many steps at the bound.
+# Factor of the number of steps at the bound from one test for stiffness to the next.
 ASKED_AGAIN = 4.0
-# The eigenvalues confirm the bound from this part of it on.
+# The eigenvalues confirm the bound if they reach this part of it.
 CLOSE = 0.25
-# What is faster than this part of the fastest is fast, and oscillates if the damping
-# ratio is below the next.
+# An eigenvalue is fast if it exceeds this part of the largest, and oscillates if its
+# damping ratio is below the next number.
 FAST = 0.5
 OSCILLATING = 0.1
-# A fast oscillation with more than this part of the energy is excited. What follows
-# slow motion quasi-statically has the fourth power of the ratio of the frequencies.
+# A fast oscillation with more than this part of the energy is excited. A component that
+# follows slow motion quasi-statically has the fourth power of the ratio of frequencies.
 EXCITED = 1e-10
-# A body that another one moves has no more than so many times the energy by which it
-# depends on it: the square of how its acceleration does, in units of the fast motion.
+# The energy of a body moved by another one is at most this factor times its coupled
+# energy, which has the square of the dependence of its acceleration on the other body,
+# in units of the fast motion.
 FOLLOWS = 1e2
-# Steps of the trial: some to grow, as many to measure.
+# Steps of the trial, first for the growth of the step, then for the measurement.
 TRIAL = 25
 WORTH = 5.0
-# After so many steps of the stiff method, and then twice as many each time, it is asked
-# whether to go back: where that costs less than this part.
+# Number of steps of the stiff method before the first trial of the explicit method,
+# doubled each time; the explicit method is selected below this part of the cost.
 REVIEWED = 100
 CHEAPER = 0.5
 
 
 class Fast(NamedTuple):
-    """The fastest motion of the scene, linearised.
+    """Fastest motion of the linearised equations.
 
-    `excited` where it oscillates with energy that a stiff method would lose.
+    `rate` is the largest |eigenvalue|, `where` holds the names of the coordinates and
+    states in its motion; `excited` is true if the motion oscillates with energy that a
+    stiff method would damp.
     """
 
     rate: float
@@ -275,25 +289,25 @@ class Fast(NamedTuple):
 
 
 class Stiffness(Source):
-    """Asks for another method where steps are held by stability.
+    """Change of the method where the stability bound limits the steps.
 
-    And, after a while, whether one that has been taken is still the better one.
+    Later, repeated trials show whether the new method is still the cheaper one.
     """
 
     def __init__(self, arc: Arc) -> None:
-        # The steps at which it is asked whether to go on with the method that there is,
-        # and the state when it was asked last.
+        # The number of steps at which the current method is reviewed next, and the
+        # state at the last review.
         series = arc.settings.method == "auto" and arc.plan.method == SERIES
         self._review_at = LONG if series else MOST_STEPS
         self._reviewed = arc.state
 
     def ask_at(self, arc: Arc) -> int:
-        """Return when it is asked next whether to go on with the method."""
+        """Return the number of steps at which the current method is reviewed next."""
         another = arc.plan.method in (SERIES, STIFF)
         return self._review_at if another else MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Change the method, or say that steps are at the bound."""
+        """Return a change of the method, or a caution on steps at the bound."""
         if code == at.STIFF:
             return self._considered(arc)
         if code != at.PAUSED or arc.steps < self.ask_at(arc):
@@ -303,13 +317,13 @@ class Stiffness(Source):
         return self._stiff_reviewed(arc)
 
     def _considered(self, arc: Arc) -> Decision:
-        """Decide on a step that has been at the bound for a while."""
+        """Return the decision on steps that were repeatedly at the bound."""
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
         return self._considered_once(arc)._replace(numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
         scene = arc.system.equations
-        # Sliding has a method of its own.
+        # Sliding is integrated by a separate method.
         alone = arc.slides or scene.quadratures or scene.laws
         if scene.laws and _turns_on_disc(arc):
             return GO_ON
@@ -321,7 +335,7 @@ class Stiffness(Source):
             return self._warning(arc, (), "")
         limit = arc.runner.method.IMAGINARY_LIMIT
         if fast.rate * arc.state.step_h < CLOSE * limit:
-            return GO_ON  # something else, as where rows lose their rank
+            return GO_ON  # limited by another cause, as a loss of rank
         asked = arc.settings.method != "auto"
         if arc.plan.method == SERIES and (asked or fast.excited):
             return GO_ON
@@ -357,10 +371,10 @@ class Stiffness(Source):
         return Decision(cautions=self.once("step-at-stability-bound", text))
 
     def _series_reviewed(self, arc: Arc) -> Decision:
-        """Ask for the stiff method where fast motion is damped.
+        """Return the change to the stiff method if fast motion is damped.
 
-        A series' step for accuracy is close to its stability bound: nothing in a step
-        tells that it is held there.
+        The step of a Taylor series for accuracy is close to its stability bound, so the
+        steps themselves do not show whether the bound limits the steps.
         """
         self._review_at = int(ASKED_AGAIN) * arc.steps
         state, equations = arc.state, arc.system.equations
@@ -378,7 +392,7 @@ class Stiffness(Source):
         return self._considered(arc) if damped else GO_ON
 
     def _stiff_reviewed(self, arc: Arc) -> Decision:
-        """Go back to the explicit method where that has become cheaper."""
+        """Return the change to the explicit method if it has become cheaper."""
         state, before = arc.state, self._reviewed
         made = state.steps - before.steps
         self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
@@ -399,23 +413,26 @@ class Stiffness(Source):
 
 
 def _turns_on_disc(arc: Arc) -> bool:
-    """Whether something slips in two directions.
+    """Whether a contact slips in a plane, with two directions of friction.
 
-    Where that begins its friction turns it fast: steps are short for a while, and
-    nothing can be done about it.
+    At the start of such a slip friction turns its direction fast: steps are short for
+    a while with every method.
     """
     p = arc.system.p
     return bool(np.any((p.law_mode == kept.SLIDING) & (p.law_pair >= 0.0)))
 
 
 def _compiled_for(arc: Arc, name: str) -> Arc:
-    """Arc by another method, which has functions of its own."""
+    """Return the arc with the method `name`, compiled with its functions."""
     plan = replace(arc.plan, method=name)
     return arc.by(plan, System(arc.equations, plan))
 
 
 def _fastest_motion(arc: Arc) -> Fast | None:
-    """Analyse q' = v, (v', s') = J (q, v, s); None where J is not finite."""
+    """Return the fastest motion of q' = v, (v', s') = J (q, v, s).
+
+    None if J is not finite.
+    """
     n = arc.system.n
     size, sparse = arc.system.size, arc.system.newton
     length = (size - n) * arc.state.dynamic.stop
@@ -434,7 +451,7 @@ def _fastest_motion(arc: Arc) -> Fast | None:
     heavy = np.max(parts, axis=1, initial=0.0) > 0.5
     names = *equations.q, *(x.name for x in equations.states)
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
-    # Of y' itself: how fast the state moves along each of them.
+    # Amplitudes of y', the rate of the state along each eigenvector.
     rates = arc.rates(arc.t, arc.y)[arc.state.dynamic]
     swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
     moving = np.abs(modes.right[:n]) @ swinging
@@ -446,10 +463,22 @@ def _fastest_motion(arc: Arc) -> Fast | None:
 def _is_excited(
     arc: Arc, fast: Floats, masses: Floats, J: Floats, speed: float
 ) -> bool:
-    """Whether fast motion has energy, twice that of each coordinate in `fast`.
+    """Whether fast motion has energy that a stiff method would damp.
 
-    Against the whole of the bodies that depend on each other, as far as they do: that
-    of others, and the speed of all of them together, says nothing about it.
+    The energy is compared with the energy of all bodies that depend on each other,
+    weighted by their coupling; the energy of uncoupled bodies, and of a common speed,
+    is excluded.
+
+    Parameters
+    ----------
+    fast : ndarray, shape (n,)
+        Twice the energy of the fast motion of each coordinate.
+    masses : ndarray, shape (n,)
+        Diagonal of the mass matrix.
+    J : ndarray, shape (n + l, 2 n + l)
+        Jacobian of (v', s') by (q, v, s).
+    speed : float
+        Rate of the fast motion.
     """
     n = len(masses)
     by_q, by_v = J[:n, :n], J[:n, n : 2 * n]
@@ -459,7 +488,7 @@ def _is_excited(
         roots[:, None], roots, out=np.full((n, n), inf), where=roots > 0.0
     )
     moved = np.where(depends > 0.0, ratios * depends, 0.0)
-    # What one body's energy may leave in another that follows it quasi-statically.
+    # Part of a body's energy in another body that follows it quasi-statically.
     linked = np.minimum(FOLLOWS / EXCITED * np.maximum(moved, moved.T) ** 2, 1.0)
     linked = np.maximum(linked, np.eye(n))
     for _ in range(n.bit_length()):
@@ -470,15 +499,16 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Whether each rate is large: all of them where nothing moves."""
+    """Whether each rate exceeds the part FAST of the largest; all True if all are 0."""
     fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
     return fast
 
 
 def _trial(arc: Arc) -> tuple[State, State]:
-    """State before and after some steps of another arc.
+    """Return the states before and after `TRIAL` steps of an arc, on copies.
 
-    On a copy; its beginning counts only if that is all.
+    The first `TRIAL` steps, in which the step size grows, are excluded, unless the arc
+    ends in them.
     """
     state, p = arc.state.copy(), arc.system.p
     state.row_limit = state.arc_rows = -np.inf
@@ -489,19 +519,19 @@ def _trial(arc: Arc) -> tuple[State, State]:
     if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
         before = state.copy()
         arc.runner.advance(state, 1, TRIAL)
-    p.passed = passed  # and it is where it was, in the cells of tables, too
+    p.passed = passed  # and the cells of tables are restored
     for values, former in zip(cells, kept, strict=True):
         values[:] = former
     return before, state
 
 
 def _cost(arc: Arc, before: State, after: State) -> float:
-    """Operations per unit of time."""
+    """Return the number of operations per unit of simulated time between two states."""
     n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t
     if passed == 0.0:
         return inf
-    # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
+    # Half of the factorisations are real (n^3/3), half complex, counted as real of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
     if (sparse := arc.system.newton) is not None:
         factorisation = 0.5 * sparse.operations
@@ -512,7 +542,7 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 
 
 def _gain(arc: Arc, stiff: Arc) -> float:
-    """Ratio of the stiff method's step to this one's; 0 where it costs more."""
+    """Return the ratio of the stiff method's step to the current; 0 at higher cost."""
     before, after = _trial(stiff)
     h = arc.state.step_h
     if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:

@@ -1,6 +1,6 @@
-"""An end that is asked for in order, so that nothing computed is lost.
+"""Orderly interruption of a run by signals, without loss of computed rows.
 
-Besides, whether a run will ever come to its end.
+`Horizon` predicts whether a run can reach its end at all.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
-# More steps than any run makes, unless it is told otherwise.
+# Default of the largest number of steps of a run.
 MOST_STEPS = STEPS
-# Steps at which it is first asked whether a run comes to its end, then twice as many;
-# and so many times are compared.
+# Number of steps before the first prediction of a run's end, doubled after each one;
+# and number of times that are compared.
 ASKED, COMPARED = 1 << 13, 6
-# Twice the steps bring no more than so many times what half of them brought: of a
-# frequency that grows as a power of the time, steps grow with a lower one than 4.
+# Largest ratio of the times covered by successive doublings of the steps that counts as
+# no progress: the ratio is larger if the steps grow as a power of the time below 4.
 SLOWER = 1.2
 
 
 class Horizon:
-    """Time to which the steps lead: no number of steps passes it.
+    """Prediction of a time that the steps of a run approach but do not pass.
 
     Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
-    doubling of their number brings half of the time that the one before has brought.
-    Where a motion turns ever faster, as exp(t), each doubling brings the same.
+    doubling of their number covers half of the time that the doubling before covered.
+    For a motion whose frequency grows as exp(t), all doublings cover equal times.
 
     Attributes
     ----------
     ask_at : int
-        The steps after which it is asked next.
+        Number of steps at which the next prediction is due.
     """
 
     def __init__(self) -> None:
@@ -47,12 +47,16 @@ class Horizon:
         self._times: list[float] = []
 
     def before(self, end: float, t: float, steps: int, most: int) -> float | None:
-        """Time before `end` that `most` steps will not pass, if there is one.
+        """Return the time before `end` that `most` steps will not pass, or None.
 
         Parameters
         ----------
+        end : float
+            End of the run.
         t, steps
-            The time reached, and the steps made.
+            Current time, and number of steps so far.
+        most : int
+            Largest number of steps of the run.
         """
         if steps < self.ask_at:
             return None
@@ -83,16 +87,16 @@ _noting: list[Interrupt] = []
 
 
 class Terminated(BaseException):
-    """SIGTERM, raised where it arrives so that what was begun is removed."""
+    """Exception raised by SIGTERM, so that unfinished files are removed."""
 
 
 class Interrupt:
-    """Ends runs in order: notes SIGINT and SIGTERM instead of raising.
+    """Request of an orderly end: records SIGINT and SIGTERM instead of raising.
 
     Attributes
     ----------
     signal : int or None
-        What the user has sent.
+        Number of the first recorded signal.
     """
 
     def __init__(self) -> None:
@@ -107,20 +111,21 @@ class Interrupt:
         return self._stopped or self.signal is not None
 
     def stop(self) -> None:
-        """Ask for an end, as one does who takes rows and can take no more."""
+        """Request an end of the run, as a store of rows does when it is full."""
         self._stopped = True
 
     def prompt(self, _number: int, _frame: object) -> None:
-        """Raise, as the handler of a signal, where an end loses nothing."""
+        """Raise KeyboardInterrupt within `raised`; a handler of signals."""
         if self._raises:
             raise KeyboardInterrupt
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[Interrupt]:
-        """Note the signals while the context lasts (in the main thread only).
+        """Record signals within the context (in the main thread only).
 
-        A second one raises, for what does not end in order. A signal that the caller
-        had ignored stays so: `nohup`, `trap '' INT`, or the `&` of a shell script.
+        A second signal raises an exception, for code that does not end by itself. A
+        signal that is ignored by the calling program stays ignored: by `nohup`,
+        `trap '' INT`, or the `&` of a shell script.
         """
         if threading.current_thread() is not threading.main_thread():
             yield self
@@ -128,7 +133,7 @@ class Interrupt:
         kinds = [kind for kind in ENDING if not ignored(kind)]
         before = [signal.signal(kind, self._note) for kind in kinds]
         _noting.append(self)
-        if heard:  # what it raised has come to nobody, or this were not reached
+        if heard:  # a signal whose exception was lost, since execution continues here
             self.signal, self._since = heard[0], time.monotonic()
         try:
             yield self
@@ -139,12 +144,12 @@ class Interrupt:
 
     @contextlib.contextmanager
     def raised(self) -> Iterator[None]:
-        """Let signals raise after all, where nothing is lost that they end.
+        """Raise exceptions on signals within the context, where no results can be lost.
 
         Raises
         ------
         KeyboardInterrupt, Terminated
-            Here, where somebody has asked for an end before.
+            On entry, if an end has been requested before.
         """
         if self.asked:
             raise exception_of(self.signal)
@@ -155,7 +160,7 @@ class Interrupt:
             self._raises = before
 
     def cut(self, work: Callable[[], object]) -> bool:
-        """Do what a noted signal may end without loss; return whether it was done."""
+        """Call `work`, interruptible without loss; return whether it finished."""
         try:
             with self.raised():
                 work()
@@ -175,15 +180,15 @@ class Interrupt:
 
 
 def noting() -> bool:
-    """Whether signals are noted: there is something to be kept."""
+    """Whether signals are recorded, since there are results to be stored."""
     return bool(_noting)
 
 
 def exception_of(number: int | None) -> BaseException:
-    """Return what a signal raises."""
+    """Return the exception for a signal; KeyboardInterrupt unless it is SIGTERM."""
     return Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
 
 
 def ignored(kind: signal.Signals) -> bool:
-    """Whether whoever started this program has it ignore a signal."""
+    """Whether the program was started with a signal ignored."""
     return signal.getsignal(kind) is signal.SIG_IGN
