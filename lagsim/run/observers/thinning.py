@@ -1,14 +1,14 @@
-"""Rows thinned for pictures: what a plot can show of 10^8 rows, in bounded memory.
+"""Thinning of rows for plots: the visible content of 10^8 rows in bounded memory.
 
-Two views of the rows are kept while they pass, both exact as long as the rows are
-few, both a function of the rows alone (not of how they were cut into blocks):
+Two reductions of the rows are computed during the run. Both are exact while the rows
+are few, and independent of the division of the rows into blocks:
 
-- the *envelope* of a column against time: each of at most 4096 buckets keeps its
-  least and its greatest value with their times, so that a spike of one row survives
-  and an oscillation too fast to see becomes the band that it fills;
-- *true rows* for curves of one column against another, at most 16384 of them.
+- the *envelope* of a column against time: each of at most 4096 buckets stores its
+  least and its greatest value with their times, so that a spike of one row is kept
+  and an oscillation too fast to be resolved is plotted as a band;
+- a *sample* of at most 16384 rows, for curves of one column against another.
 
-When the buckets are full, neighbours are merged and each holds twice as many rows.
+When the buckets are full, adjacent buckets are merged, each with twice as many rows.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
-# The series whose drift the energy picture shows, where there is a column `work`.
+# Name of the series in the plot of the energy drift, if there is a column `work`.
 DRIFT = "energy - work"
 
 BUCKETS = 4096
 POINTS = 16384
 
-# What overflows is a gap in a picture; what is smaller than this is 0 there, since its
-# differences leave the range of an Axes.
+# Overflowing values are gaps in a plot; magnitudes below this number are plotted as 0,
+# since their differences underflow in an Axes.
 FAINT = 1e-285
 
-# Multiples of the golden section fill the unit interval evenly and resonate with
-# nothing: rows at a fixed stride would turn a periodic orbit into a few dots.
+# Multiples of the golden section fill the unit interval evenly, without resonance:
+# rows at a fixed stride could sample a periodic orbit at a few points only.
 _GOLDEN = (5**0.5 - 1) / 2
 
 
-# What is kept of each bucket: its least and its greatest value, and their times.
+# Data of each bucket: its least and its greatest value, and their times.
 LOW, LOW_T, HIGH, HIGH_T = range(4)
 
 
 def _with_room(array: Array, axis: int, rows: int) -> Array:
-    """Return an array that has so many rows along an axis, or more: twice as many."""
+    """Return an array with at least `rows` rows along an axis, doubled if too short."""
     shape = list(array.shape)
     if shape[axis] >= rows:
         return array
@@ -69,14 +69,14 @@ class _Envelope:
         self.size = 1
 
     def add(self, t: Array, values: Array) -> None:
-        """Take the rows t : (k,) and values : (k, width)."""
+        """Update the buckets by rows t : (k,) and values : (k, width)."""
         start = 0
         while start < len(t):
             if self._rows == BUCKETS * self.size:
                 self._halve()
             bucket, inside = divmod(self._rows, self.size)
             room = min(len(t) - start, BUCKETS * self.size - self._rows)
-            # To the end of a bucket that has begun; by whole ones; or what is left.
+            # Up to the end of a partial bucket; else whole buckets; else the rest.
             most = self.size - inside
             whole = not inside and room >= most
             stop = start + (room - room % most if whole else min(room, most))
@@ -95,7 +95,7 @@ class _Envelope:
         self.size *= 2
 
     def points(self, column: int) -> tuple[Array, Array]:
-        """Return times and values, two a bucket in time order; NaN for an empty one."""
+        """Return times and values in time order, two per bucket; NaN if it is empty."""
         kept = self._kept[:, : -(-self._rows // self.size), column].copy()
         values, times = kept[[LOW, HIGH]], kept[[LOW_T, HIGH_T]]
         values[:, kept[LOW] > kept[HIGH]] = np.nan
@@ -107,13 +107,16 @@ class _Envelope:
 
 
 def _merged(first: Array, second: Array) -> Array:
-    """Join each bucket (4, n, width) with the one that follows it in time."""
+    """Merge buckets (4, n, width) pairwise; `second` follows `first` in time."""
     lower, higher = second[LOW] < first[LOW], second[HIGH] > first[HIGH]
     return np.where(np.stack((lower, lower, higher, higher)), second, first)
 
 
 def _extremes(t: Array, values: Array, size: int) -> Array:
-    """Return low, its time, high, its time of whole buckets: (4, n, width)."""
+    """Return low, its time, high, its time of whole buckets: (4, n, width).
+
+    t : (n size,), values : (n size, width)
+    """
     # Contiguous along the rows, where argmin and argmax are vectorised.
     buckets = values.reshape(-1, size, values.shape[1])
     v = np.ascontiguousarray(buckets.transpose(0, 2, 1))
@@ -121,7 +124,7 @@ def _extremes(t: Array, values: Array, size: int) -> Array:
     for place_of, nothing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
         at = place_of(v, axis=2)
         extreme = _pick(v, at)
-        # Both stop at a NaN, so one that is anywhere shows up here.
+        # argmin and argmax return the place of a NaN, so any NaN is detected here.
         if not np.isfinite(extreme).all():
             finite = np.where(np.isfinite(v), v, nothing)
             at = place_of(finite, axis=2)
@@ -135,7 +138,7 @@ def _pick(v: Array, at: NDArray[np.intp]) -> Array:
 
 
 class _Sample:
-    """Sample of true rows (k, width), one from each `stride` rows."""
+    """Sample of the rows (k, width): one row from each `stride` consecutive rows."""
 
     def __init__(self, width: int) -> None:
         self._points = np.empty((0, width))
@@ -144,7 +147,7 @@ class _Sample:
         self.stride = 1
 
     def add(self, rows: Array, chosen: NDArray[np.intp]) -> None:
-        """Take rows : (k, c), of which the columns `chosen` : (width,) are kept."""
+        """Update the sample by columns `chosen` : (width,) of rows : (k, c)."""
         total = self._seen + len(rows)
         while True:
             begun = min(POINTS, -(-total // self.stride))
@@ -173,15 +176,15 @@ class _Sample:
 
 
 class Thinning:
-    """The rows of a run as pictures need them.
+    """Envelopes and samples of the rows of a run, for plots.
 
     Parameters
     ----------
     columns : names of the columns of the blocks; the first is the time.
-    series, paths : the columns that `series` and `path` will be asked for; all when
-        left out. What is not named costs neither time nor memory.
-    differences : name of an extra series -> the two columns it is the difference of,
-        taken row by row, which the envelopes of the two could not give.
+    series, paths : names of the columns available from `series` and `path`; by default
+        all. Other columns cost neither time nor memory.
+    differences : name of an additional series -> the two columns whose difference it
+        is, computed in each row, since it does not follow from their envelopes.
     """
 
     def __init__(
@@ -214,7 +217,7 @@ class Thinning:
 
     @property
     def stride(self) -> int:
-        """Of how many rows `path` shows one."""
+        """Number of rows for each row of the sample that `path` returns."""
         return self._sample.stride
 
     def __contains__(self, name: str) -> bool:
@@ -222,12 +225,12 @@ class Thinning:
         return name in self._place or name in self._series_at
 
     def add(self, block: Array) -> None:
-        """Take the next rows.
+        """Process the next rows.
 
         Parameters
         ----------
-        block : (k, c), c the number of columns, rows in order of time. It is not
-            kept, so the caller may use its memory again.
+        block : (k, c), c the number of columns, rows in order of time. The block is
+            copied, so the caller may reuse its memory.
         """
         if not len(block):
             return
@@ -239,25 +242,27 @@ class Thinning:
         self._sample.add(block, self._paths_from)
 
     def meet(self, corners: Array) -> None:
-        """Show rows at events as well, which do not count.
+        """Add rows at events to all curves; `row_count` excludes these rows.
 
         Parameters
         ----------
-        corners : (2 k, ways, c), of each event that just before and that just after.
+        corners : (2 k, variants, c), rows just before and just after each of k events,
+            see `Corners`.
         """
         if len(corners):
             self._corners = corners[corners[:, -1, 0] <= self._last[0]]
 
     def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
-        """Put what is met at events (2 k, ways) among values, in order of time."""
+        """Insert the values at events, met : (2 k, variants), in order of time."""
         times = self._corners[:, -1, 0]
         at = np.searchsorted(t, times, side="right")
-        # Before an event goes on what was, after it begins what will be.
+        # The row before an event continues the curve before it, the row after an event
+        # begins the curve after it.
         beside = at + np.tile((-1, 0), len(at) // 2)
         near = values[np.clip(beside, 0, len(values) - 1)]
         off = np.abs(met - near[:, np.newaxis])
         way = off.argmin(axis=1)
-        # The state as it is, where being a little aside makes no difference.
+        # The variant without offset (the last) is used where offsets have no effect.
         way[off[:, -1] <= 2.0 * off.min(axis=1)] = met.shape[1] - 1
         met = met[np.arange(len(met)), way]
         return np.insert(t, at, times), np.insert(values, at, met)
@@ -279,11 +284,11 @@ class Thinning:
         return float(_drawable(self._last)[self._place[name]])
 
     def series(self, name: str) -> tuple[Array, Array]:
-        """Return times and values of a column, or of a difference.
+        """Return times and values of a column, or of a difference of columns.
 
-        Every row while there are at most 4096; beyond, the first row, the least and
-        the greatest value of each bucket in time order, the last row. NaN is a gap:
-        a bucket without a finite value.
+        Up to 4096 rows all values are returned; for more rows, the first row, the least
+        and the greatest value of each bucket in time order, and the last row. NaN is a
+        gap: a bucket without a finite value.
         """
         column = self._series_at[name]
         t, values = self._envelope.points(column)
@@ -299,15 +304,15 @@ class Thinning:
         return _drawable(t), _drawable(values)
 
     def path(self, x: str, y: str) -> tuple[Array, Array]:
-        """Return two columns in the same rows, in order, the first and last included.
+        """Return two columns in the rows of the sample, in order of time.
 
-        Every row while there are fewer than 16384; beyond, one of each `stride`. NaN
-        where a value is not finite.
+        Below 16384 rows the sample has all rows; for more rows, one of each `stride`
+        rows, and the last row. NaN where a value is not finite.
         """
         return self.sampled(x), self.sampled(y)
 
     def sampled(self, name: str) -> Array:
-        """Return a column in the rows that `path` shows."""
+        """Return a column in the rows of the sample, as `path` does."""
         kept = self._sample.column(self._paths_at[name])
         if len(self._corners):
             t = self._sample.column(self._paths_at[self.columns[0]])
@@ -319,13 +324,13 @@ class Thinning:
 
 
 def _drawable(values: Array) -> Array:
-    """Return a copy that can be drawn: what is not finite, or huge, is NaN."""
+    """Return a copy for plotting: infinite and huge values are NaN, tiny values 0."""
     sizes = np.abs(values)
     return np.where(sizes < OVERFLOW, np.where(sizes < FAINT, 0.0, values), np.nan)
 
 
 def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
-    """Return the thinning of these columns that the pictures of a model need."""
+    """Return the thinning of `columns` for the pictures of a model."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
     series = {"kinetic", "potential", "lagrangian", "energy", *coordinates}
     series |= {state.name for state in model.states}
@@ -343,29 +348,33 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
 
 # --- Rows for moving pictures: at an even stride, and both rows of each impact
 #
-# Between two frames a motion is smooth, so that positions there follow from those of
-# the frames and from their rates; across an impact they do not. Where there are more
-# frames than wanted, every other one goes; where there are too many impacts, some of
-# these do, and the stretch in which one is missing says so.
+# Between two frames the motion is smooth, so positions can be interpolated from the
+# positions and rates of the frames; across an impact they cannot. If there are too many
+# frames, every other frame is deleted; if there are too many impacts, every other
+# impact is deleted, and the interval with a missing impact is marked (`broken`).
 
-# Of what is kept for a row, beside its columns: its number, how many impacts there were
-# up to it, and, of the two rows of an impact, which one that is.
+# Data of a row besides its columns: its number, the number of impacts up to the row,
+# and the number of the impact to whose pair of rows it belongs, or 0.
 NUMBER, STRUCK, PAIR = range(3)
 OWN = 3
 
 
 class Frames:
-    """Keeps the columns `names` of at most `most` rows, but for the last one.
+    """Storage of the columns `names` of at most `most` rows, and of the last row.
 
     Parameters
     ----------
     columns
-        Those of the rows; the first is the time.
+        Names of the columns of the rows; the first is the time.
+    names
+        Names of the columns to store.
+    most
+        Largest number of stored rows.
 
     Attributes
     ----------
     stride : int
-        Of how many rows one is kept.
+        Number of rows for each stored row.
     """
 
     def __init__(self, columns: Sequence[str], names: Sequence[str], most: int) -> None:
@@ -379,13 +388,13 @@ class Frames:
         self._last = np.empty((0, OWN + len(names)))
 
     def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
+        """Store the rows of impacts and one per `stride` among rows (k, columns)."""
         if not len(rows):
             return
         fresh = np.empty((len(rows), OWN + len(self._chosen)))
         fresh[:, OWN:] = rows[:, self._chosen]
         fresh[:, NUMBER] = self._rows + np.arange(len(rows))
-        # The row before belongs to these: it may be the first of two at an impact.
+        # The previous row is included: it may be the first of two rows of an impact.
         block = np.concatenate((self._last, fresh))
         t = np.append(self._last[:, OWN], rows[:, 0])
         second = np.append(False, t[1:] == t[:-1])
@@ -397,12 +406,12 @@ class Frames:
         self._rows += len(rows)
         self._struck = int(block[-1, STRUCK])
         self._last = block[-1:].copy()
-        # What comes last is looked at again, when it is known what follows.
+        # The last row is processed with the next block, when its successor is known.
         done = block[:-1]
         self._keep(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Whether each row is kept for its impact."""
+        """Whether each row (k,) is stored since it belongs to an impact."""
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
@@ -418,7 +427,7 @@ class Frames:
             self._thin()
 
     def _thin(self) -> None:
-        """Keep fewer, until there are no more than wanted."""
+        """Delete stored rows until there are at most `most`."""
         table = np.concatenate(self._kept) if self._kept else self._last[:0]
         while len(table) > self._most:
             if np.count_nonzero(self._struck_in(table)) > self._most // 2:
@@ -439,7 +448,7 @@ class Frames:
 
     @property
     def broken(self) -> Flags:
-        """Whether an impact is missing between a frame and the next one (k,)."""
+        """Whether an impact is missing between each frame and the next one (k,)."""
         whole = self._whole()
         struck, t = whole[:, STRUCK], whole[:, OWN]
         missing = (np.diff(struck) > 0) & (np.diff(t) > 0)
