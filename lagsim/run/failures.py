@@ -2,11 +2,11 @@
 
 A Taylor series has no finite coefficients where an expression has a value but no
 derivative (drag that grows with the speed, from rest; a root of the time); an implicit
-step may have no solution. The method `ANY`, which handles every model,
-then replaces the failed one; if it fails as well, the run ends. This change applies to
-the method of `auto`, and to a requested Taylor series, whose failure implies
-nothing about the motion. An implicit step over a loss of rank finds a false solution:
-there the method is replaced even if the implicit method was requested.
+step may have no solution. The method `ANY`, which handles every model, then replaces
+the failed one; if it fails as well, the run ends. This change applies to the method of
+`auto`, and to a requested Taylor series, whose failure implies nothing about the
+motion. An implicit step over a loss of rank finds a false solution: there the method is
+replaced even if the implicit method was requested.
 
 A run also ends if its constraints stay unsatisfied in spite of repeated projection.
 """
