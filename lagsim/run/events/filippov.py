@@ -47,28 +47,29 @@ if TYPE_CHECKING:
 
 
 BELOW, ABOVE, SLIDING = 0, 1, 2
-LEVEL = 3  # of a surface that is no boundary here: its expression is constant
-REDUNDANT = 4  # on its level because others are: its share is constant
-# Rates are products of so many shares at most, beyond that sums.
+LEVEL = 3  # on its level, which is no boundary here: the expression is constant
+REDUNDANT = 4  # on its level because other surfaces are: its share is constant
+# Largest number of shares in which rates are multilinear; for more they are linear.
 FEW = 5
-# Newton's steps to the shares of surfaces, and sides that are tried.
+# Largest numbers of Newton's steps for the shares, and of selections of sides.
 MOST_STEPS = 20
 MOST_EXCHANGES = 1000
 
 
 class Trial(NamedTuple):
-    """What a selection leads to, with n surfaces.
+    """The solution for one selection of sides of n surfaces.
 
     Attributes
     ----------
     mode : list of int
+        The mode of each surface.
     w : ndarray, shape (n,)
-        The shares, LEVEL at a level.
+        The shares; LEVEL for a surface at its level.
     leads : ndarray, shape (n,)
-        Of a surface that does not attract, the rate at which it leaves to the side that
-        it was put on: below 0 it is wrong there. Else infinity.
+        For a surface that does not attract, the rate of its expression towards the side
+        selected: where negative, the selection is wrong. Else infinity.
     modes : Modes
-        Those of laws beside them, then of surfaces that attract.
+        The modes of the laws, then of the surfaces that attract.
     """
 
     mode: list[int]
@@ -81,41 +82,44 @@ class FilippovCone:
     """Filippov's conditions at a point on `count` surfaces.
 
     They are a complementarity problem: with p = 1/2 - w the rates are rho_0 - B p, and
-    p is limited as a force is: laws beside the surfaces are rows of the same problem.
-    Where steps multiply, it is solved by Newton's method, linear in each of its steps.
+    p is bounded like a friction force. Laws beside the surfaces are further rows of the
+    problem. Where switches multiply each other, the rates are not linear in the shares,
+    and Newton's method solves a linear problem in each step.
 
-    Several answers may hold where the own upper side of a surface does not diminish its
-    rate, so that it does not attract. Such a surface keeps to its level, with the value
-    that is written there, if nothing moves it from there: sign(0) = 0. Else it has the
-    side that it has now, or the other one if its rate leads there, or if only that side
-    leads away.
+    Several solutions may exist where the rate of a surface is not less on its upper
+    side than on its lower one, so that the surface does not attract. Such a surface
+    stays at its level, with the value of the switch there (sign(0) = 0), if its rate
+    vanishes and the motion does not leave. Else it has its present side, or the other
+    side if its rate leads there, or if only the motion on that side leads away.
 
     Parameters
     ----------
     rates
-        The rates (count,) with each surface BELOW, ABOVE or at its LEVEL; then the
-        accelerations (r,) of laws without their multipliers.
+        Function of a corner: the sides BELOW, ABOVE or LEVEL of all surfaces. It
+        returns the rates (count,), then the accelerations (r,) of laws without
+        multipliers.
     scale : ndarray, shape (count,)
-        The size of the terms of the rates.
-    roundoff : ndarray, shape (count,)
-        What the rounding of the state does to them.
+        The magnitude of the terms of the rates.
     leaves
-        The side to which the motion with these shares (count,) leaves a surface, where
-        no rate tells; None if it stays.
+        Function of shares (count,), a surface, and modes. It returns the side to which
+        the motion leaves the surface where the rate vanishes, or None if it stays.
     ahead
-        A short time, and how fast rates with these shares (count,) and multipliers (r,)
-        change in it.
+        Function of shares (count,) and multipliers (r,). It returns a short time, and
+        the derivatives of rates and accelerations (count + r,).
+    roundoff : ndarray, shape (count,)
+        Bounds of the changes of the rates by rounding of the state.
 
     Attributes
     ----------
     shares : ndarray, shape (count,)
-        Those of the mode that was selected.
+        The shares in the mode that was selected.
     is_fork : bool
-        The other side of some surface would do as well.
+        Whether the other side of some surface satisfies the conditions, too.
     laws
-        The laws at a corner, and the rates (count, r) by their multipliers.
+        Function of a corner. It returns the laws there, and the rates (count, r) per
+        unit multiplier.
     modes : Modes or None
-        Those of the laws, then of surfaces that attract, in the mode that was selected.
+        The modes of the laws, then of the surfaces that attract, as selected.
     """
 
     def __init__(
@@ -129,7 +133,7 @@ class FilippovCone:
     ) -> None:
         self.count = len(scale)
         least = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
-        self.tolerance = np.maximum(least, TINY)  # not 0, where nothing pushes
+        self.tolerance = np.maximum(least, TINY)  # not 0, where all terms vanish
         self.rates = cache(rates)
         self.leaves, self.ahead = leaves, ahead
         self.shares, self.is_fork = np.zeros(self.count), False
@@ -139,14 +143,14 @@ class FilippovCone:
     def select(
         self, now: Sequence[int], still: Collection[int] = ()
     ) -> list[int] | None:
-        """Select a mode for each surface; None where none meets the conditions.
+        """Select a mode for each surface; None where no mode satisfies the conditions.
 
         Parameters
         ----------
         now
-            The sides that the surfaces have.
+            The present side of each surface.
         still
-            Surfaces that may be at their level.
+            The surfaces that may stay at their level.
         """
         ways = [tuple(LEVEL if k in still else side for k, side in enumerate(now))]
         tried: set[Corner] = set()
@@ -167,10 +171,11 @@ class FilippovCone:
         return None
 
     def _others(self, sides: Corner, trial: Trial) -> list[int]:
-        """First surface that leaves by its other side alone; note if one does by both.
+        """Return [k] of the first surface k left by its other side alone, or [].
 
-        A surface to which the motion comes back from either side is followed, though no
-        rate says so.
+        If the motion leaves a surface on both sides, `is_fork` is set. A surface to
+        which the motion returns from both sides is followed, although its rate
+        vanishes.
         """
         self.is_fork = False
         for k in np.flatnonzero(trial.leads < math.inf).tolist():
@@ -197,13 +202,19 @@ class FilippovCone:
         return []
 
     def _change(self, w: Floats, j: int) -> Floats:
-        """Change of rates (count,) from below surface j to above it."""
+        """Return the change of the rates from below surface j to above it, at shares w.
+
+        w : shape (count,). The result has the accelerations of laws, too: (count + r,).
+        """
         below, above = w.copy(), w.copy()
         below[j], above[j] = BELOW, ABOVE
         return self._blended(above) - self._blended(below)
 
     def _blended(self, w: Floats) -> Floats:
-        """Rates (count,) between corners, linear in each of the shares w (count,)."""
+        """Interpolate the rates (count + r,) between corners.
+
+        The rates are linear in each of the shares w (count,).
+        """
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
         base = self.rates(tuple(low.tolist()))
@@ -218,17 +229,18 @@ class FilippovCone:
         return rates
 
     def _solved(self, sides: Corner) -> Trial | None:
-        """Mode where surfaces that do not attract have these sides.
+        """Solve for the modes where surfaces that do not attract have these sides.
 
-        Those that do are rows of one problem with the laws beside them. One that keeps
-        to its level because others do has a share that is constant.
+        The surfaces that attract and the laws are rows of one problem. A surface at its
+        level because other surfaces are has a constant share. None where the problem
+        has no solution.
         """
         n, at = self.count, np.array(sides)
         w = at.astype(float)
         for _ in range(MOST_STEPS):
             B = np.array([self._change(w, j) for j in range(n)]).T
             base = self._blended(w)
-            # Each surface in a unit of its own: a power of two, which rounds nothing.
+            # Each surface is scaled by a power of two, without rounding.
             size = np.maximum(np.max(np.abs(B[:n]), axis=1), np.abs(base[:n]))
             unit = np.exp2(-np.round(np.log2(np.maximum(size, TINY))))
             B[:n], base[:n] = unit[:, None] * B[:n], unit * base[:n]
@@ -254,7 +266,7 @@ class FilippovCone:
         for k, way, now in zip(some, found.direction[r:], found.mode[r:], strict=True):
             mode[k] = WAYS.get(now, BELOW if way > 0.0 else ABOVE)
             if r and mode[k] == REDUNDANT and not way:
-                mode[k] = LEVEL  # laws alone hold it
+                mode[k] = LEVEL  # laws alone hold the surface
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
         leads = np.where(np.abs(rho) <= tolerance, 0.0, off)
         leads[some] = math.inf
@@ -264,27 +276,27 @@ class FilippovCone:
         self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
         B: Floats,
     ) -> tuple[RowModes, Floats]:  # fmt: skip
-        """Modes of laws and of the surfaces that attract; what the laws add to rates.
+        """Return the modes of laws and attracting surfaces, and the rates by the laws.
 
-        A share that laws can do without is 1/2, as that of a surface at its level.
+        A share that the laws leave without effect is 1/2, as at a level.
 
         Parameters
         ----------
         some : ndarray of int, shape (s,)
-            The numbers of those surfaces.
+            The numbers of the surfaces that attract.
         unit, tolerance : ndarray, shape (n,)
-            Of the surfaces, which have been brought to these units.
+            Factors that scale the rates of surfaces, and their scaled tolerances.
         base : ndarray, shape (n + r,)
-            Rates of surfaces and laws with shares of 1/2 of some.
+            Rates of surfaces and laws with shares of 1/2 of the surfaces `some`.
         B : ndarray, shape (n + r, s)
-            How they change with these shares.
+            Derivatives of these rates with respect to the shares.
         """
         n, s, (laws, response) = self.count, len(some), self.laws(sides)
         r = len(laws.rates)
         rows = [*range(n, n + r), *some]
         left = np.vstack([laws.closed.D, unit[some, None] * response[some]])
         D = np.hstack([left, -B[rows]])
-        # Rows of shares as long as their columns, as those of forces are.
+        # Rows of shares are scaled to the lengths of their columns, as for forces.
         down, across = (np.linalg.norm(x, axis=0) for x in (D[:r, r:], D[r:, :r].T))
         ratio = np.divide(down, across, out=np.ones(s), where=down * across > 0.0)
         scale = np.append(np.ones(r), np.exp2(np.round(np.log2(ratio))))
@@ -316,20 +328,32 @@ WAYS = {Mode.HELD: SLIDING, Mode.REDUNDANT: REDUNDANT}
 
 
 def exchange(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
-    """Sides with surface k on its other one; from its level, on `now`."""
+    """Return the sides with that of surface k exchanged; from its level, for `now`."""
     other = now if sides[k] == LEVEL else 1 - sides[k]
     return (*sides[:k], other, *sides[k + 1 :])
 
 
 KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
-# Directions in which a state is moved to see what its rounding does to a surface.
+# Number of directions in which a state is changed to compute the effect of rounding.
 DIRECTIONS = 3
-# A state this far aside, against how far it has moved, is another one.
+# Change of a state, relative to its ranges, from which constancy is tested.
 ASIDE = 1e-3
 
 
 class Rows(NamedTuple):
-    """What surfaces do at a state, as `sliding.surface_rows` gives it."""
+    """The rows of K surfaces at a state.
+
+    Attributes
+    ----------
+    residuals, rates : ndarray, shape (K,)
+        The residuals of the surfaces, and their rates.
+    b : ndarray, shape (K,)
+        The right-hand sides of J (q'', s') = b.
+    scales : ndarray, shape (K,)
+        The magnitude of the terms of each expression.
+    J : ndarray, shape (K, n + l)
+        The Jacobian rows of q'' (n,) and of the rates s' (l,) of first order.
+    """
 
     residuals: Floats
     rates: Floats
@@ -339,17 +363,17 @@ class Rows(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """A surface with a side of its own on either side of one that the motion follows.
+    """A carried surface: its side depends on that of a followed surface, its leader.
 
     Attributes
     ----------
     leader
-        The number of that one.
+        The number of the leader.
     high
-        The side on its upper side.
+        The side of the carried surface on the upper side of the leader.
     ends_below, ends_above
-        Whether the expression has a value there that can leave the side: it has none
-        where it is at its level because that one is.
+        Whether the expression can leave its side below and above the leader. It cannot
+        where it is at its level because the leader is.
     """
 
     leader: int
@@ -364,12 +388,13 @@ class Modes:
     Attributes
     ----------
     value : ndarray, shape (K,)
-        -1 or 1, or the whole number below; while sliding, of the lower side. Between
-        them where the expression keeps its level on a whole stretch.
+        The side of each surface: -1 or 1, or the integer below the expression of a
+        floor; while sliding, that of the lower side. A value between the sides where
+        the expression stays at its level.
     slides : ndarray of bool, shape (K,)
-        The motion follows it.
+        Whether the motion follows each surface.
     depends : list of set of int
-        The surfaces whose sides each one's expression depends on.
+        For each surface, the surfaces on whose sides its expression depends.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -393,10 +418,10 @@ class Modes:
         self.kind = np.zeros(self.count)
         self.levels = np.zeros(self.count)
         self.carried: dict[int, Carried] = {}
-        self.watched: list[int] = []  # a mode ends where the motion leaves their level
+        self.watched: list[int] = []  # whose mode ends off their level
 
     def _ordered(self) -> list[int]:
-        """Surfaces, those that others depend on first."""
+        """Return the surfaces in an order in which each follows its dependencies."""
         found: list[int] = []
         left = list(range(self.count))
         while left:
@@ -407,44 +432,44 @@ class Modes:
 
     @property
     def slides(self) -> Flags:
-        """Which surfaces the motion follows."""
+        """Whether the motion follows each surface (K,)."""
         return np.asarray(self.kind == kept.FOLLOWED)
 
     @property
     def holds(self) -> Flags:
-        """Which surfaces the motion keeps to (K,)."""
+        """Whether the motion stays on each surface, followed or redundant (K,)."""
         return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
 
     @property
     def bound(self) -> Floats:
-        """Surfaces whose expression does not determine the mode (K,)."""
+        """Whether the mode of each surface is independent of its expression (K,)."""
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
     @property
     def p(self) -> kept.Parameters:
-        """The memory that the compiled functions read the modes from."""
+        """The parameters from which the compiled functions read the modes."""
         return self.arc.system.p
 
     def store(self, **numbers: Floats) -> None:
-        """Store K numbers of some kinds in p, by their names there.
+        """Store arrays (K,) in the parameters p, by the names of their fields.
 
-        Arrays that go on with numbers of laws and of `until` keep those.
+        Further elements of these fields, of laws and of `until`, stay as they are.
         """
         for name, each in numbers.items():
             getattr(self.p, name)[: self.count] = each
 
     def restore(self, value: Floats, kind: Floats) -> None:
-        """Take sides as they were."""
+        """Restore the sides and kinds (K,) of all surfaces."""
         self.value[:], self.kind[:] = value, kind
 
     def forget(self) -> None:
-        """Slide along nothing."""
+        """Clear all modes of sliding, carried and watched surfaces."""
         self.kind[:] = 0.0
         self.carried = {}
         self.watched = []
 
     def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
-        """Put surface k below or above its level, along it, or at rest on it."""
+        """Set the mode of surface k: below or above its level, along it or at it."""
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
         self.kind[k] = KINDS.get(mode, 0.0)
@@ -458,22 +483,22 @@ class Modes:
         return 1.0 if above else -1.0
 
     def put_clear(self, k: int, value: float) -> None:
-        """Put surface k on the side on which its expression has this value."""
+        """Set the side of surface k on which its expression has this value."""
         self.kind[k] = 0.0
         sign = 1.0 if value > 0.0 else -1.0
         self.value[k] = math.floor(value) if self.whole[k] else sign
 
     def carry(self, k: int, carried: Carried) -> None:
-        """Let surface k have two sides, on those of one that the motion follows."""
+        """Set surface k to be carried by a surface that the motion follows."""
         self.kind[k] = kept.CARRIED
         self.carried[k] = carried
 
     def level(self, k: int, value: float) -> float:
-        """Level of surface k that is closest to a value."""
+        """Return the level of surface k that is closest to a value."""
         return float(np.round(value)) if self.whole[k] else 0.0
 
     def write(self) -> None:
-        """Store the mode where the compiled functions read it."""
+        """Write the modes to the parameters of the compiled functions."""
         p, slides, value, free = self.p, self.slides, self.value, self.bound
         p.sliding = float(np.count_nonzero(slides))
         p.side[:] = value
@@ -501,7 +526,7 @@ class Modes:
         p.most[:] = most
 
     def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
-        """Values between which expressions keep these sides, least and most (K,)."""
+        """Return the least and largest values (K,) of expressions on sides (K,)."""
         up, whole = sides > 0.0, self.whole
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         if self.has_whole:
@@ -510,14 +535,14 @@ class Modes:
         return least, most
 
     def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
-        """Return what the surfaces do at the state reached, or at y and t."""
+        """Return the rows of the surfaces at y (size,) and t (default: now)."""
         arc = self.arc
         y, t = arc.y if y is None else y, arc.t if t is None else t
         (residuals, rates, b, scales), J = arc.surface_rows(t, y)
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Whether an expression is constant hereabouts, not only level here."""
+        """Whether the expression of surface k is constant in a neighbourhood."""
         seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
@@ -539,10 +564,11 @@ class Modes:
         )
 
     def held(self) -> dict[int, float]:
-        """Surfaces at whose level constraints hold the motion, but for this rounding.
+        """Return the surfaces at whose level constraints hold the motion, with bounds.
 
-        Neither a side nor another place, nor a later time, gives them a rate that is
-        more than rounding, and they are off by no more than that makes in the run.
+        Their rates are rounding on both sides, at other states and at later times. The
+        bound of each is the largest distance from its level that rounding causes in the
+        duration of the run.
         """
         arc, span = self.arc, self.arc.settings.duration
         if not arc.system.m:
@@ -570,10 +596,11 @@ class Modes:
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
 
     def _aside(self, t: float) -> Floats:
-        """State (size,) aside by a part of each range, or of what a rate does by t.
+        """Return a state (size,) changed by a part of each range or expected range.
 
-        At a start nothing has a range: what rests is set in motion by forces that begin
-        at 0 there, or by what moves beside it, one after the other.
+        At the start of a run all ranges are 0. There the change of a component up to
+        time t by its rate is used; it is iterated, since components at rest are set in
+        motion by others, or by forces that begin at 0.
         """
         arc, state = self.arc, self.arc.state
         parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
@@ -588,7 +615,7 @@ class Modes:
         return np.asarray(arc.y + parts * reach)
 
     def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
-        """Bound the rounding (K,) of rates at y that are nothing else; -1 of others."""
+        """Return rounding bounds (K,) of the rates at y; -1 where a rate is larger."""
         arc, rates = self.arc, self.forced(y, t)
         now = arc.t if t is None else t
         bounds = arc.runner.function("rounding")(now, y)[: arc.system.n]
@@ -597,27 +624,28 @@ class Modes:
         return np.where(np.abs(rates) <= roundoff, roundoff, -1.0)
 
     def values(self, t: float, y: Floats) -> Floats:
-        """Expressions of the surfaces (K,)."""
+        """Return the expressions of the surfaces (K,) at t and y (size,)."""
         return self.arc.runner.function("surfaces", self.count)(t, y)
 
     def rates(self, t: float, y: Floats) -> Floats:
-        """Return y' with the sides as written."""
+        """Return y' (size,) at t and y (size,), with the sides set."""
         return self.arc.field(t, y)
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
-        """Return q'' and s' at y and t (by default now), with the sides as written."""
+        """Return q'' and s' (n + l,) at y and t (default: now), with the sides set."""
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
 
     def forced(self, y: Floats, t: float | None = None) -> Floats:
-        """J (q'', s') - b (K,) of the surfaces at y and t (by default now)."""
+        """Return J (q'', s') - b (K,) of the surfaces at y and t (default: now)."""
         rows = self.rows(y, t)
         return np.asarray(rows.J @ self.accelerations(y, t) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
-        """Magnitude of the terms of each surface (K,), at sizes seen so far.
+        """Return the magnitude of the terms of each surface (K,), at the sizes so far.
 
-        Or what the rounding of such a state does: slopes may vanish there.
+        It is at least the change by rounding of the state, divided by the unit of
+        rounding, since slopes may vanish.
         """
         arc, seen = self.arc, self.arc.seen
         slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()
@@ -633,9 +661,9 @@ class Modes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """States that differ from the one reached by rounding.
+        """Yield states that differ from the one reached by rounding plus `reach`.
 
-        And that are no farther than `reach` (size,) besides.
+        reach : a number, or shape (size,).
         """
         step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
         i = np.arange(len(step))

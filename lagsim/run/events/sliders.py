@@ -76,7 +76,7 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the part of its limit by which a force at the limit may differ from it."""
+    """Return the relative distance from its limit of a force that counts as at it."""
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 

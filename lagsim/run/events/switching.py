@@ -88,7 +88,7 @@ class Switching(Source):
 
     @property
     def slides(self) -> Flags:
-        """Whether the motion follows each of the K surfaces (K,)."""
+        """Whether the motion follows each surface (K,)."""
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:

@@ -323,7 +323,7 @@ def _pushed(arc: Arc, time: float) -> Floats:
     width = FORESEEN * (arc.end - arc.t) / SAMPLES
     push = width * np.abs(arc.rates(time, arc.y)[velocities])
     moved = arc.y.copy()
-    moved[velocities] += push  # a body at rest takes no work
+    moved[velocities] += push  # forces do no work on a body at rest
     change = width * np.abs(arc.rates(time, moved))
     change[state.positions], change[velocities] = width * push, push
     return change if np.isfinite(change).all() else np.zeros(len(change))

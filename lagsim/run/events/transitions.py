@@ -139,7 +139,7 @@ class Transitions(Source):
         return Due(conditions=frozenset(found))
 
     def act(self, arc: Arc, due: Due) -> Decision:
-        """Execute the events that are due, and further events that become due by them.
+        """Execute the events that are due, and events that become due by their acts.
 
         The decision returned contains the events, the state where its work integrals
         may have changed, and the ending of the run if an act causes one.
