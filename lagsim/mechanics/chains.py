@@ -1,19 +1,22 @@
-"""The kinetic energy of bodies on chains, and M x = f solved along them.
+"""Kinetic energy of bodies on chains, and the solution of M x = f along the chains.
 
-With x_k' = x_{k-1}' + l cos(a_k) a_k' and so on M of the angles is full, but the energy
-in all of x_k' and a_k' is a sum of a few squares each. Found on the graph: definitions
-written with each other, and sums that expressions share, are the same there.
+With x_k' = x_{k-1}' + l cos(a_k) a_k', and likewise for the other positions, the mass
+matrix M of the angles a is full, but the kinetic energy as a function of all x_k' and
+a_k' is a sum of a few squares per body. Chains are recognized on the graph, where
+definitions written with each other and sums shared by expressions are the same nodes.
 
-So the x_k' stay unknowns beside the q_k', and L D L^T is made from the tips on (see
-`Factorisation`). What is left between is the inertia of all that hangs there, as the
-joint feels it: the articulated body. O(n) operations.
+The x_k' therefore stay unknowns beside the q_k', and L D L^T is computed from the tips
+of the chains inward (see `Factorisation`). The pivots are the articulated-body
+inertias: the inertia of all bodies outward of a joint with their joints free. The cost
+is O(n) operations.
 
-Forces take L in u = d/dt x(q, t) beside q and q'. Lagrange's equations are
+Forces are derived from L as a function of u = d/dt x(q, t), q and q'. Lagrange's
+equations are
 
     d/dt(dL/du) du/dq' + d/dt(dL/dq') - dL/dq = Q,    u and q' apart in each slope
 
-for d/dt(du/dq') = du/dq: what the slopes of du/dq' would give twice, and cancels, is
-never made. In articulated bodies this is the bias force.
+since d/dt(du/dq') = du/dq: terms with the derivatives of du/dq', which occur twice and
+cancel, are never formed. For articulated bodies this is the bias force.
 
 Sources: R. Featherstone, Rigid Body Dynamics Algorithms, chapters 5 and 7; A. Griewank
 and A. Walther, Evaluating Derivatives, chapter 9 (elimination on a graph of sums);
@@ -51,22 +54,26 @@ if TYPE_CHECKING:
 
 # --- L D L^T of symmetric matrices of nodes, in minimum-degree order
 #
-# Unknowns may be sums of others, with which the matrix is shorter. From the outside in
+# Unknowns may be sums of others, with which the matrix has fewer entries. From the
+# outside in
 #
-# - a sum that no other sum needs any more is put into the rows as what it is;
-# - an unknown that stands in no sum any more is eliminated: the pivots are those of the
-#   matrix without sums, in the same order.
+# - a sum that occurs in no remaining sum is substituted in the rows;
+# - an unknown that occurs in no remaining sum is eliminated: the pivots equal those of
+#   the matrix without sums, in the same order.
 
-Vector = dict[int, int]  # index -> node; what is absent is zero
+Vector = dict[int, int]  # index -> node; absent entries are zero
 
 
 def add_to(g: Graph, x: Vector, i: int, term: int) -> None:
-    """Add a term to entry i of x."""
+    """Add the node `term` to entry i of x, in place."""
     x[i] = g.call("add", x.get(i, g.zero), term)
 
 
 def symmetric(size: int, entries: Mapping[tuple[int, int], int]) -> list[Vector]:
-    """Rows of a symmetric matrix by the entries of at least one triangle."""
+    """Return the rows of a symmetric matrix (size, size).
+
+    entries : (i, j) -> node, for at least one triangle.
+    """
     rows = [Vector() for _ in range(size)]
     for (i, j), node in entries.items():
         rows[i][j] = rows[j][i] = node
@@ -74,33 +81,39 @@ def symmetric(size: int, entries: Mapping[tuple[int, int], int]) -> list[Vector]
 
 
 class Factorisation:
-    """S = L D L^T.
+    """Sparse factorisation S = L D L^T of a symmetric matrix of nodes.
 
     Parameters
     ----------
-    rows
-        Of S; used up. Where only `some` unknowns are eliminated, what is left is there.
-    sums
-        Unknown -> its factor of each unknown in it, all with lower numbers or no sums.
-    late
-        What comes later where the degree is the same: whose diagonal entry moves.
-    some
-        The unknowns that are eliminated, if not all.
+    g : Graph
+    rows : sequence of Vector
+        The rows of S; changed in place. After the elimination of `some` unknowns only,
+        they hold the remaining Schur complement.
+    budget : Budget
+        The number of multiplications that are permitted.
+    sums : mapping, optional
+        Unknown that is a sum -> coefficient of each unknown in the sum, which is either
+        no sum or one with a lower number.
+    late : container of int
+        Unknowns eliminated later among unknowns of equal degree: those whose diagonal
+        entry varies.
+    some : collection of int, optional
+        The unknowns that are eliminated; by default all.
 
     Attributes
     ----------
     columns : dict
-        Column k of L without its unit diagonal, as row -> node, or sum k as it is: in
-        the order of elimination.
+        Unknown k -> column k of L without its unit diagonal, as row -> node, or the
+        coefficients of sum k; in the order of elimination.
     inverse : dict
-        1 / D_k.
+        Unknown k -> 1 / D_k.
     pivots : dict
-        D_k and the diagonal entry that it came from.
+        Unknown k -> (D_k, the diagonal entry of S before elimination).
 
     Raises
     ------
     TooLongError
-        Where that takes more multiplications than `budget` has left.
+        Where the factorisation takes more multiplications than `budget` has left.
     """
 
     def __init__(
@@ -131,7 +144,7 @@ class Factorisation:
             rank = heappop(queue)
             k = rank[-1]
             if k in self.columns or rank != self._rank(k):
-                continue  # out of date: another entry has its rank
+                continue  # out of date: the queue has a newer entry for k
             users.subtract(self.sums.get(k, {}).keys())
             touched = self._put_in(k) if k in self.sums else self._eliminate(k)
             for i in touched:
@@ -139,13 +152,13 @@ class Factorisation:
                     heappush(queue, self._rank(i))
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Rank in the elimination: unknowns of few neighbours, then outer sums."""
+        """Return the sort key of unknown k: least degree first, then outermost sums."""
         if k in self.sums:
             return 1, -self.depths[k], 0, k
         return 0, len(self.rows[k]), k in self.late, k
 
     def _taken(self, k: int) -> tuple[int, Vector]:
-        """Diagonal entry of k, and the others, and take k out of the rows."""
+        """Remove row and column k; return the diagonal entry and the other entries."""
         row = dict(self.rows[k])
         own = row.pop(k, self.g.zero)
         self.rows[k].clear()
@@ -163,7 +176,7 @@ class Factorisation:
         return g.call("mul", a, b)
 
     def _put_in(self, k: int) -> Iterable[int]:
-        """Write the sum k as it is in all rows."""
+        """Substitute sum k in all rows; return the unknowns whose rows have changed."""
         form = self.columns[k] = self.sums[k]
         own, row = self._taken(k)
         for i, entry in row.items():
@@ -192,11 +205,14 @@ class Factorisation:
 
     @cached_property
     def _filled(self) -> list[tuple[int, Vector]]:
-        """Columns that are not empty, once all unknowns are eliminated."""
+        """The columns that are not empty, after the elimination of all unknowns."""
         return [(k, column) for k, column in self.columns.items() if column]
 
     def forward(self, right: Mapping[int, int]) -> Vector:
-        """L^-1 right, with what unknowns that are sums bear handed on."""
+        """Return L^-1 right: unknown -> node.
+
+        The entry of an unknown that is a sum is distributed to the unknowns in it.
+        """
         z = {i: node for i, node in right.items() if node != self.g.zero}
         for k, column in self._filled:
             if k in z:
@@ -207,14 +223,14 @@ class Factorisation:
         return z
 
     def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Solution L^-T D^-1 z; unknowns that are left have given values."""
+        """Return L^-T D^-1 z; unknowns not eliminated have the values `given`."""
         return self.upward({k: self._over_pivot(z[k], k) for k in z}, given)
 
     def _over_pivot(self, node: int, k: int) -> int:
         return self.g.call("mul", node, self.inverse.get(k, self.g.zero))
 
     def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """L^-T scaled."""
+        """Return L^-T scaled; unknowns not eliminated have the values `given`."""
         g, x = self.g, dict(given or {})
         for k, column in reversed(self.columns.items()):
             value, op = scaled.get(k, g.zero), "add" if k in self.sums else "sub"
@@ -226,29 +242,30 @@ class Factorisation:
         return x
 
     def solve(self, right: Mapping[int, int]) -> Vector:
-        """Solution for `right`."""
+        """Return the solution x of S x = right: unknown -> node."""
         return self.backward(self.forward(right))
 
 
-# Of an expression in the velocities: all else is HIGHER.
+# Degree of an expression in the velocities: HIGHER where neither constant nor affine.
 FLAT, AFFINE, HIGHER = range(3)
 
 
 class Chains(NamedTuple):
-    """The kinetic energy as squares of sums, which are written with each other.
+    """Kinetic energy as a quadratic form in velocities and nested sums of velocities.
 
-    The unknowns 0 to n - 1 are the velocities, those from n on the sums.
+    Unknowns 0 to n - 1 are the velocities, unknowns from n on are the sums.
 
     Attributes
     ----------
     size : int
         n.
     sums : tuple of dict
-        Sum k, unknown n + k: its factor of each unknown in it. Only sums before k.
+        For sum k, which is unknown n + k: unknown -> its coefficient, a node. Sum k
+        contains velocities and sums before k only.
     squares : dict
-        (i, j), i <= j: the second derivative of L by these two unknowns.
+        (i, j) with i <= j -> the second derivative of L by these two unknowns.
     rates : tuple of int
-        The sums, as nodes of L.
+        The nodes of the sums in L.
     """
 
     size: int
@@ -258,35 +275,36 @@ class Chains(NamedTuple):
 
     @property
     def named(self) -> dict[int, Vector]:
-        """The sums by their unknowns."""
+        """Unknown n + k -> sum k."""
         return dict(enumerate(self.sums, self.size))
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Key that is equal for equal chains."""
+        """Hashable key, equal for equal chains."""
         sums = (tuple(form.items()) for form in self.sums)
         return (*sums, tuple(self.squares.items()))
 
     @property
     def nodes(self) -> list[int]:
-        """All that M is made of."""
+        """The coefficients of the sums, and the second derivatives of L."""
         factors = [node for form in self.sums for node in form.values()]
         return [*factors, *self.squares.values()]
 
     def factorisation(
         self, g: Graph, budget: Budget, kind: type[Factorisation] = Factorisation
     ) -> Factorisation:
-        """L D L^T of M: that of articulated bodies.
+        """Factor M as L D L^T along the chains, as for articulated bodies.
 
         Raises
         ------
         TooLongError
+            Where the factorisation takes more multiplications than `budget` has left.
         """
         rows = symmetric(self.size + len(self.sums), self.squares)
         return kind(g, rows, budget, self.named)
 
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
-        """M x (n,): along the chains and back."""
+        """Return M x (n,) for nodes x (n,), by sums along the chains and back."""
         found = [*x, *(g.zero for _ in self.sums)]
         for k, form in self.named.items():
             found[k] = g.product_sum((c, found[i]) for i, c in form.items())
@@ -300,7 +318,15 @@ class Chains(NamedTuple):
         return [forces.get(j, g.zero) for j in range(self.size)]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
-        """Magnitudes of the terms of M x and rounding bounds of factors, for x >= 0."""
+        """Return bounds (n,) of the terms of |M| x, with rounding of the factors of M.
+
+        Parameters
+        ----------
+        x : sequence of int, length n
+            Nonnegative.
+        moving : collection of str
+            The names of the variables that change along a motion.
+        """
         bounds = roundings(g, self.nodes, moving, set(moving) - {"t"})
         rounded = dict(zip(self.nodes, bounds, strict=True))
 
@@ -312,9 +338,9 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Nodes of M, and coordinates that each of them couples."""
+        """Return pairs (nodes of M, indices of the coordinates coupled by these)."""
         found = [(list[int](), [j]) for j in range(self.size)]
-        first = [*range(self.size)]  # a coordinate of each unknown
+        first = [*range(self.size)]  # one coordinate in each unknown
         for form in self.sums:
             coupled = [first[i] for i in form]
             found.append(([*form.values()], coupled))
@@ -323,7 +349,7 @@ class Chains(NamedTuple):
         return [*found, *(([node], [first[i], first[j]]) for (i, j), node in pairs)]
 
     def neighbours(self) -> list[set[int]]:
-        """Pattern of M: for each velocity the coupled ones."""
+        """Return the sparsity pattern of M: the coupled velocities of each velocity."""
         reach = [{j} for j in range(self.size)]
         for form in self.sums:
             reach.append(set().union(*(reach[i] for i in form)))
@@ -338,7 +364,7 @@ class Chains(NamedTuple):
 
 
 class _NotFoundError(Exception):
-    """L is not seen to be quadratic in sums of velocities."""
+    """L is not recognized as quadratic in sums of velocities."""
 
 
 def chains(
@@ -348,15 +374,28 @@ def chains(
     names: Collection[str],
     moving: Collection[str] = (),
 ) -> Chains | None:
-    """Find how `lagrangian` is written with sums of the velocities `rates`.
+    """Write the quadratic part of L with nested sums of the velocities.
 
-    None where it is no polynomial of second degree in them, as far as is seen. The sums
-    that are unknowns are those needed more than once, and those squared.
+    Sums become unknowns where they occur more than once, or in a square or product.
 
     Parameters
     ----------
-    moving
-        The square of one velocity is that of a sum where its factor depends on these.
+    g : Graph
+    lagrangian : int
+        The node of L.
+    rates : sequence of int, length n
+        The nodes of the velocities.
+    names : collection of str
+        The names of the velocities.
+    moving : collection of str
+        A multiple of a single velocity that occurs in a product is a sum, too, where
+        its coefficient depends on one of these variables.
+
+    Returns
+    -------
+    Chains or None
+        None where L is not recognized as a polynomial of at most second degree in the
+        velocities.
     """
     cone = g.cone([lagrangian])
     found = g.degrees(cone, names)
@@ -394,7 +433,7 @@ def chains(
 
 
 def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
-    """Return the sum of vectors times nodes."""
+    """Return the sum of node * vector over the pairs `parts`, without zero entries."""
     total = Vector()
     for scale, form in parts:
         for i, factor in form.items():
@@ -405,7 +444,7 @@ def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
 def _products(
     g: Graph, cone: Sequence[int], degrees: Mapping[int, int]
 ) -> dict[tuple[int, int], int]:
-    """Factor of each product of two affine nodes in the last of `cone`."""
+    """Return (a, b) -> coefficient of each product a b of affine nodes in L."""
     weights = {cone[-1]: g.one}
     found: dict[tuple[int, int], int] = {}
     for n in reversed(cone):
@@ -422,7 +461,7 @@ def _products(
 
 
 def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | None:
-    """Two affine nodes that `n` is a product of."""
+    """Return the two affine nodes whose product is `n`, else None."""
     args = g.args[n]
     if g.ops[n] == "pow" and g.value(args[1]) == 2.0:
         args = (args[0], args[0])
@@ -440,7 +479,10 @@ def _parts(
     uses: Counter[int],
     ends: Collection[int],
 ) -> dict[int, list[tuple[int, int]]]:
-    """Addends of each node in use, as `_slopes` gives them; counts their uses."""
+    """Return the addends and coefficients (`_slopes`) of each affine node in use.
+
+    `uses` is changed in place: the uses of the addends are added.
+    """
     found = {}
     for n in reversed(cone):
         if uses[n] and n not in ends:
@@ -450,7 +492,13 @@ def _parts(
 
 
 def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
-    """Addends of `n` that depend on velocities, each with its factor."""
+    """Return the addends of `n` that depend on velocities, with their coefficients.
+
+    Raises
+    ------
+    _NotFoundError
+        Where `n` is not linear in its arguments that depend on velocities.
+    """
     op, args = g.ops[n], g.args[n]
     moving = [a for a in args if degrees[a] != FLAT]
     linear = op in ("add", "sub", "neg") or (op == "mul" and len(moving) == 1)
@@ -459,14 +507,15 @@ def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int
     return [(a, slope) for a, slope in local_slopes(g, n) if a in moving]
 
 
-# For each velocity and each term of a sum: what hangs in chains takes some tens.
+# Operations per velocity and per term of a sum; bodies on chains take some tens.
 MOST_OPERATIONS = 100
 
 
 class Composite(Factorisation):
-    """The diagonal of M: the inertia outward of each joint as one rigid body.
+    """Diagonal of M: the inertia outward of each joint as one rigid body.
 
-    The composite-rigid-body algorithm, Featherstone's chapter 6: nothing is eliminated.
+    This is the composite-rigid-body algorithm (Featherstone, chapter 6): sums are
+    substituted, and unknowns are removed without elimination.
     """
 
     def _eliminate(self, k: int) -> Collection[int]:
@@ -476,9 +525,15 @@ class Composite(Factorisation):
 
 
 class ChainedMass:
-    """M of bodies on chains, whose entries are made where somebody reads them.
+    """Mass matrix M of bodies on chains, whose n^2 entries are derived on first access.
 
-    There are n^2 of them, and of what `chains` has only some n.
+    Parameters
+    ----------
+    g : Graph
+    found : Chains
+        The factors of M, of which there are O(n).
+    rows : callable
+        Derives the rows of M.
     """
 
     def __init__(
@@ -489,13 +544,13 @@ class ChainedMass:
 
     @cached_property
     def diagonal(self) -> list[int]:
-        """M_jj (n,)."""
+        """The diagonal entries M_jj (n,): nodes."""
         found = self.chains.factorisation(self._graph, Budget(), Composite)
         return [found.pivots[k][0] for k in range(self.chains.size)]
 
     @cached_property
     def rows(self) -> tuple[SparseVector, ...]:
-        """The entries, row by row."""
+        """The rows of M, each (n,)."""
         return self._rows()
 
     def __iter__(self) -> Iterator[SparseVector]:
@@ -508,10 +563,25 @@ class ChainedMass:
 def shorter_chains(
     g: Graph, lagrangian: int, rates: Sequence[int], names: Sequence[str]
 ) -> Chains | None:
-    """Chains of `lagrangian` where they take fewer operations than M does."""
+    """Return the chains of L where these take fewer operations than the entries of M.
+
+    Parameters
+    ----------
+    g : Graph
+    lagrangian : int
+        The node of L.
+    rates : sequence of int, length n
+        The nodes of the velocities.
+    names : sequence of str, length n
+        The names of the velocities.
+
+    Returns
+    -------
+    Chains or None
+    """
     degrees = g.degrees_below([lagrangian], names).items()
     if not any(g.args[n] and d is not None and d.most == 1 for n, d in degrees):
-        return None  # no velocities are added
+        return None  # no sums of velocities
     found = chains(g, lagrangian, rates, names)
     if found is None or not found.sums:
         return None
@@ -531,7 +601,7 @@ def shorter_chains(
 
 
 def inertial_forces(model: Model, flow: Flow) -> list[int]:
-    """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,)."""
+    """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,), as nodes."""
     g = model.graph
     rates = sorted(rates_of_places(model, flow))
     variables = frozenset((*rates, *flow.rates, *flow.positions))
@@ -547,7 +617,16 @@ def inertial_forces(model: Model, flow: Flow) -> list[int]:
 
 
 def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:
-    """Return rates of all positions in L, each with one; but no single velocities."""
+    """Return the rates of positions that occur in L or in definitions of positions.
+
+    Positions are expressions without velocities. Rates that are single variables or
+    constants are left out.
+
+    Returns
+    -------
+    dict
+        Node of a rate -> node of one position with this rate.
+    """
     g = model.graph
     placed = (d.node for d in model.definitions if d.level is Level.POSITION)
     cone = g.cone([*placed, model.lagrangian])

@@ -1,42 +1,46 @@
-"""Mixed linear complementarity: multipliers within bounds that others' may move.
+"""Mixed linear complementarity problems with bounds that depend on other multipliers.
 
-Find p with w = D p + c, so that each row k
+Find multipliers p (r,) such that, with w = D p + c, each row k satisfies
 
     low_k <= p_k <= high_k,   w_k >= 0 at low_k,   w_k <= 0 at high_k,   else w_k = 0
 
-where both bounds are affine in the multiplier p_n of the row's contact. What a row
-stands for is nothing but its bounds:
+where both bounds are affine in the multiplier p_n of the contact of the row. The kind
+of a row is expressed by its bounds alone:
 
     equality in force                      -inf, inf
     contact, freewheel                     0, inf
     slip: friction of a contact            -mu p_n, mu p_n; of two slips |p| <= mu p_n
     equality of bounded multiplier         -L, L
-    what slides already                    both d mu p_n, or d L, against its slip
-    nothing                                0, 0
+    sliding row, d against the slip        both d mu p_n, or d L
+    row out of force                       0, 0
 
-D need not be symmetric. Rows may depend on each other: then p is not unique, w is.
+D need not be symmetric. Rows may be linearly dependent: then p is not unique, but w is.
 
-Of some attempts the first that solves it to rounding counts, else the best.
+The following attempts are made in turn; the first that solves the problem to rounding
+counts, else the best one.
 
 1. Newton's method on F(p) = p - P(p - w), with P the projection onto the bounds, from
-   0. F has kinks, but slopes on each side of them; where it converges the rows that
-   hold are solved for as equations. It is not taken where these depend on each other:
-   it would divide multipliers among all of them, where a few can bear all.
-2. Lemke's pivots. With directions d_i that span a row (1 and -1; of two slips a polygon
-   in place of the disc), p = sum of a_i d_i, a >= 0, and l for the size of the slip,
+   0. F is piecewise smooth; where the method converges, the rows that hold are solved
+   as equations. The result is discarded where these rows are dependent: it would
+   distribute the multipliers over all of them where a few rows suffice.
+2. Lemke's method. With directions d_i that span a row (1 and -1; for two slips a
+   polygon in place of the disc), p = sum of a_i d_i, a >= 0, and l, the size of the
+   slip,
 
        a_i >= 0 complements d_i . w + l,    l >= 0 complements high - sum of a_i
 
-   which for friction is copositive for every mu: there is a solution, and pivots find
-   it. Ties are broken lexicographically, so that they cannot run in circles: on
-   degenerate problems too (balls that touch at rest, redundant legs) they end, at a
-   solution where the rows that bear are independent. Where there are discs, Newton's
-   method goes on from there, or from a polygon of more corners.
-3. Proximal points: a little more diagonal makes rows independent, and its force on the
-   solution is taken back. Where rows with discs depend on each other this comes first:
-   it leads to about the least of their multipliers, inside of the discs if it can be.
-4. What is bounded at its bound, against the rate it has: what slides fast, far beyond
-   all that its forces change, hides from pivots what they do.
+   which for friction is copositive for every mu: there is a solution, and Lemke's
+   method finds it. Ties are broken lexicographically, which excludes cycles: on
+   degenerate problems (balls that touch at rest, redundant legs) the method ends, too,
+   at a solution whose rows with nonzero multipliers are independent. With discs,
+   Newton's method continues from there, or from a polygon of more corners.
+3. Proximal point iteration: a small addition to the diagonal makes rows independent,
+   and its effect on the solution is removed by iteration. Where rows with discs are
+   dependent, this attempt is the first: it leads approximately to the least
+   multipliers, inside the discs where possible.
+4. Lemke's method with each bounded multiplier fixed at the bound opposite to its rate.
+   Rates far larger than all changes by multipliers would hide these changes by
+   rounding in the pivots.
 
 Sources: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body
 dynamics with inelastic collisions and Coulomb friction, Int. J. Num. Meth. Eng. 39
@@ -75,17 +79,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Problem:
-    """The rows of a problem, r of them: see above.
+    """Mixed linear complementarity problem of r rows; see the module docstring.
 
     Attributes
     ----------
     D : ndarray, shape (r, r)
     c : ndarray, shape (r,)
     low, high : ndarray, shape (2, r)
-        The first, and the second times p of the contact, make up a bound.
+        Bounds of p: of row k, low[0, k] + low[1, k] p_n, with n the row of its contact.
     normals, pairs : ndarray of int, shape (r,)
-        The row of the contact; that of the other of two slips, whose bounds are
-        opposite; or -1.
+        The index of the row of the contact; the index of the other one of two slips,
+        whose bounds are symmetric to 0. -1 where there is none.
     """
 
     D: Floats
@@ -96,8 +100,8 @@ class Problem:
     pairs: Ints
 
     def part(self, rows: list[int]) -> Problem:
-        """Problem of some rows, of which none is coupled with another."""
-        place = np.full(len(self.c) + 1, -1)  # the last for those that have none
+        """Return the problem of `rows`, which are not coupled with the other rows."""
+        place = np.full(len(self.c) + 1, -1)  # the last entry is for index -1
         place[rows] = np.arange(len(rows))
         return Problem(
             self.D[np.ix_(rows, rows)], self.c[rows], self.low[:, rows],
@@ -106,23 +110,23 @@ class Problem:
 
     @cached_property
     def fixed(self) -> Flags:
-        """Which rows have one bound only (r,)."""
+        """Mask (r,) of the rows whose lower and upper bound are equal."""
         return np.asarray((self.low == self.high).all(axis=0))
 
     @cached_property
     def own(self) -> Flags:
-        """Which rows have bounds of their own (r,)."""
+        """Mask (r,) of the rows whose bounds depend on no contact."""
         return self.normals < 0
 
     @cached_property
     def discs(self) -> list[list[int]]:
-        """Rows that share a disc, two by two."""
+        """Pairs of indices of the rows that share a disc, in ascending order."""
         later = (self.pairs >= 0) & (self.pairs < np.arange(len(self.c)))
         some = np.flatnonzero(later & ~self.fixed).tolist()
         return [[self.pairs.item(k), k] for k in some]
 
     def bounds(self, p: Floats) -> tuple[Floats, Floats]:
-        """Return the bounds (r,), (r,) where the multipliers are p."""
+        """Return the lower (r,) and upper bounds (r,) at multipliers p (r,)."""
         if self.own.all():
             return self.low[0], self.high[0]
         push = p[self.normals]
@@ -130,15 +134,15 @@ class Problem:
         return self.low[0] + self.low[1] * push, self.high[0] + self.high[1] * push
 
     def limits(self, p: Floats) -> Floats:
-        """Return the largest sizes of bounded multipliers (r,); 0 of others."""
+        """Return the largest sizes (r,) of bounded multipliers at p (r,), else 0."""
         most = np.abs(self.bounds(p)[1])
         return np.where(np.isfinite(most), most, 0.0)
 
 
 class Solution(NamedTuple):
-    """Multipliers p and w = D p + c (r,); whether they are a solution at all.
+    """Multipliers p (r,), w = D p + c (r,), and whether these solve the problem.
 
-    w is 0 where p is between its bounds.
+    w is exactly 0 where p is between its bounds.
     """
 
     p: Floats
@@ -147,10 +151,20 @@ class Solution(NamedTuple):
 
 
 def solve(problem: Problem) -> Solution:
-    """Multipliers within their bounds.
+    """Solve a mixed linear complementarity problem.
 
-    Rows that nothing couples are problems of their own: what is rounding in one of them
-    may be a rate that counts in another.
+    Decoupled groups of rows are solved separately, since a size that is rounding in one
+    group may be significant in another.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of r rows.
+
+    Returns
+    -------
+    Solution
+        With `found` False where no attempt solves the problem of some group.
 
     Raises
     ------
@@ -171,7 +185,10 @@ def solve(problem: Problem) -> Solution:
 
 
 def _decoupled(problem: Problem) -> list[list[int]]:
-    """Rows in groups with no entry of D and no bound in common; none if all have."""
+    """Return the groups of rows that are coupled by entries of D, bounds or discs.
+
+    The list is empty where D has no zero entry: all rows are coupled.
+    """
     if problem.D.all():
         return []
     sets = DisjointSets(len(problem.c))
@@ -202,9 +219,10 @@ def _solved(problem: Problem) -> Solution:
 
 
 def _scaled(problem: Problem) -> tuple[Problem, Floats]:
-    """Problem with a diagonal near 1, by powers of two, and these scales.
+    """Return the problem scaled to a diagonal near 1, and the scales (r,).
 
-    What nothing acts on has no multiplier.
+    The scales are powers of two; multipliers of the given problem are those of the
+    scaled one times the scales. Rows without an entry in D have bounds 0.
     """
     D, pairs, n = problem.D, problem.pairs, problem.normals
     own = D.diagonal()
@@ -219,14 +237,14 @@ def _scaled(problem: Problem) -> tuple[Problem, Floats]:
     return replace(problem, D=D, c=s * problem.c, low=low, high=high), s
 
 
-# How much diagonal is added, where rows are on discs and elsewhere, and how often its
-# force is taken back.
+# Part of the diagonal that proximal points add, and number of iterations, each for
+# problems with discs and without.
 FIRM_ON_DISCS, FIRM = 1e-2, 1e-6
 PROXIMAL_ON_DISCS, PROXIMAL = 8, 2
 
 
 def _attempts(unit: Problem) -> Iterator[_Point]:
-    """Try multipliers for a scaled problem, one after the other."""
+    """Generate candidate solutions of a scaled problem, in the order of the module."""
     r, discs = len(unit.c), bool(unit.discs)
     if not discs or np.linalg.matrix_rank(unit.D, DEPENDENT_DIRECTIONS) == r:
         point = _descend(unit, np.zeros(r))
@@ -248,7 +266,17 @@ def _attempts(unit: Problem) -> Iterator[_Point]:
 
 
 def _proximal(unit: Problem, firm: float, times: int) -> _Point:
-    """Multipliers where more diagonal is added, and its force taken back."""
+    """Compute multipliers by proximal point iteration.
+
+    Parameters
+    ----------
+    unit : Problem
+        Scaled.
+    firm : float
+        The part of the diagonal that is added to it.
+    times : int
+        The largest number of iterations.
+    """
     p, extra = np.zeros(len(unit.c)), firm * np.abs(unit.D.diagonal())
     D, discs = unit.D + np.diag(extra), bool(unit.discs)
     for _ in range(times):
@@ -262,18 +290,18 @@ def _proximal(unit: Problem, firm: float, times: int) -> _Point:
 
 # --- Newton's method ------------------------------------------------------------------
 
-# Newton's steps; near the solution it takes about five.
+# Largest number of Newton steps; near the solution about five suffice.
 STEPS = 30
-# Of a Newton step, the parts that are tried.
+# Damping factors of a Newton step, in the order of trial.
 PARTS = (1.0, 0.5, 0.25, 0.0625)
-# On the central path a Newton step this long, in its own metric, is taken as it is.
+# Newton steps on the central path up to this length, in the local metric, are undamped.
 NEAR_PATH = 0.25
-# Steps longer than this, in parts of what they mend, are those of dependent rows.
+# A solution larger than the right-hand side by this factor indicates dependent rows.
 FAR = 1e8
 
 
 def _descend(problem: Problem, p: Floats) -> _Point:
-    """Take Newton's steps from p (r,) for as long as they get nearer."""
+    """Iterate Newton's method from p (r,) as long as the size of F decreases."""
     here = _Point(problem, p)
     least = TERM_ROUNDOFF * float(np.abs(problem.c).max())
     for _ in range(STEPS):
@@ -295,7 +323,7 @@ def _descend(problem: Problem, p: Floats) -> _Point:
 
 
 def _regular(J: Floats, right: Floats) -> Floats | None:
-    """Solve J x = right, or None where rows depend on each other."""
+    """Solve J x = right for x (r,); None where J (r, r) is singular to rounding."""
     try:
         x = np.asarray(np.linalg.solve(J, right), float)
     except np.linalg.LinAlgError:
@@ -304,14 +332,22 @@ def _regular(J: Floats, right: Floats) -> Floats | None:
 
 
 class _Point:
-    """Multipliers with F (r,), zero at solutions.
+    """Multipliers p (r,) with the residual F (r,), which is zero at solutions.
 
     Attributes
     ----------
     w : ndarray, shape (r,)
+        D p + c.
+    z : ndarray, shape (r,)
+        p - w.
+    high : ndarray, shape (r,)
+        The upper bounds at p.
     inside : ndarray of bool, shape (r,)
-        p - w is between the bounds: there the row holds.
+        z is between the bounds, or inside the disc: the row holds, with F = w.
+    F : ndarray, shape (r,)
+        p less the projection of z onto the bounds, where z is outside.
     size : float
+        The largest |F|.
     """
 
     def __init__(self, problem: Problem, p: Floats) -> None:
@@ -331,13 +367,13 @@ class _Point:
         self.size = float(np.abs(self.F).max())
 
     def residual(self) -> float:
-        """Size of F relative to the largest terms of w."""
+        """Return the largest |F| relative to the largest sum of |terms| of w."""
         problem = self.problem
         terms = np.abs(problem.D) @ np.abs(self.p) + np.abs(problem.c)
         return self.size / (float(terms.max()) or 1.0)
 
     def slopes(self) -> Floats:
-        """Slopes of F (r, r)."""
+        """Return the generalized Jacobian dF/dp (r, r)."""
         problem, D, n = self.problem, self.problem.D, self.problem.normals
         unit_rows = np.eye(len(n))
         J = np.where(self.inside[:, None], D, unit_rows)
@@ -361,21 +397,24 @@ class _Point:
 
 # --- pivots ---------------------------------------------------------------------------
 
-# Directions of a bounded row; two on a disc have those of a polygon of so many corners,
-# of more where Newton's method finds no way on from the first.
+# Directions of a bounded row, and numbers of corners of the polygon that replaces a
+# disc: the second is tried where Newton's method does not converge from the first.
 SIDES = np.array([[1.0], [-1.0]])
 CORNERS = (8, 32)
-# Pivots for each row; a few times the number of rows is what it needs in practice.
+# Largest number of pivots per row; in practice a few per row suffice.
 PATIENCE = 50
 
 
 def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
-    """Multipliers (r,) by Lemke's method, with a polygon for each disc; 0 on a ray."""
+    """Compute multipliers (r,) by Lemke's method, or 0 where it ends on a ray.
+
+    corners : the number of corners of the polygon that replaces each disc.
+    """
     r, pairs = len(problem.c), problem.pairs
     lowest, highest = problem.low[0], problem.high[0]
     fixed = problem.fixed
     free = np.flatnonzero(np.isinf(lowest)).tolist()
-    # p = E x + p0, with x those that are not fixed.
+    # p = E x + p0, with x the multipliers that are not fixed.
     E, p0 = np.diag(np.where(fixed, 0.0, 1.0)), np.where(fixed, lowest, 0.0)
     moved = np.flatnonzero(fixed & (problem.normals >= 0))
     E[moved, problem.normals[moved]] = problem.low[1, moved]
@@ -420,7 +459,22 @@ def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
 
 
 def _directions(signed: int, spans: list[Floats]) -> tuple[Floats, Floats]:
-    """N (rows, directions): of signed rows and groups; and which belong to a group."""
+    """Return the directions of one-sided rows and groups of bounded rows.
+
+    Parameters
+    ----------
+    signed : int
+        The number of one-sided rows.
+    spans : list of ndarray
+        The directions of each group as rows: (directions, 1 or 2).
+
+    Returns
+    -------
+    N : ndarray, shape (rows, directions)
+        Block diagonal: the identity, then the directions of each group as columns.
+    owners : ndarray, shape (directions - signed, groups)
+        1 where a direction belongs to the group.
+    """
     count = signed + sum(len(d) for d in spans)
     N = np.zeros((signed + sum(d.shape[1] for d in spans), count))
     N[:signed, :signed] = np.eye(signed)
@@ -436,18 +490,21 @@ def _directions(signed: int, spans: list[Floats]) -> tuple[Floats, Floats]:
 def lemke(M: Floats, q: Floats) -> Floats | None:
     """Solve w = M z + q; w, z >= 0; w z = 0 by Lemke's method.
 
-    Give z (n,), or None where a ray is all there is.
-
     Parameters
     ----------
     M : ndarray, shape (n, n)
-        With entries near 1: scaled.
+        Scaled to entries near 1.
     q : ndarray, shape (n,)
+
+    Returns
+    -------
+    z : ndarray, shape (n,), or None
+        None where the method ends on a ray, or after PATIENCE n pivots.
     """
     n, size = len(q), float(np.abs(q).max(initial=0.0))
     if not n or float(q.min()) >= 0.0:
         return np.zeros(n)
-    # Columns: w, which is the inverse of the basis, z, the artificial variable, q.
+    # Columns: w (the inverse of the basis), z, the artificial variable, q.
     T = np.hstack([np.eye(n), -M, np.full((n, 1), -1.0), q[:, None] / size])
     basis = np.arange(n)
     row = int(np.flatnonzero(T[:, -1] <= T[:, -1].min() + SOLUTION_ROUNDOFF)[-1])
@@ -466,18 +523,30 @@ def lemke(M: Floats, q: Floats) -> Floats | None:
     return None
 
 
-# Rates are differences: this part of their terms is rounding; and so much diagonal
-# makes rows independent whose rates contradict by that.
+# Rates are differences: their rounding error as a part of their terms; and the addition
+# to the diagonal that makes rows independent whose rates differ by rounding.
 RATES_ROUNDOFF, REGULAR = 1e-6, 1e-7
 
 
 def rates_at(
     D: Floats, c: Floats, noise: Floats, free: list[int], ways: Floats
 ) -> tuple[Floats, Floats]:
-    """Rates x (r,) of multipliers, and w = D x + c (r,) beside noise (r,), at ties.
+    """Solve for the rates x (r,) of multipliers at ties, and w = D x + c (r,).
 
-    Rows that are `free`, and independent, are held; those on their bounds have the
-    directions `ways` (k, r) into them. Both are 0 where there is no solution.
+    Parameters
+    ----------
+    D : ndarray, shape (r, r)
+    c, noise : ndarray, shape (r,)
+        The rates of accelerations at constant multipliers, and their rounding errors.
+    free : list of int
+        Indices of independent rows with w = 0 and x of either sign.
+    ways : ndarray, shape (k, r)
+        The directions in which the k multipliers at a bound leave that bound.
+
+    Returns
+    -------
+    x, w : ndarray, shape (r,)
+        Both 0 where there is no solution; entries of w within rounding are 0.
     """
     c = np.where(np.abs(c) > noise, c, 0.0)
     right = np.column_stack([D, c])
@@ -496,7 +565,17 @@ def rates_at(
 
 
 def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
-    """Row that blocks first, or -1 if none does."""
+    """Return the row of the lexicographic minimum ratio test, or -1 on a ray.
+
+    Parameters
+    ----------
+    T : ndarray, shape (n, 2 n + 2)
+        The tableau.
+    column : ndarray, shape (n,)
+        The entering column.
+    artificial : ndarray of bool, shape (n,)
+        The row whose basic variable is the artificial one; preferred at ties.
+    """
     tied = np.flatnonzero(column > TABLEAU_ROUNDOFF)
     if not len(tied):
         return -1
@@ -513,7 +592,7 @@ def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
 
 
 def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
-    """Solve w = 0 for the z (n,) in the basis, to rounding."""
+    """Solve w = 0 for the z in the basis, to rounding; return z (n,), others 0."""
     z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
     B = M[np.ix_(some, some)]
     for _ in range(2):
@@ -524,13 +603,25 @@ def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
 def least_parts(
     x: Floats, free: Floats, discs: Floats, radii: Floats, pushes: Flags
 ) -> Floats:
-    """Multipliers x + free y (k,), in parts of their bounds, whose largest is least.
+    """Minimize the largest |x_g| over discs g among multipliers x + free y (k,).
 
-    free : (k, d); discs : (g, k), of each 1 at its rows; radii : (g, k), how their
-    bounds grow with multipliers; pushes : (k,), which are to stay positive. Newton's
-    steps follow the central path of the cones |x_g| < s + radii_g (x - x_0) to the
-    least s, for as long as rounding leaves them inside (Y. Nesterov, Lectures on Convex
-    Optimization, 2018, section 5.2).
+    Multipliers are in parts of their bounds. Newton steps follow the central path of
+    the cones |x_g| < s + radii_g (x - x_0) to the least s, as long as the iterates stay
+    inside the cones to rounding (Y. Nesterov, Lectures on Convex Optimization, 2018,
+    section 5.2).
+
+    Parameters
+    ----------
+    x : ndarray, shape (k,)
+        The initial multipliers x_0.
+    free : ndarray, shape (k, d)
+        The directions in which x may change.
+    discs : ndarray, shape (g, k)
+        For each disc, 1 at its rows and 0 elsewhere.
+    radii : ndarray, shape (g, k)
+        The derivatives of the radius of each disc by the multipliers.
+    pushes : ndarray of bool, shape (k,)
+        The multipliers that stay positive.
     """
     k, d = free.shape
     largest = np.sqrt((discs @ x**2).max())
