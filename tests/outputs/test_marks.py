@@ -10,7 +10,7 @@ from lagsim.model.model import Scene
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.outputs import plots
-from lagsim.outputs.figure import DPI, LOST, MARKS
+from lagsim.outputs.figure import DPI, LOST, MARKS, TICKS_APART
 from lagsim.outputs.record import Record, marked
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs import drawn as kit
@@ -73,7 +73,7 @@ def test_impacts_are_marked_in_every_panel_named_once_and_leave_the_curves_free(
             # Each is where an impact is, and near each impact is one.
             apart = np.abs(panel.at(times)[:, np.newaxis] - ticks.x)
             assert np.max(apart.min(axis=0)) <= PIXEL
-            assert np.max(apart.min(axis=1)) <= 3.0 / 72 * DPI
+            assert np.max(apart.min(axis=1)) <= TICKS_APART / 72 * DPI
             half = IMPACTS["markersize"] / 144 * DPI
             assert np.all(ticks.y + half <= panel.box.y1 + PIXEL)
             assert np.all(ticks.y - half >= panel.box.y1 - 0.1 * DPI)
