@@ -38,7 +38,7 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.runs import EXAMPLE, INADMISSIBLE, Axis, Found, Grid, parsed
+from lagsim.studies.sweep.runs import EXAMPLE, Axis, Found, Grid, parsed
 from lagsim.studies.sweep.sweeping import (
     CHART,
     JOURNAL,
@@ -49,6 +49,7 @@ from lagsim.studies.sweep.sweeping import (
     sampled,
 )
 from lagsim.studies.sweep.sweeping import EXAMPLE as SAMPLED
+from lagsim.studies.trials import INADMISSIBLE
 from lagsim.studies.workers import Hired, cores, machines, processes
 
 if TYPE_CHECKING:

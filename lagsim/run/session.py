@@ -184,19 +184,24 @@ class Session(NamedTuple):
         e = self.case.equations
         return bool(e.laws or self.plan.switches.sides or e.model.events)
 
-    def bound(self, case: Case) -> Session | None:
+    def bound(self, case: Case, plan: Plan | None = None) -> Session | None:
         """Return a session of `case` with the compiled functions of this session.
 
-        case : case of the same equations with other values of parameters.
-
         None if the values require other functions.
+
+        Parameters
+        ----------
+        case : Case
+            A case of the same equations, with other values or settings.
+        plan : Plan, optional
+            The plan of the case.
         """
         pieces = (
             [x.row.residual for x in e.laws] for e in (case.equations, self.equations)
         )
         if len({tuple(x) for x in pieces}) > 1:  # of gaps, by the signs of parameters
             return None
-        plan = case.plan()
+        plan = plan or case.plan()
         if not self.system.fits(plan):
             return None
         system = self.system.bound(case.equations.model, plan)

@@ -35,7 +35,7 @@ from lagsim.errors import unusable
 from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 Piece = TypeVar("Piece")
 Found = TypeVar("Found")
@@ -49,6 +49,16 @@ GRACE_SECONDS = 10.0
 LEAVE_SECONDS = 0.5
 # Interval between two checks for an interrupt.
 GLANCE_SECONDS = 0.1
+# Time for which this process works alone, to measure the time of an item and to compile
+# functions that the others load from the cache.
+ALONE_SECONDS = 0.5
+# Other processes are started if the remaining work takes longer than this.
+WORTH_SECONDS = 5.0
+# The duration of a piece of several items, and the number of pieces for each process.
+PIECE_SECONDS = 0.5
+PIECES = 4
+# Resolution of the clock.
+SHORTEST_SECONDS = 1e-6
 
 # Interrupt of a worker process, set when the parent requests an end. The signal, where
 # there is one, interrupts work that can be left out, such as pictures.
@@ -228,6 +238,85 @@ def spread(
                     else:
                         lost.add(number)
                         left.append((number, piece))
+
+
+# Computes items in their order, and yields the results of some at a time.
+Made: TypeAlias = "Callable[[Sequence[Piece], Interrupt], Iterator[Sequence[Found]]]"
+
+
+def shared(
+    made: Made[Piece, Found],
+    items: Sequence[Piece],
+    most: int,
+    interrupt: Interrupt,
+    *,
+    wanted: bool,
+    hired: Hired = processes,
+) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
+    """Compute many short items; yield items with their results, some at a time.
+
+    This process computes the first items, or all. Pieces of the others are sent to
+    further processes, and the items of a process that dies are then sent one by one.
+    After an interrupt the items without a result are left out.
+
+    Parameters
+    ----------
+    made : callable
+        Can be pickled. It is called with items and an interrupt, and yields results in
+        the order of the items; it must not raise.
+    items : sequence
+    most : int
+        The largest number of pieces at a time; with 1 this process computes all.
+    wanted : bool
+        Whether this number was requested; else further processes start only if these
+        save time.
+    hired : callable
+        Returns a context manager of a crew, such as `processes`.
+    """
+    wanted |= hired is not processes
+    others = 0 if most == 1 and hired is processes else most
+    # The processor time of this process alone.
+    done, began, lasted = 0, time.process_time(), 0.0
+    for results in made(items, interrupt):
+        yield [*zip(items[done : done + len(results)], results, strict=True)]
+        done += len(results)
+        lasted = max(time.process_time() - began, SHORTEST_SECONDS)
+        to_come = (len(items) - done) * lasted / max(1, done)
+        worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS
+        if others and (worth or wanted):
+            break
+    left = items[done:]
+    if left and not interrupt.asked:
+        size = min(PIECE_SECONDS * done / lasted, len(left) / (PIECES * others))
+        yield from _by_others(made, left, max(1, int(size)), others, interrupt, hired)
+
+
+def _by_others(
+    made: Made[Piece, Found],
+    items: Sequence[Piece],
+    size: int,
+    most: int,
+    interrupt: Interrupt,
+    hired: Hired,
+) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
+    """Yield the results of workers, in pieces of `size` items."""
+    parts = [items[k : k + size] for k in range(0, len(items), size)]
+    lost: list[Piece] = []
+    for k, results in spread(partial(_listed, made), parts, most, interrupt, hired):
+        if isinstance(results, Died):
+            lost += parts[k]
+        else:
+            yield [*zip(parts[k], results, strict=False)]  # fewer after an interrupt
+    if size > 1 and lost:
+        yield from _by_others(made, lost, 1, most, interrupt, hired)
+    elif lost:
+        yield [(item, Died()) for item in lost]
+
+
+def _listed(
+    made: Made[Piece, Found], items: Sequence[Piece], interrupt: Interrupt
+) -> list[Found]:
+    return [x for results in made(items, interrupt) for x in results]
 
 
 @contextlib.contextmanager

@@ -32,7 +32,6 @@ import numpy as np
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
-from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format
@@ -44,14 +43,15 @@ from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes
-from lagsim.run.session import Clock, Session, StartError, examined, wanted
+from lagsim.run.session import Clock, Session, StartError, wanted
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
+from lagsim.studies.trials import Forms, refused, structure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model
@@ -121,7 +121,7 @@ class Axis(NamedTuple):
         for text in texts:
             # The first one shows that the name can be bound.
             plain = values and _NUMBER.fullmatch(text)
-            x = float(text) if plain else value_of(bound(model, {name: text}), name)
+            x = float(text) if plain else value_of(model.bind(**{name: text}), name)
             values.append(x)
         return cls(name, starts, tuple(texts), tuple(values), unit)
 
@@ -165,12 +165,6 @@ class Grid(NamedTuple):
     def values(self, number: int) -> tuple[float, ...]:
         """Return the values of all axes in a run, as numbers."""
         return tuple(axis.values[place] for axis, place in self.at(number))
-
-
-def bound(model: Model, texts: Mapping[str, str]) -> Model:
-    """Return the model with values of parameters and start values."""
-    own = {p.name: texts[p.name] for p in model.parameters if p.name in texts}
-    return model.bind(own, {k: text for k, text in texts.items() if k not in own})
 
 
 def value_of(model: Model, name: str) -> float:
@@ -276,15 +270,12 @@ def _check_start(model: Model, name: str) -> None:
 # this part of the bound of the audit.
 KEPT = 0.1
 ENERGIES = ("energy", "work", "kinetic", "potential")
-# The largest number of compiled forms of a model; the least recently used is dropped.
-MOST_FORMS = 16
 # Runs in a batch: some tens of milliseconds.
 AT_ONCE = 256
 # Runs between two collections of the young generation of objects, since runs leave
 # reference cycles.
 COLLECTED = 50
 DONE = Outcome.DONE.word
-INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
 NOTHING = np.empty((3, 0))
 
 
@@ -395,70 +386,6 @@ class Found:
         return [k for k in range(self.grid.runs) if k not in self.rows]
 
 
-def rows_of(
-    work: Work, numbers: Sequence[int], interrupt: Interrupt
-) -> list[tuple[int, Row]]:
-    """Compute the rows of some runs, with their indices; fewer after an interrupt."""
-    return [row for rows in made(work, numbers, interrupt) for row in rows]
-
-
-def made(
-    work: Work, numbers: Sequence[int], interrupt: Interrupt
-) -> Iterator[list[tuple[int, Row]]]:
-    """Yield the rows of runs, one at a time, or AT_ONCE if only ends are requested."""
-    runs, left = runs_of(work), numbers
-    while left and not interrupt.asked:
-        # The first run shows how the others are made.
-        size = AT_ONCE if runs.batch is not None else 1
-        rows = runs.rows(left[:size], interrupt)
-        yield rows
-        if len(rows) < len(left[:size]):
-            return
-        left = left[size:]
-
-
-class _Form:
-    """Model read and derived once, with the functions compiled for its first run.
-
-    Attributes
-    ----------
-    structure : dict of str to str
-        The swept values on which ranges and subscripts of the file depend.
-    """
-
-    def __init__(self, work: Work, texts: Mapping[str, str]) -> None:
-        self.model: Model = pickle.loads(work.model)
-        self.structure = _structure(self.model, texts)
-        if self.structure:
-            self.model = bound(self.model, self.structure)
-        self.options = dict(work.options)
-        self.equations = equations_of_motion(self.model)
-        self.session: Session | None = None
-
-    def bound(self, texts: Mapping[str, str]) -> Session | None:
-        """Return the session of other values; None if these need other functions.
-
-        Raises
-        ------
-        InputError, StartError
-            If a value cannot be used, or the start is not admissible.
-        """
-        if _structure(self.model, texts) != self.structure:
-            return None
-        model = bound(self.model, texts)
-        case = examined(self.equations, model, wanted(model, "sweep", self.options))
-        if self.session is None:
-            self.session = case.ready()
-            return self.session
-        return self.session.bound(case)
-
-
-def _structure(model: Model, texts: Mapping[str, str]) -> dict[str, str]:
-    """Return the values on which ranges and subscripts of the file depend."""
-    names = model.stated.structural()
-    return {name: text for name, text in texts.items() if name in names}
-
-
 class Runs:
     """Runs of a sweep in one process.
 
@@ -473,30 +400,46 @@ class Runs:
 
     def __init__(self, work: Work) -> None:
         self.work, grid = work, work.grid
-        first = _Form(work, grid.texts(0))
+        self._forms = Forms(work.model, dict(work.options), "sweep")
+        first = self._forms.form(grid.texts(0))
         others = {
-            tuple(_structure(first.model, grid.texts(k)).items()): None
+            tuple(structure(first.model, grid.texts(k)).items()): None
             for k in range(1, grid.runs if first.structure else 1)
         }
-        forms = [first, *(_Form(work, dict(texts)) for texts in others)]
+        forms = [first, *(self._forms.form(dict(texts)) for texts in others)]
         tables = [Columns(form.equations, {}).of_table for form in forms]
         longest = sorted(tables, key=len, reverse=True)
         self.columns = tuple(dict.fromkeys(name for t in longest for name in t))
-        self._forms = [first]
+        self._forms.known = [first]
         self.batch: Batch | None = None
-        self._tried, self._done = False, 0
+        self._tried, self._done = bool(first.structure), 0
+
+    def __reduce__(self) -> tuple[Callable[[Work], Runs], tuple[Work]]:
+        return runs_of, (self.work,)
 
     def units(self) -> dict[str, str]:
         """Return the units of the columns; {} before the first compilation."""
-        for form in self._forms:
-            if form.session is not None:
-                return of_table(form.session.equations, self.columns)
+        for form in self._forms.known:
+            for session in form.sessions[:1]:
+                return of_table(session.equations, self.columns)
         return {}
 
-    def rows(
-        self, numbers: Sequence[int], interrupt: Interrupt
-    ) -> list[tuple[int, Row]]:
-        """Return the rows of runs with their indices; fewer after an interrupt."""
+    def made(self, numbers: Sequence[int], interrupt: Interrupt) -> Iterator[list[Row]]:
+        """Yield the rows of runs: one at a time, or AT_ONCE if only ends are requested.
+
+        After an interrupt there are fewer rows.
+        """
+        left = numbers
+        while left and not interrupt.asked:
+            # The first run shows how the others are made.
+            size = AT_ONCE if self.batch is not None else 1
+            rows = self._rows(left[:size], interrupt)
+            yield rows
+            if len(rows) < len(left[:size]):
+                return
+            left = left[size:]
+
+    def _rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row]:
         together: list[Row | None] = [None] * len(numbers)
         if self.batch is not None:
             together = self.batch.rows(numbers, interrupt)
@@ -505,7 +448,7 @@ class Runs:
             row = plain or self.row(number, interrupt)
             if row is None:
                 break
-            found.append((number, row))
+            found.append(row)
         return found
 
     def row(self, number: int, interrupt: Interrupt) -> Row | None:
@@ -515,25 +458,21 @@ class Runs:
             gc.collect(0)
         grid = self.work.grid
         try:
-            session = self._session(grid.texts(number))
-        except StartError as error:
-            return Row(grid.values(number), INADMISSIBLE, reason=str(error))
-        except InputError as error:
-            reason = "; ".join(problem.text for problem in error.problems)
-            return Row(grid.values(number), UNUSABLE, reason=reason)
+            session = self._forms.session(grid.texts(number))
+        except (InputError, StartError) as error:
+            found = refused(error)
+            return Row(grid.values(number), found.outcome, reason=found.reason)
         own, work = session.columns.of_table, self.work
         extremes = Extremes(len(own))
         if work.kept is not None:
-            found = self._written(number, session, extremes, interrupt)
+            made = self._written(number, session, extremes, interrupt)
         else:
             bars = work.error_bars
-            found = Attempts(extremes, interrupt, Clock(), error_bars=bars).best(
-                session
-            )
-        trajectory, bar = found.trajectory, found.bar
+            made = Attempts(extremes, interrupt, Clock(), error_bars=bars).best(session)
+        trajectory, bar = made.trajectory, made.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
-        if work.ends and not self._tried and not self._forms[0].structure:
+        if work.ends and not self._tried:
             self._tried = True
             batch = Batch(session, work, len(self.columns))
             self.batch = None if batch.refusal else batch
@@ -551,19 +490,6 @@ class Runs:
             cells,
             _mark(session),
         )
-
-    def _session(self, texts: Mapping[str, str]) -> Session:
-        """Return the session of a run, compiled if no earlier functions fit."""
-        for k, form in enumerate(self._forms):
-            session = form.bound(texts)
-            if session is not None:
-                self._forms.insert(0, self._forms.pop(k))
-                return session
-        new = _Form(self.work, texts)
-        self._forms = [new, *self._forms[: MOST_FORMS - 1]]
-        session = new.bound(texts)
-        assert session is not None
-        return session
 
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
@@ -597,8 +523,10 @@ class Runs:
         return found
 
 
-# The runs of a sweep in this process, cached by the work.
-runs_of = functools.lru_cache(maxsize=2)(Runs)
+@functools.lru_cache(maxsize=2)
+def runs_of(work: Work) -> Runs:
+    """Return the runs of a sweep in this process."""
+    return Runs(work)
 
 
 def _mark(session: Session) -> int:
@@ -674,7 +602,7 @@ class Batch:
         found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
         for k, number in enumerate(numbers):
             with contextlib.suppress(LagsimError):
-                model = bound(unbound, self.grid.texts(number))
+                model = unbound.bind(**self.grid.texts(number))
                 if wanted(model, "sweep", self.options) == case.settings:
                     found[k] = [p.value for p in model.parameters]
                     starts[k] = [x.value for x in model.initial[: sizes[1]]]

@@ -39,16 +39,15 @@ from lagsim.studies.sweep.runs import (
     Grid,
     Row,
     grid_of,
-    made,
     refuse_many,
-    rows_of,
     runs_of,
 )
-from lagsim.studies.workers import Died, Hired, processes, spread
+from lagsim.studies.trials import DIED
+from lagsim.studies.workers import Died, Hired, processes, shared
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
@@ -59,17 +58,6 @@ TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
 JOURNAL = "sweep.rows.jsonl"
 # Interval between two calls that force rows to the disk, whose time is then negligible.
 SYNC_SECONDS = 1.0
-# Time for which this process works alone, to measure the time of a run and to compile
-# functions that the others load from the cache.
-ALONE_SECONDS = 0.5
-# Others are worth beginning where so much is left to do.
-WORTH_SECONDS = 5.0
-# A piece takes about so long; each process gets some.
-PIECE_SECONDS = 0.5
-PIECES = 4
-# Resolution of the clock.
-SHORTEST_SECONDS = 1e-6
-DIED = "died"
 
 
 class Journal:
@@ -181,9 +169,13 @@ def sweep(
     own = runs_of(found.work)
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
-    wanted |= hired is not processes
-    others = 0 if most == 1 and hired is processes else most
-    for rows in _made(found, others, wanted, hired, interrupt):
+    for results in shared(
+        own.made, found.missing, most, interrupt, wanted=wanted, hired=hired
+    ):
+        rows = [
+            (k, Row(found.grid.values(k), DIED, reason=x.reason))
+            if isinstance(x, Died) else (k, x) for k, x in results
+        ]  # fmt: skip
         found.rows.update(rows)
         if journal is not None:
             journal.add(rows)
@@ -191,51 +183,6 @@ def sweep(
             progress(len(found.rows) / found.grid.runs)
     found.units = own.units()
     found.seconds = time.perf_counter() - began
-
-
-def _made(
-    found: Found, others: int, wanted: bool, hired: Hired, interrupt: Interrupt
-) -> Iterator[Sequence[tuple[int, Row]]]:
-    """Yield rows when complete; this process computes the first rows, or all."""
-    missing = found.missing
-    # The processor time of this process alone.
-    done, began, lasted = 0, time.process_time(), 0.0
-    for rows in made(found.work, missing, interrupt):
-        yield rows
-        done += len(rows)
-        lasted = max(time.process_time() - began, SHORTEST_SECONDS)
-        to_come = (len(missing) - done) * lasted / max(1, done)
-        worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS
-        if others and (worth or wanted):
-            break
-    left = missing[done:]
-    if left and not interrupt.asked:
-        size = min(PIECE_SECONDS * done / lasted, len(left) / (PIECES * others))
-        yield from _shared(found, left, max(1, int(size)), others, hired, interrupt)
-
-
-def _shared(
-    found: Found,
-    numbers: list[int],
-    size: int,
-    most: int,
-    hired: Hired,
-    interrupt: Interrupt,
-) -> Iterator[Sequence[tuple[int, Row]]]:
-    """Yield rows that workers compute, in pieces of `size` runs."""
-    parts = [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]
-    lost: list[int] = []
-    work = partial(rows_of, found.work)
-    for k, rows in spread(work, parts, most, interrupt, hired):
-        if isinstance(rows, Died):
-            lost += parts[k]
-        else:
-            yield rows
-    if size > 1 and lost:
-        yield from _shared(found, lost, 1, most, hired, interrupt)
-    else:
-        why = Died.reason
-        yield [(k, Row(found.grid.values(k), DIED, reason=why)) for k in lost]
 
 
 def header(found: Found) -> list[str]:

@@ -106,7 +106,7 @@ def test_the_command(command, tmp_path):  # noqa: F811
 
 FILES = {
     "": ["1: no points"], "l,theta\n": ["1: no points"],
-    "l,l\n1,2\n": ["1: the header has"], "l\n1,2\n\n3\nx\n": ["2: 2 values", "5: `x`"],
+    "l,l\n1,2\n": ["1: the header has"], "l\n1,2\n\n3\nx\n": ["2: 2 cells", "5: `x`"],
     "l\nnan\n1_0\n": ["2: `nan`", "3: `1_0`"], "\nlength\n1\n": ["2: `length` is no"],
 }  # fmt: skip
 

@@ -1,0 +1,470 @@
+"""Trials: runs of one model with other values and settings, the basis of all studies.
+
+A study compares runs of a model: at other values of parameters and of the start, at
+another tolerance or step, by another method. `Variant` describes such a run by its
+differences from the file, `Trials` makes the runs, and `Trial` is the result of one.
+Nothing is read, derived or compiled anew for a variant, as far as possible. An
+inadmissible start, a value out of range and a run that fails are results, too, not
+exceptions. Several processes can share the work.
+
+A trial is one integration without error bar and audit, see `attempts` for these.
+
+Examples
+--------
+The derivative of a motion by a parameter, from two runs:
+
+>>> from lagsim.model.reader import read
+>>> model = read('''
+... parameters: {k: 4}
+... coordinates: {x: {}}
+... energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+... initial: {x: 1}
+... simulation: {duration: 1}
+... ''', "<model>")
+>>> trials = Trials(model, {"rtol": 1e-13})
+>>> times = np.array([0.25, 0.5, 1.0])
+>>> below, above = (trials.run(Variant({"k": k}, times=times)) for k in (3.99, 4.01))
+>>> np.round((above.column("x") - below.column("x")) / 0.02, 4)
+array([-0.03  , -0.1052, -0.2273])
+>>> trials.run(Variant({"k": "1/0"})).outcome
+'unusable'
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import pickle
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import InputError, LagsimError
+from lagsim.mechanics.reduction import equations_of_motion
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers import Keep, Moments
+from lagsim.run.session import StartError, examined, wanted
+from lagsim.run.trajectory import Outcome, Statistics
+from lagsim.studies.workers import Died, cores, processes, shared
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model
+    from lagsim.notes import Event
+    from lagsim.run.session import Session
+    from lagsim.studies.workers import Hired
+
+    # Values of names as expressions; the pickled model, options and the command.
+    Texts = Mapping[str, str]
+    Key = tuple[bytes, tuple[tuple[str, float | str], ...], str]
+
+# Outcomes of trials besides the outcomes of runs.
+INADMISSIBLE, UNUSABLE, GIVEN_UP = "inadmissible", "unusable", "given up"
+DIED = "died"
+COMPLETE = tuple(x.word for x in Outcome if x.complete)
+# The largest number of compiled forms of a model; the least recently used is dropped.
+MOST_FORMS = 16
+
+
+class Variant(NamedTuple):
+    """A run of a study, by its differences from the run of the file.
+
+    Attributes
+    ----------
+    values : mapping of str to float or str
+        Parameters and start values that are replaced: numbers or expressions.
+    settings : mapping of str to object
+        Fields of `lagsim.model.model.Settings` that are replaced after the options of
+        all trials, such as `rtol`, `method`, `formulation`, `step` or `output_step`.
+    times : ndarray, shape (k,), or None
+        Times of the rows, in any order, by the dense output of the method: the steps
+        are those of the run without these times. None for the rows of the run: all
+        output times and both rows of each impact.
+    """
+
+    values: Mapping[str, float | str] = {}
+    settings: Mapping[str, Any] = {}
+    times: Floats | None = None
+
+
+# The run of the file.
+STATED = Variant()
+
+
+class Trial(NamedTuple):
+    """Result of a run of a study: `trial.column("theta")` has the shape (k,).
+
+    Attributes
+    ----------
+    outcome : str
+        The outcome of the run (`done`, `until`, `failed`, `interrupted`), or
+        `inadmissible`, `unusable`, `given up`, `died` for a run without a result.
+    reason : str
+        The reason of an outcome that is not complete.
+    code : str
+        The code of a failure or of an error, see `lagsim.codes`.
+    columns : tuple of str
+        Names of the columns of a row: those of the table, then others for plots.
+    rows : ndarray, shape (k, columns)
+        Rows of the run, or at the times of the variant; nan at a time past the end.
+    events : sequence of Event
+    statistics : Statistics
+        Numbers of steps and evaluations.
+    end : float
+        The time reached.
+    seconds : float
+        The time of the integration alone, in s.
+    """
+
+    outcome: str
+    reason: str = ""
+    code: str = ""
+    columns: tuple[str, ...] = ()
+    rows: Floats = np.empty((0, 0))
+    events: Sequence[Event] = ()
+    statistics: Statistics = Statistics()
+    end: float = math.nan
+    seconds: float = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end, or the last of the times of its variant."""
+        return self.outcome in COMPLETE
+
+    def column(self, name: str) -> Floats:
+        """Return the column with a name, shape (k,)."""
+        return np.asarray(self.rows[:, self.columns.index(name)])
+
+
+# The result of a run whose process has died.
+DEAD = Trial(DIED, Died.reason)
+
+
+class GivenUpError(Exception):
+    """A run has exceeded its time limit."""
+
+
+class Patience:
+    """Time limits of runs.
+
+    Attributes
+    ----------
+    seconds : float
+        The limit of one run, in s.
+    until : float
+        The time of `time.perf_counter` at which every run ends.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.until = seconds, math.inf
+        self.begin()
+
+    def begin(self) -> None:
+        """Start the clock of a run."""
+        self._end = min(time.perf_counter() + self.seconds, self.until)
+
+    @property
+    def over(self) -> bool:
+        """Whether the time for all runs has passed."""
+        return time.perf_counter() > self.until
+
+    def check(self, _fraction: float = 0.0) -> None:
+        """Raise GivenUpError if a time limit has passed."""
+        if time.perf_counter() > self._end:
+            raise GivenUpError
+
+    def given_up(self) -> Trial:
+        """Return the result of a run that has exceeded its limit."""
+        return Trial(GIVEN_UP, f"given up after {self.seconds:.2g} s")
+
+
+class _Ended(Interrupt):
+    """Request of an end by the last of some times, or by another interrupt."""
+
+    def __init__(self, other: Interrupt | None) -> None:
+        super().__init__()
+        self.other = other
+
+    @property
+    def asked(self) -> bool:
+        """Whether an end has been requested."""
+        return super().asked or (self.other is not None and self.other.asked)
+
+
+def tried(
+    session: Session,
+    times: Floats | None = None,
+    *,
+    interrupt: Interrupt | None = None,
+    patience: Patience | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trial:
+    """Return the result of one run of a session.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k,), optional
+        Times of the rows, see `Variant`.
+    interrupt : Interrupt, optional
+        Requests of an early end.
+    patience : Patience, optional
+        The time limit of the run.
+    progress : callable, optional
+        Called with the fraction of the run that is done.
+    """
+    kept: Keep | Moments = Keep()
+    places, wish = None, interrupt
+    if times is not None:
+        different, places = np.unique(times, return_inverse=True)
+        wish = _Ended(interrupt)
+        kept = Moments(different, len(session.columns.names), wish)
+        session = session.asking(moments=tuple(different.tolist()))
+    if patience is not None:
+        patience.begin()
+        progress = patience.check
+    began = time.perf_counter()
+    try:
+        found = session.run([kept], interrupt=wish, progress=progress)
+    except GivenUpError:
+        assert patience is not None
+        return patience.given_up()
+    seconds = time.perf_counter() - began
+    rows = kept.table if isinstance(kept, Keep) else kept.rows[places]
+    outcome, reason, failed = found.outcome, found.reason, found.outcome.failed
+    if isinstance(kept, Moments) and np.all(np.isfinite(rows[:, 0])):
+        # The run has ended after the last of the times.
+        outcome, reason = Outcome.DONE, ""
+    return Trial(
+        outcome.word, "" if outcome.complete else reason,
+        str(outcome.value) if failed else "", session.columns.names, rows,
+        found.events, found.statistics, found.end, seconds,
+    )  # fmt: skip
+
+
+def refused(error: LagsimError) -> Trial:
+    """Return the result of a run that cannot begin."""
+    if isinstance(error, StartError):
+        return Trial(INADMISSIBLE, str(error), error.code)
+    reason = str(error)
+    if isinstance(error, InputError):
+        reason = "; ".join(problem.text for problem in error.problems)
+    return Trial(UNUSABLE, reason, error.code)
+
+
+class Form:
+    """Model derived once, with the sessions compiled for it.
+
+    Attributes
+    ----------
+    structure : dict of str to str
+        The values on which ranges and subscripts of the file depend.
+    equations : Equations
+    """
+
+    def __init__(
+        self, model: Model, texts: Texts, options: Mapping[str, float | str], who: str
+    ) -> None:
+        self.structure = structure(model, texts)
+        self.model = model.bind(**self.structure) if self.structure else model
+        self.equations = equations_of_motion(self.model)
+        self._options, self._who = options, who
+        self.sessions: list[Session] = []
+        self._compiled: list[Mapping[str, Any]] = []
+
+    def session(self, texts: Texts, settings: Mapping[str, Any]) -> Session | None:
+        """Return the session of a variant; None if it needs another form.
+
+        Raises
+        ------
+        InputError, StartError
+            If a value cannot be used, or the start is not admissible.
+        """
+        if structure(self.model, texts) != self.structure:
+            return None
+        model = self.model.bind(**texts)
+        asked = wanted(model, self._who, self._options)._replace(**settings)
+        case = examined(self.equations, model, asked)
+        plan = case.plan()
+        for session in self.sessions:
+            if (found := session.bound(case, plan)) is not None:
+                return found
+        if settings in self._compiled:
+            return None
+        self._compiled.append(settings)
+        self.sessions.append(case.ready(plan))
+        return self.sessions[-1]
+
+
+def structure(model: Model, texts: Texts) -> dict[str, str]:
+    """Return those of the values on which ranges and subscripts of the file depend."""
+    names = model.stated.structural()
+    return {name: text for name, text in texts.items() if name in names}
+
+
+class Forms:
+    """Sessions of a model for any values, each compiled once.
+
+    The functions compiled for the first variant serve all variants that they fit, with
+    results equal in every bit to those of a separate run. If values need other
+    functions (because another method suits these values, for example), the model is
+    read again, and its functions serve later runs, too. Other settings need no other
+    model.
+
+    Parameters
+    ----------
+    model : bytes
+        The pickled Model.
+    options : mapping of str to float or str
+        Options of all runs, as of `lagsim run`.
+    who : str
+        The name of the command, for messages.
+    """
+
+    def __init__(
+        self, model: bytes, options: Mapping[str, float | str], who: str
+    ) -> None:
+        self._model, self._options, self._who = model, options, who
+        self.known: list[Form] = []
+
+    def form(self, texts: Texts) -> Form:
+        """Return a new form for some values, without sessions."""
+        return Form(pickle.loads(self._model), texts, self._options, self._who)
+
+    def session(
+        self, texts: Texts, settings: Mapping[str, Any] = STATED.settings
+    ) -> Session:
+        """Return the session of a variant, compiled if no earlier functions fit.
+
+        Raises
+        ------
+        InputError, StartError
+            If a value cannot be used, or the start is not admissible.
+        """
+        for k, form in enumerate(self.known):
+            session = form.session(texts, settings)
+            if session is not None:
+                self.known.insert(0, self.known.pop(k))
+                return session
+        new = self.form(texts)
+        self.known = [new, *self.known[: MOST_FORMS - 1]]
+        session = new.session(texts, settings)
+        assert session is not None
+        return session
+
+
+class Trials:
+    """Runs of one model in any number of variants.
+
+    Parameters
+    ----------
+    model : Model
+    options : mapping of str to float or str, optional
+        Options of all runs, as of `lagsim run`: `rtol`, `method`, `duration` ...
+    who : str
+        The name of the command, for messages on a model that cannot be run.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        options: Mapping[str, float | str] | None = None,
+        who: str = "run",
+    ) -> None:
+        content, known = pickle.dumps(model), {**(options or {})}
+        self._key: Key = content, tuple(known.items()), who
+        self._forms = Forms(content, known, who)
+
+    def __reduce__(self) -> tuple[Callable[..., Trials], Key]:
+        return _again, self._key
+
+    def session(self, variant: Variant = STATED) -> Session:
+        """Return the session of a variant, which can be run any number of times.
+
+        Raises
+        ------
+        InputError, StartError
+            If a value or a setting cannot be used, or the start is not admissible.
+        """
+        texts = {
+            name: x if isinstance(x, str) else repr(float(x))
+            for name, x in variant.values.items()
+        }
+        return self._forms.session(texts, variant.settings)
+
+    def run(
+        self,
+        variant: Variant = STATED,
+        *,
+        interrupt: Interrupt | None = None,
+        patience: Patience | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Trial:
+        """Return the result of a variant; no LagsimError is raised.
+
+        Parameters
+        ----------
+        interrupt, patience, progress
+            As for `tried`.
+        """
+        try:
+            session = self.session(variant)
+        except LagsimError as error:
+            return refused(error)
+        return tried(
+            session, variant.times, interrupt=interrupt, patience=patience,
+            progress=progress,
+        )  # fmt: skip
+
+    def runs(
+        self,
+        variants: Sequence[Variant],
+        jobs: int | None = 1,
+        *,
+        interrupt: Interrupt | None = None,
+        progress: Callable[[float], None] | None = None,
+        hired: Hired = processes,
+    ) -> Iterator[tuple[int, Trial]]:
+        """Yield the index and the result of each variant, when it is complete.
+
+        After an interrupt the results computed so far have been yielded.
+
+        Parameters
+        ----------
+        jobs : int or None
+            The number of processes; None for one on each core, where that saves time.
+        progress : callable, optional
+            Called with the part of the variants that is done.
+        hired : callable
+            Returns a context manager of a crew of processes.
+        """
+        interrupt = interrupt or Interrupt()
+        items, done = [*enumerate(variants)], 0
+        for found in shared(
+            self._made, items, jobs or cores(), interrupt, wanted=jobs is not None,
+            hired=hired,
+        ):  # fmt: skip
+            done += len(found)
+            for (number, _), trial in found:
+                yield number, DEAD if isinstance(trial, Died) else trial
+            if progress is not None:
+                progress(done / max(1, len(items)))
+
+    def _made(
+        self, items: Sequence[tuple[int, Variant]], interrupt: Interrupt
+    ) -> Iterator[Sequence[Trial]]:
+        for _, variant in items:
+            found = self.run(variant, interrupt=interrupt)
+            if interrupt.asked:
+                return
+            yield [found]
+
+
+@functools.lru_cache(maxsize=2)
+def _again(
+    content: bytes, options: tuple[tuple[str, float | str], ...], who: str
+) -> Trials:
+    """Return the trials of another process, with the sessions compiled in this one."""
+    return Trials(pickle.loads(content), dict(options), who)
