@@ -194,10 +194,11 @@ def bound():
     count = View("Rejections so far", "t", "rejections")
     options = {"method": "dop853", "rtol": 1e-4}
     for name, values, pen in (
-        ("without PI control", {"BETA": 0.0, "EXPONENT": 0.125}, FAILS),
+        ("without PI control", {"beta": 0.0, "exponent": 0.125}, FAILS),
         ("with", {}, HOLDS),
     ):
-        with constants(dop853, **values):
+        pair = dop853.PAIR._replace(**values)
+        with constants(dop853, PAIR=pair):
             t, h, rejections, _ = Motion("stiff-spring", **options).steps(4000)
         some = slice(1500, 1580)
         if values:

@@ -99,6 +99,7 @@ def method(name: str) -> ModuleType:
     - STATES (optional): whether y may have first-order states;
     - EVENTS (optional): False if its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `program/functions.py`;
+    - PAIR (optional): the tables of an explicit pair, for `parts.embedded`;
     - STATE, the class of its memory, PARAMETERS (optional), the class of the data from
       the model, and the kernels `start`, `step` and `interpolate`; besides, if
       ADAPTIVE, `interpolate_rates`, else `make`, which `fixed.step` calls.
@@ -149,7 +150,8 @@ def page(name: str) -> str:
 
 # Equivalent methods of other programs, in small letters, by method.
 _ELSEWHERE = {
-    "dop853": "rk45 ode45 ode113 dopri dopri5 lsoda adams",
+    "dop853": "dopri8 dop ode78 ode89 ode113 lsoda adams",
+    "dopri5": "rk45 ode45 dopri dormandprince",
     "radau": "bdf ode15s ode23s dassl ida implicit",
     "verlet": "leapfrog stormer velocityverlet",
     "generalized-alpha": "newmark hht",
@@ -170,7 +172,7 @@ def method_problems(
     >>> method_problems("dop853")
     []
     >>> method_problems("ode45")[0].hint
-    'did you mean `dop853`? `lagsim methods` lists all'
+    'did you mean `dopri5`? `lagsim methods` lists all'
     """
     known = [*(["auto"] if auto else []), *names()]
     if asked in known:

@@ -13,20 +13,18 @@ I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (method) and II.6 (dense outp
 
 from __future__ import annotations
 
-from math import sqrt
-
-from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
-from lagsim.methods.parts import constraints, control
-from lagsim.methods.parts import state as at
-from lagsim.methods.parts.driver import State, record_speed, usable_step
-from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.missed import check_features
-from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import derivative
-from lagsim.native.kernels.words import apart, total, unrolled
-from lagsim.native.layout import array, part
-from lagsim.tolerances import OVERFLOW
+from lagsim.methods.parts.embedded import (
+    BETA,
+    Embedded,
+    Pair,
+    interpolate,
+    interpolate_rates,
+    start,
+    step,
+)
+
+__all__ = ["interpolate", "interpolate_rates", "start", "step"]
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"
@@ -44,296 +42,9 @@ CONSTRAINED = True
 LOCALIZED = True
 SWITCHES = True
 
-STAGES = 16
-SAFETY = 0.9
-BETA = 0.04
-EXPONENT = 0.125 - 0.2 * BETA
-SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
-GROW = 6.0
-# An error from which on steps shrink. Beside a switch far from the origin it may be all
-# rounding, and steps so short that nothing moves.
-SHRINKING = 0.25
-# ... and from which on they grow little: so may it be where forces cancel.
-SLOWING = 1e-2
-# Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
-# much shorter ends before it. A stage does where the rows are this much less
-# independent there than at the start.
-BESIDE = 0.3
-ASIDE = 0.85
-# The last term of the dense output has the factor x^4 (1 - x)^3: the largest value of
-# that, and the value allowed of the term, in tolerances. For y' = a y the error is a
-# seventh of the term, for any h a; a step bounded by accuracy has less than 250 at
-# 1e-9, over the shipped models, and one bounded by stability from 300 to 1e5.
-LARGEST_WEIGHT = 4.0**4 * 3.0**3 / 7.0**7
-MOST_LAST = 300.0
-
-
-class Dop853(State):
-    """Memory of DOP853: slopes and state of the stages, the new state, dense output."""
-
-    previous_error: float  # of the last accepted step, for PI control
-    uncertain: float  # 1 where the dense output of the last step may err too much
-    k: Floats = array(lambda s: STAGES * s.size)
-    z: Floats = array("size")
-    new: Floats = array("size")
-    dense: Floats = array(lambda s: 8 * s.size)
-    errors: Floats = part("dense", lambda s: 2 * s.size)
-
-
-STATE = Dop853
-
-
-def start(s: Dop853, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start, choose the first step."""
-    derivative(s.t, s.y, p, s.k)
-    s.evaluations += 1.0
-    s.step_h = 0.0
-    s.previous_error = 1e-4
-    control.record_sizes(s, p)
-    s.h = control.first_step(s, p, ORDER, s.k)
-    s.at_bound = 0.0
-    if CONSTRAINED:
-        s.h = constraints.leave_loss(s, p, s.h)
-
-
-def step(s: Dop853, p: Parameters) -> int:
-    """Advance by one accepted step, or return a code other than DONE."""
-    rejected = False
-    trouble = at.STEP_TOO_SMALL
-    while True:
-        h = usable_step(s, p)
-        if h == 0.0:
-            return trouble
-        error = attempt(s, p, h)
-        if not error < OVERFLOW:
-            s.h = 0.1 * h
-            trouble = at.NOT_FINITE
-        elif error >= 1.0:
-            s.h = h / min(SHRINK, error**EXPONENT / SAFETY)
-            if CONSTRAINED and p.least_sigma < BESIDE * s.sigma:
-                s.h = max(s.h, ASIDE * h)
-            trouble = at.STEP_TOO_SMALL
-        elif CONSTRAINED and constraints.project_step(s, p, s.t + h, h, s.new) == 0:
-            s.h = 0.25 * h
-            trouble = at.PROJECTION_FAILED
-        else:
-            break
-        if CONSTRAINED and constraints.needs_loops(s):
-            return at.DEGENERATE
-        rejected = True
-        s.rejections += 1.0
-    accept(s, p, h)
-    grown = error**EXPONENT / (s.previous_error**BETA * SAFETY)
-    s.h = h / max(1.0 / GROW, min(SHRINK, grown))
-    if rejected:
-        s.h = min(s.h, h)
-    s.previous_error = max(error, 1e-4)
-    return at.DONE
-
-
-def attempt(s: Dop853, p: Parameters, h: float) -> float:
-    """Evaluate the stages of a step; return its error in units of the tolerance."""
-    t, size, k, new = s.t, s.size, s.k, s.new
-    if CONSTRAINED:
-        p.least_sigma = 1.0
-    make_stages(s, p, t, s.y, h)
-    for i in apart(size):
-        new[i] = s.y[i]
-        s.remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
-    control.add_change(s, p, k, h, new)
-    s.balanced_alone = 0.0
-    control.set_tolerances(s, p, t + h, new, k, h)
-    errors = s.errors
-    for i in apart(size):
-        errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
-        errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
-    sigma = 1.0
-    if CONSTRAINED and p.least_sigma < s.close_below:
-        sigma = p.least_sigma
-    error = error_norm(s, h, errors)
-    # The error may be rounding alone.
-    doubtful = error >= 1.0
-    if SWITCHES:
-        doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
-    if not doubtful and error >= SLOWING and s.balanced > 0.0:
-        doubtful = True
-        s.balanced_alone = 1.0
-    while doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
-        error = min(error, error_norm(s, h, errors))
-        doubtful = error >= 1.0
-    if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
-        constraints.note_directions(s, p, t + h, new)
-        removed = h * h * constraints.forget_removed(s, p, h, errors)
-        constraints.forget_removed(s, p, h, errors[size:])
-        error = constraints.bent(s, removed, error_norm(s, h, errors))
-        error = constraints.passable(s, error)
-    return error
-
-
-def make_stages(s: Dop853, p: Parameters, t: float, y: Floats, h: float) -> None:
-    """Evaluate the slopes of a step h from y (size,) at t; the first slope is known."""
-    size, k = s.size, s.k
-    for stage in unrolled(1, 12):
-        for i in apart(size):
-            slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            s.z[i] = y[i] + h * slope
-        derivative(t + C[stage] * h, s.z, p, k[stage * size :])
-    s.evaluations += 11.0
-
-
-def error_norm(s: Dop853, h: float, errors: Floats) -> float:
-    """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,).
-
-    A work is normed together with the motion if this norm exceeds that of the motion
-    alone: a work with a large estimate of order 3 alone, as of a polynomial in t beside
-    a tolerance of nearly 0, would hide all other errors. The mean is over the
-    components with an error; others are at rest. A nan remains, and its step is
-    rejected.
-    """
-    size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
-    error5 = 0.0
-    error3 = 0.0
-    controlled = 0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            e5 = control.against(errors[i], tolerances[i])
-            e3 = control.against(errors[size + i], tolerances[i])
-            if e5 > 0.0:
-                controlled += 1
-            if i < moving:
-                error5 += e5 * e5
-                error3 += e3 * e3
-    motion = combined(error5, error3)
-    error = motion
-    for i in range(moving, size):
-        if tolerances[i] > 0.0:
-            e5 = control.against(errors[i], tolerances[i])
-            e3 = control.against(errors[size + i], tolerances[i])
-            both = combined(error5 + e5 * e5, error3 + e3 * e3)
-            if not both <= motion:
-                error += both - motion
-    return h * sqrt(error / max(controlled, 1))
-
-
-def combined(error5: float, error3: float) -> float:
-    """Return the error estimate from two squared estimates; nan remains nan."""
-    return error5 * (error5 / (error5 + 0.01 * error3)) if error5 != 0.0 else 0.0
-
-
-def accept(s: Dop853, p: Parameters, h: float) -> None:
-    """Accept the new state, and prepare the dense output if a row needs it."""
-    size, k, new = s.size, s.k, s.new
-    derivative(s.t + h, new, p, k[12 * size :])
-    if LOCALIZED:
-        check_features(s, p, h, s.y, k, new, k[12 * size :])
-    s.step_t = s.t
-    s.step_h = h
-    s.t = s.t + h
-    s.steps += 1.0
-    s.evaluations += 1.0
-    last = k[11 * size :]
-    record_speed(s, h, IMAGINARY_LIMIT, new, k[12 * size :], s.z, last)
-    row = s.row_start + s.row * s.row_step
-    watched = CONSTRAINED and s.watched > 0.0
-    watched = watched or (LOCALIZED and s.feature_possible > 0.0)
-    if s.located > 0.0 or watched or (row < s.row_limit and row < s.t):
-        prepare_dense(s, p)
-    elif s.extras > 0.0 and s.extra < s.t:
-        counted = s.evaluations
-        prepare_dense(s, p)
-        s.evaluations = counted  # nothing that is decided by them depends on it
-    s.y[:] = new
-    k[:size] = k[12 * size : 13 * size]
-    control.keep_compensation(s)
-    control.record_measured(s, p)
-
-
-def prepare_dense(s: Dop853, p: Parameters) -> None:
-    """Evaluate the three extra stages, and the coefficients of the polynomial."""
-    h, size, y, k, dense = s.step_h, s.size, s.y, s.k, s.dense
-    for stage in unrolled(13, 16):
-        for i in apart(size):
-            slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            s.z[i] = y[i] + h * slope
-        derivative(s.step_t + C[stage] * h, s.z, p, k[stage * size :])
-    s.evaluations += 3.0
-    for i in apart(size):
-        change = s.new[i] - y[i]
-        bend = h * k[i] - change
-        dense[i] = y[i]
-        dense[size + i] = change
-        dense[2 * size + i] = bend
-        dense[3 * size + i] = change - h * k[12 * size + i] - bend
-        for m in unrolled(4):
-            slope = total(DENSE[m][j] * k[j * size + i] for j in unrolled(16))
-            dense[(4 + m) * size + i] = h * slope
-    k[13 * size : 14 * size] = k[:size]
-    s.uncertain = 1.0 if last_term(s) > MOST_LAST else 0.0
-    if CONSTRAINED and s.passes > 0.0:
-        s.uncertain = 0.0  # a loss of rank is passed by one step and no other
-
-
-def last_term(s: Dop853) -> float:
-    """Return the largest norm of the last term of the dense output, in tolerances."""
-    size, count, squares = s.size, 0, 0.0
-    for i in range(s.dynamic.stop):
-        if s.tolerances[i] > 0.0 and s.dense[7 * size + i] != 0.0:
-            part = control.against(
-                LARGEST_WEIGHT * s.dense[7 * size + i], s.tolerances[i]
-            )
-            squares += part * part
-            count += 1
-    return sqrt(squares / max(count, 1))
-
-
-def interpolate(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
-    """Write the state (size,) at the fraction x of the last step (II.6, (6.7)).
-
-    If the polynomial is uncertain, by a step that ends there.
-    """
-    if s.uncertain > 0.0:
-        step_to(s, p, x, out)
-        return
-    u = 1.0 - x
-    for i in apart(s.size):
-        value = 0.0
-        for m in unrolled(7):
-            value = (value + s.dense[(7 - m) * s.size + i]) * (x if m % 2 == 0 else u)
-        out[i] = s.dense[i] + value
-
-
-def step_to(s: Dop853, p: Parameters, x: float, out: Floats) -> None:
-    """Write the state (size,) at a fraction x of the last step, by a step to it."""
-    size, k, y = s.size, s.k, s.dense
-    h = x * s.step_h
-    k[:size] = k[13 * size : 14 * size]
-    make_stages(s, p, s.step_t, y, h)
-    for i in apart(size):
-        out[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
-    k[:size] = k[12 * size : 13 * size]
-
-
-def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
-    """Write the slope (size,) of the dense output at x, from the velocities on."""
-    u = 1.0 - x
-    for i in range(s.n, s.size):
-        value = 0.0
-        slope = 0.0
-        for m in unrolled(7):
-            value = value + s.dense[(7 - m) * s.size + i]
-            if m % 2 == 0:
-                slope = slope * x + value
-                value = value * x
-            else:
-                slope = slope * u - value
-                value = value * u
-        out[i] = slope / s.step_h
-
-
-# --- coefficients, as published by E. Hairer with his code dop853.f -------------------
-# 12 stages of order 8, two error estimators, and 3 more stages for a dense output of
+# Coefficients as published by E. Hairer with his code dop853.f: 12 stages of order 8,
+# the slope after the step, two error estimates, and 3 more stages for a dense output of
 # order 7 (Hairer, Norsett and Wanner, Solving ODEs I, II.5 and II.6, 2nd ed. 1993).
-# The last stage is the first of the next step: row 12 of A is B.
 
 C = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274,
@@ -393,7 +104,6 @@ A = (
         -0.0013990241651590145, 2.9475147891527724, -9.15095847217987,
     ),
 )  # fmt: skip
-B = A[12]
 ERROR5 = (
     0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502,
     1.6643771824549864, -0.35032884874997366, 0.3341791187130175, 0.08192320648511571,
@@ -431,5 +141,24 @@ DENSE = (
     ),
 )  # fmt: skip
 
-TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+# The last term of the dense output has the factor x^4 (1 - x)^3. For y' = a y the error
+# is a seventh of the largest value of the term, for any h a; over the shipped models, a
+# step bounded by accuracy has less than 250 tolerances at 1e-9, and one bounded by
+# stability from 300 to 1e5.
+PAIR = Pair(
+    A, C, (ERROR5, ERROR3), DENSE, ORDER,
+    exponent=0.125 - 0.2 * BETA, held=0.5 * IMAGINARY_LIMIT, early=0.184,
+    most_last=300.0,
+)  # fmt: skip
+TABLEAU = PAIR.tableau
 amplification = TABLEAU.amplification
+
+
+class Dop853(Embedded):
+    """Memory of DOP853: 16 slopes, and a dense output of degree 7."""
+
+    stages: int = 16
+    terms: int = 8
+
+
+STATE = Dop853

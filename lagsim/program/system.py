@@ -657,7 +657,7 @@ def of_method(
     """Return the kernels of a method, and the static values of the system for them."""
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]
-    statics["SPARSE"] = system.newton is not None
+    statics |= {"SPARSE": system.newton is not None, "PAIR": getattr(by, "PAIR", None)}
     kernels = [by.start, by.step, by.interpolate]
     kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
     return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}

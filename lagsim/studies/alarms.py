@@ -879,8 +879,7 @@ def _another_motion(run: Evidence) -> Finding | None:
     return Finding(text, float(bar.times[np.argmax(lost > most)]), refutes=False)
 
 
-# Methods whose steps need no check: they detect missed features, or are exact.
-SEE_FOR_THEMSELVES = ("dop853", "exponential")
+EXACT = "exponential"
 # Least mean step of a run whose steps resolve the motion, times the fastest rate of the
 # rows (a series has 0.5 to 1.5). Shorter steps are limited by stability.
 FOLLOWS = 0.05
@@ -905,9 +904,11 @@ def _about_steps(run: Evidence) -> list[Caution]:
     plan, trajectory, monitor = run.plan, run.trajectory, run.monitor
     steps = trajectory.statistics.steps
     chosen = plan.step is None and plan.formulation != "baumgarte"
-    if not steps or (chosen and plan.method in SEE_FOR_THEMSELVES):
+    module = method(plan.method)
+    # Pairs detect steps at the bound themselves, and `exponential` is exact.
+    if not steps or (chosen and (hasattr(module, "PAIR") or module.NAME == EXACT)):
         return []
-    if chosen and math.isfinite(method(plan.method).IMAGINARY_LIMIT):
+    if chosen and math.isfinite(module.IMAGINARY_LIMIT):
         h = (trajectory.end - trajectory.start) / steps
         if h * monitor.fastest_rate > FOLLOWS:
             return []

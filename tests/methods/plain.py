@@ -15,6 +15,7 @@ class Plain:
         self.model = model
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
         none |= {"LOCALIZED": False, "ADAPTIVE": method.ADAPTIVE}
+        none |= {"PAIR": getattr(method, "PAIR", None)}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
         own |= {"interpolate_rates"} if method.ADAPTIVE else {"make"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lagsim.methods import dop853
-from lagsim.methods.parts import driver
+from lagsim.methods.parts import driver, embedded
 from lagsim.methods.parts import state as at
 from tests.kernels import bind
 from tests.methods.plain import Plain, linked
@@ -59,6 +59,8 @@ CASES = {
     "held until": (ON_CURVE, f"{DOP853}, {UNTIL}"),
     "held twice until": (TWICE, UNTIL),
     "steered": (STEERED, DOP853),
+    "dopri5": ("", "method: dopri5, rtol: 1e-7"),
+    "dopri5 held until": (ON_CURVE, f"method: dopri5, rtol: 1e-7, {UNTIL}"),
     "rk4": ("", FIXED),
     "rk4 until": ("", f"{FIXED}, {UNTIL}"),
     "rk4 held until": (ON_CURVE, f"{FIXED}, {UNTIL}"),
@@ -154,9 +156,10 @@ def hairers(error5, error3):
 def norm_with(motion, works):
     """The norm of errors of order 5 and 3, whose tolerances are 1."""
     s = dop853.STATE.made(n=len(motion) // 2, size=len(motion) + len(works))
+    error_norm = bind(embedded.error_norm, {}, {"PAIR": dop853.PAIR})
     s.tolerances[:] = 1.0
     errors = np.array([e[k] for k in (0, 1) for e in (*motion, *works)])
-    return dop853.error_norm(s, 1.0, errors)
+    return error_norm(s, 1.0, errors)
 
 
 MOTION = (30.0, 400.0), (20.0, 500.0)  # of order 5 and of 3

@@ -39,6 +39,7 @@ class Rank(Control):
     degenerate_below: float  # at sigma below this the kernel returns; 0: never
     lost_at: float  # where rank was lost last
     watched: float  # 1 if the last step is to be searched for a loss of rank
+    early: float = 0.184  # the fraction of a step at which a near loss is passed
     passes: float  # 1 where the step tried last was to pass a loss of rank
     falling: float  # how fast sigma fell last, per unit of time
     planned: float  # the step that will pass a loss of rank, once it has room; or 0
@@ -182,13 +183,13 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 CLOSE = 0.03
 # How much faster than it has been seen to sigma may change.
 MARGIN = 1.5
-# Fractions of a step at which a loss of rank may lie: BETWEEN, or up to LATEST, or SOON
-# if the loss is near, or up to AT_ONCE. There no method has a stage: `dop853` has
-# stages at 0, 0.05, 0.08, 0.12, then from 0.25 to 0.33, and from 0.60 on; `radau` at
-# 0.16 and from 0.64 on. The step before covers at least SHORT of the distance.
+# Fractions of a step at which a loss of rank may lie: BETWEEN, or up to LATEST, or
+# `early` if the loss is near, or up to AT_ONCE. There no method has a stage: `dop853`
+# has stages at 0, 0.05, 0.08, 0.12, then from 0.25 to 0.33, and from 0.60 on; `dopri5`
+# at 0.2, 0.3 and from 0.8 on; `radau` at 0.16 and from 0.64 on. The step before covers
+# at least SHORT of the distance.
 BETWEEN = 0.467
 LATEST = 0.55
-SOON = 0.184
 AT_ONCE = 0.026
 SHORT = 0.4
 # The step over a loss has the length of steps at a distance of this many steps.
@@ -265,9 +266,9 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
     s.planned_at = s.t
     if ahead > BETWEEN * whole or ahead <= AT_ONCE * whole:
         return float(whole)
-    if ahead > SOON * whole:
+    if ahead > s.early * whole:
         return float(ahead / BETWEEN)
-    return float(ahead / SOON)
+    return float(ahead / s.early)
 
 
 def needs_loops(s: Rank) -> bool:

@@ -451,9 +451,6 @@ def exchange_lengths(p: Parameters) -> None:
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.2 (automatic stiffness detection), for systems of first order.
 
-# A step past this part of the limit is at the bound: step control holds it between
-# this and a little more than 1, and accuracy asks for less than a tenth of it.
-PART = 0.5
 # Number of successive steps below it after which the step is not bound by stability.
 FREE_STEPS = 6.0
 
@@ -480,12 +477,12 @@ def usable_step(s: State, p: Parameters) -> float:
 
 
 def record_speed(
-    s: State, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
+    s: State, h: float, held: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
     """Store the rate of the fastest motion, from states y, z and their slopes.
 
-    k, slope : (size,), y' at y and at z. h is the step, `limit` the stability limit of
-    h times the rate.
+    k, slope : (size,), y' at y and at z. The step h counts as held at the stability
+    bound if h times the rate exceeds `held`.
     """
     masses, v, other_v = s.masses, y[s.velocities], z[s.velocities]
     a, other_a = k[s.velocities], slope[s.velocities]
@@ -505,7 +502,7 @@ def record_speed(
     moved = velocities + sqrt(accelerations) * sqrt(positions)
     if moved > 0.0:
         s.speed = max(float(s.speed), sqrt(accelerations / moved))
-    if h * s.speed > PART * limit:
+    if h * s.speed > held:
         s.at_bound += 1.0
         s.off_bound = 0.0
     else:

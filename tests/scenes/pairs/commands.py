@@ -37,6 +37,7 @@ _EXPLICIT = {**_LAWS, **_HELD, "sliding": OF_VELOCITIES}
 # Method -> feature -> the words of the refusal, which names both.
 METHODS: dict[str, dict[str, str]] = {
     "dop853": {},
+    "dopri5": {},
     "euler": {},
     "exponential": {
         **_LAWS,
