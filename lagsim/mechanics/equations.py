@@ -950,28 +950,31 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
     due = [k for k, x in enumerate(model.events) if x.at is None]
     modes = {mode for x in model.events for mode, _ in x.sets}
     acts: list[str] = []
-    seen: list[tuple[str, dict[str, float]]] = []
+    rounds: list[tuple[list[str], dict[str, float]]] = []
+    spent: set[int] = set()
     is_over = False
     while due:
         before = evaluate(g, [x.node for x in model.located], values)
-        for k in due:
-            event, former = model.events[k], {mode: values[mode] for mode in modes}
+        events = [model.events[k] for k in due]
+        former = {mode: values[mode] for mode in modes}
+        for event in events:
             found = evaluate(g, [node for _, node in event.sets], values)
             values |= zip((mode for mode, _ in event.sets), found, strict=True)
-            acts.append(event.name)
-            if event.at is None:
-                continue
-            seen.append((event.name, former))
-            now = {mode: values[mode] for mode in modes}
-            known = [x for _, x in seen]
-            if (now != former and now in known) or len(seen) > MOST_ACTS:
-                first = known.index(now) if now in known else 0
-                return Begun(tuple(acts), tuple(x for x, _ in seen[first:]))
+        acts += [event.name for event in events]
+        spent.update(k for k in due if model.events[k].once)
+        now, seen = {mode: values[mode] for mode in modes}, [x for _, x in rounds]
+        rounds.append(([event.name for event in events], former))
+        if any(event.at is None or event.once for event in events):
+            rounds.clear()  # they act once, so no cycle contains this round
+        elif (now != former and now in seen) or len(acts) > MOST_ACTS:
+            cycle = rounds[seen.index(now) if now in seen else 0 :]
+            return Begun(tuple(acts), tuple(x for names, _ in cycle for x in names))
         after = evaluate(g, [x.node for x in model.located], values)
         rows = zip(model.located, before, after, strict=True)
         true = [k for k, (x, a, b) in enumerate(rows) if _comes(x.equality, a, b)]
         is_over |= len(located) in true
         due = [located[k] for k in true if k < len(located)]
+        due = [k for k in due if k not in spent]
     return Begun(tuple(acts), is_over=is_over)
 
 

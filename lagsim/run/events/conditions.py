@@ -191,7 +191,8 @@ class Truth:
     def met(self) -> set[int]:
         """Return the indices of conditions that the motion satisfies at the instant.
 
-        A condition that is about to become false at that time counts as false.
+        A condition that is about to become false at that time counts as false, and so
+        does one that has become false by a jump of a switch within it.
         """
         if self.is_clear:
             return set()
@@ -203,6 +204,7 @@ class Truth:
         met &= side != 0.0
         if self.found >= 0:
             met[self.found] = True
+        self._leave(now)
         self._turn(now)
         return {*met.nonzero()[0].tolist()}
 
@@ -280,11 +282,17 @@ class Truth:
         true = (misses < -zero) | ((leeway < 0.0) & (misses + leeway <= 0.0))
         true |= (misses <= zero) & (were_clear | rises)
         true &= side != 0.0
-        left = (side == 0.0) & (np.abs(now.values) > zero)
+        self._leave(now)
+        return {*np.flatnonzero(true).tolist()}
+
+    def _leave(self, now: Look) -> None:
+        """Store the sides of true conditions whose values are off 0 and false."""
+        state = self.state
+        side, leeway = state.orientation, state.leeway
+        left = (side == 0.0) & (np.abs(now.values) > np.maximum(now.zero, leeway))
         if left.any():
             left &= (now.values < 0.0) | (state.equation > 0.0)
             side[left], leeway[left] = np.sign(now.values[left]), 0.0
-        return {*np.flatnonzero(true).tolist()}
 
     def _turn(self, now: Look) -> None:
         """Store the side to which the rate leads, for each value that is at 0."""

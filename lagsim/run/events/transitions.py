@@ -163,7 +163,11 @@ class Transitions(Source):
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
                 ending = ending or self._set(arc, k)
-            ending = ending or self._undone(arc)
+            if due.periodic or any(events[k].once for k in own):
+                # They act once at an instant, so no cycle contains this round.
+                self.rounds.clear()
+            else:
+                ending = ending or self._undone(arc)
             due = NOTHING
             if found and self._truth is not None:
                 due = Due(conditions=frozenset(self._truth.changed()))
