@@ -752,6 +752,9 @@ def simulate(
         except StartError as error:
             found = Examination(examination(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
-    attempts = Attempts(keep, Interrupt(), clock, error_bars=bars, cornered=True)
+    attempts = Attempts(
+        keep, Interrupt(), clock, error_bars=bars,
+        replaces=bars is not ErrorBars.NEVER, cornered=True,
+    )  # fmt: skip
     made = attempts.best(ready)
     return Result(made, keep.table, clock.timings)

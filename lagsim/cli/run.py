@@ -300,6 +300,7 @@ class Job:
                 )
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=wish.error_bars,
+                replaces=wish.error_bars is not ErrorBars.NEVER,
                 thinned=wish.plots is not None, animated=wish.animate,
                 progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
             ).best(session)  # fmt: skip

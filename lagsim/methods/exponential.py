@@ -2,8 +2,10 @@
 
 y' = J y + c is solved by one matrix exponential for each length of step, computed at
 the start. A step is then one product with a matrix, exact to rounding for any length
-and any frequency. Work, the integral of a quadratic form, is one more product. The
-steps are those of the rows unless `step` is given. There is no limit of stability.
+and any frequency. Work, the integral of a quadratic form, is one more product. Both are
+products with the motion since the start of the arc, so that rounding is relative to the
+motion and not to the distance from the origin. The steps are those of the rows unless
+`step` is given. There is no limit of stability.
 
 Sources: C. Moler and C. Van Loan, SIAM Review 45 (2003), methods 1 and 3; B. N. Parlett
 and C. Reinsch, Numer. Math. 13 (1969) (balancing); N. J. Higham, SIAM J. Matrix Anal.
@@ -79,7 +81,7 @@ def amplification(z: complex) -> float:
 
 
 def width(s: Exponential) -> int:
-    """Return the number of components of z = (q, q', 1)."""
+    """Return the number of components of z = (q, q', 1), from the origin of the arc."""
     return s.dynamic.stop + 1
 
 
@@ -99,7 +101,7 @@ def squares(s: Exponential) -> int:
 
 
 class Exponential(Fixed):
-    """Memory of the matrices, for z = (q, q', 1)."""
+    """Memory of the matrices, for z = (q, q', 1) with q and q' from `origin`."""
 
     # Rows need no slopes.
     before: Floats = array(lambda _: 0)
@@ -116,6 +118,7 @@ class Exponential(Fixed):
     second: Floats = after("x", square)
     Q: Floats = array(squares)  # the forms of the works over a step
     d: Floats = array(width)  # the scales
+    origin: Floats = array(width)  # the state at the start of the arc, and 0
     z: Floats = array(width)  # at the start of the step
     moved: Floats = array(width)
     terms: Floats = array(lambda s: (TERMS + 1) * width(s))
@@ -130,11 +133,16 @@ def start(s: Exponential, p: Parameters) -> None:
     linear(s.t, s.y, p, s.given)
     s.A[:] = 0.0
     s.forms[:] = 0.0
+    s.origin[: m - 1] = s.y[: m - 1]
+    s.origin[m - 1] = 0.0
     count = fill(m, s.given, s.A)
+    move_columns(m, s.A, s.origin)
     balance(m, s.A, s.d)
     for k in range(works(s)):
         form = s.forms[k * m * m :]
         count += fill(m, s.given[count:], form)
+        move_columns(m, form, s.origin)
+        move_rows(m, form, s.origin)
         for i in range(m):
             row = form[i * m :]
             row[:m] = row[:m] * s.d[i] * s.d
@@ -156,6 +164,20 @@ def fill(m: int, given: Floats, matrix: Floats) -> int:
         j = int(given[2 + 3 * k])
         matrix[i * m + j] = given[3 + 3 * k]
     return 1 + 3 * count
+
+
+def move_columns(m: int, matrix: Floats, origin: Floats) -> None:
+    """Add matrix @ origin to the last column, which multiplies 1."""
+    for i in range(m):
+        for j in range(m - 1):
+            matrix[i * m + m - 1] += matrix[i * m + j] * origin[j]
+
+
+def move_rows(m: int, matrix: Floats, origin: Floats) -> None:
+    """Add origin @ matrix to the last row."""
+    for i in range(m - 1):
+        for j in range(m):
+            matrix[(m - 1) * m + j] += origin[i] * matrix[i * m + j]
 
 
 def make_matrices(s: Exponential, h: float) -> None:
@@ -202,7 +224,7 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
     y, z, moved, new = s.y, s.z, s.moved, s.new
     if abs(h - s.made_for) > SAME_STEP * s.made_for:
         make_matrices(s, h)
-    z[: m - 1] = y[: m - 1]
+    z[: m - 1] = y[: m - 1] - s.origin[: m - 1]
     z[m - 1] = 1.0
     times_columns(m, s.F, z, moved)
     new[: m - 1] = moved[: m - 1] + y[: m - 1]
@@ -241,7 +263,7 @@ def interpolate(s: Exponential, p: Parameters, x: float, out: Floats) -> None:  
                     power = value_of(m, s.forms[k * m * m :], s.moved)
                     found[k] += length / parts * WEIGHTS[node] * power
         sum_terms(m, TERMS, 1.0, terms, terms)
-    out[: m - 1] = terms[: m - 1] * s.d[: m - 1]
+    out[: m - 1] = terms[: m - 1] * s.d[: m - 1] + s.origin[: m - 1]
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:

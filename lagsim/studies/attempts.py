@@ -497,6 +497,8 @@ class Attempts:
     ----------
     store : Store
         Receives the rows.
+    replaces : bool
+        Whether a second attempt, by other means, replaces a run that fails the audit.
     thinned, animated : bool
         Whether rows are kept for pictures, and for the page that plays the motion.
     cornered : bool
@@ -519,6 +521,7 @@ class Attempts:
     clock: Clock
     _: KW_ONLY
     error_bars: ErrorBars = ErrorBars.AUTO
+    replaces: bool = True
     thinned: bool = False
     cornered: bool = False
     animated: bool = False
@@ -534,7 +537,7 @@ class Attempts:
         finding = None if self.interrupt.asked else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
             return first
-        others = self._others(first, finding)
+        others = self._others(first, finding) if self.replaces else None
         if others is None:
             return self._judged(first, finding)
         second = self._made(others)

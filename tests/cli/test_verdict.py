@@ -68,3 +68,10 @@ def test_no_repeat_accuses_a_linkage_at_a_change_point(lagsim, write, offset, al
     assert "horizon" not in [w["code"] for w in document["warnings"]]
     assert not anew(document)
     assert document["error"]["relative"] < allowed
+
+
+def test_without_an_error_bar_nothing_is_repeated(lagsim, write):
+    path = write(HILL.replace("STEP", "5"))
+    called = lagsim("run", path, "-o", "out", "--error-bar", "never", code=3)
+    assert not anew(manifest("out"))
+    assert "from t = 5 on the rows are not valid" in called.err

@@ -19,6 +19,7 @@ import numpy as np
 from tests.hunt.series import (
     COUNTED,
     LITTLE,
+    NOTHING,
     ORDER,
     UndecidedError,
     constant,
@@ -27,6 +28,7 @@ from tests.hunt.series import (
     integral,
     over,
     powers,
+    rate_of,
     times,
 )
 from tests.hunt.trees import CONTINUOUS, HALVES, KINDS, TIE, Reading, Tree
@@ -127,8 +129,10 @@ class Model:
     def n(self):
         return len(self.masses)
 
-    def nudged(self, part):
-        return replace(self, v=[x * (1.0 + part) for x in self.v], nudge=1.0 + part)
+    def nudged(self, *, forces=0.0, speeds=0.0):
+        """Return the model with forces, and speeds at the start, a little larger."""
+        v = [x * (1.0 + speeds) for x in self.v]
+        return replace(self, v=v, nudge=1.0 + forces)
 
 
 @dataclass
@@ -146,6 +150,10 @@ class Script:
             self.picks.append(0)
             self.options.append(count)
         return self.picks[k]
+
+    def again(self):
+        """Return a script of the choices made, and the first ways after them."""
+        return Script(self.picks[: self.asked], self.options[: self.asked])
 
     def next(self):
         """Return the script of the next choice, or None."""
@@ -165,6 +173,7 @@ class Arc:
     """A motion in fixed cells and modes, as series from its start.
 
     readings : one; in a slide those of both sides, and `share` is that of the second
+    held : whether a switch at rest may have another value
     law_modes : off, on, stick, 1, -1, closed, open; out : the reading of conditions
     watched : (key, series) of what is positive after the start
     """
@@ -178,6 +187,7 @@ class Arc:
     accelerations: list[Any]
     slide: Tree | None = None
     share: Any = None
+    held: bool = False
     out: Any = None
     truths: dict[str, bool] = field(default_factory=dict)
     lines: dict[str, Any] = field(default_factory=dict)
@@ -213,18 +223,69 @@ class Tie:
         return (self.cell == self.high) == (sign >= 0)
 
 
-class Flights:
-    """Motions of a model within arcs."""
+class HeldError(UndecidedError):
+    """A motion rests on a jump, and its value there may be any between both sides."""
 
-    def __init__(self, model):
-        self.m = model
+
+class NoSlideError(Exception):
+    """The two sides of a switch do not push differently."""
+
+
+class Flights:
+    """Motions of a model within arcs.
+
+    forks : the decisions that the model leaves open; each script is another motion
+    """
+
+    def __init__(self, model, forks=None):
+        self.m, self.forks = model, forks
+        self._forked: dict[Any, int] = {}
         self.lines = {s.name: s.at for s in model.sections if s.at is not None} | {
             e.name: e.equal for e in model.events if e.equal is not None
         }
         # Whether a switch depends on positions and the time alone.
         self.placed: dict[Tree, bool] = {}
+        # What has no jump but makes one in a force.
+        self.kinks = {x for tree in model.potentials for x in tree.nodes()}
         self.tied: list[Tree] = []
         self.slides = 0
+
+    # What a model leaves open
+
+    def fork(self, key, count, why):
+        """Return the way taken at a fork of several ways, the same for one key.
+
+        Raises
+        ------
+        UndecidedError
+            No forks are allowed.
+        """
+        if self.forks is None:
+            raise UndecidedError(why)
+        if key not in self._forked:
+            self._forked[key] = self.forks.pick(count)
+        return self._forked[key]
+
+    def _rounded(self, reading, tree, point, low, high):
+        """Return the cell of modes that are at a point but for rounding."""
+        x = float(reading.arguments[tree][0])
+        near = high if x > point else low
+        cells = [near, 0] if tree.kind in HALVES else [low, high]
+        key = (tree, x)
+        return cells[self.fork(key, 2, f"a value at a point of {tree.kind}")]
+
+    def either(self, t):
+        """Return a choice of cells at an instant t where either side may be meant."""
+
+        def choose(_reading, tree, _point, low, high):
+            cells = [high, low, 0] if tree.kind in HALVES else [high, low]
+            why = f"a value at a point of {tree.kind}"
+            return cells[self.fork((tree, t), len(cells), why)]
+
+        return choose
+
+    def reading(self, series, cells, choose=None):
+        return Reading(series, cells, choose, self._rounded)
 
     def begin(self, t, y, modes):
         """Return series of all variables at an instant, of positions with a slope."""
@@ -312,7 +373,7 @@ class Flights:
         """
         s, share = self.begin(t, y, modes), None
         for _ in range(ORDER + 3):
-            readings = [Reading(s, c, choose) for c in cells]
+            readings = [self.reading(s, c, choose) for c in cells]
             if law_modes is None:
                 law_modes = [
                     self._law_mode(x, readings[0], script) for x in self.m.laws
@@ -330,7 +391,7 @@ class Flights:
                 break
         if not all(np.all(np.isfinite(x)) for x in s.values()):
             raise UndecidedError("not finite")
-        readings = [Reading(s, c, choose) for c in cells]
+        readings = [self.reading(s, c, choose) for c in cells]
         for r in readings:
             self._motion(r, law_modes)
         return Arc(t, s, modes, readings, law_modes, motion[1], motion[0], slide, share)
@@ -344,10 +405,15 @@ class Flights:
 
     def _mixed(self, slide, readings, parts):
         """Return the share of the side above in a slide, and the motion it gives."""
-        below, above = (
-            self._drift(slide, r, p) for r, p in zip(readings, parts, strict=True)
-        )
+        pairs = list(zip(readings, parts, strict=True))
+        below, above = (self._drift(slide, r, p) for r, p in pairs)
         gap = below - above
+        if abs(gap[0]) <= NOTHING and max(abs(below[0]), abs(above[0])) <= NOTHING:
+            # It rests at a switch of places alone, and both sides push.
+            below, above = (self._push(slide, r, p) for r, p in pairs)
+            gap = below - above
+        if abs(gap[0]) <= NOTHING:
+            raise NoSlideError
         if abs(gap[0]) < 1e-6:
             raise UndecidedError("a slide that no side moves")
         share = over(below, gap)
@@ -370,44 +436,78 @@ class Flights:
             by |= {f"v{k}": x, f"q{k}": r.series[f"v{k}"]}
         total = constant(0.0)
         for name, rate in by.items():
-            slopes = [r.slope(tree, name) for tree in slide.args]
-            total = total + times(KINDS[slide.kind].of(slide.data, *slopes), rate)
+            total = total + times(self._slope(slide, r, name), rate)
         return total
+
+    def _push(self, slide, r, part):
+        """Return the second derivative of a switch's argument in the motion of a side.
+
+        It is that in the motion of the series, but for the accelerations.
+        """
+        total = rate_of(self._drift(slide, r, part))
+        for k, a in enumerate(part[0], 1):
+            more = a - rate_of(r.series[f"v{k}"])
+            total = total + times(self._slope(slide, r, f"q{k}"), more)
+        return total
+
+    def _slope(self, slide, r, name):
+        slopes = [r.slope(tree, name) for tree in slide.args]
+        return KINDS[slide.kind].of(slide.data, *slopes)
 
     # The choice of cells and modes
 
     def choose(self, t, y, modes):
-        """Return the one arc whose series leads into its own cells and modes."""
+        """Return the arc whose series leads into its own cells and modes."""
         self.tied = []
-        found = self._candidates(t, y, modes, None)
-        if not found and self.tied:
-            for node in self.tied:
-                found += self._candidates(t, y, modes, node)
-            self.slides += bool(found)
-        # What can hold holds, whether or not it might slide as well.
-        most = max((a.law_modes.count("stick") for a in found), default=0)
-        found = [a for a in found if a.law_modes.count("stick") == most]
+        try:
+            found = self._ways(t, y, modes, loose=False)
+        except HeldError as held:
+            found = _different(
+                _holding(self._candidates(t, y, modes, None, loose=True))
+            )
+            if len(found) > 1:
+                # One policy for the whole run: the values at the switch decide.
+                way = self.fork("held", 3, str(held))
+                found = [found[way % len(found)]]
+            for arc in found:
+                arc.held = True
         if len(found) != 1:
             raise UndecidedError(f"{len(found)} ways on at {t}")
         return self.observed(found[0])
 
-    def _candidates(self, t, y, modes, slide):
+    def _ways(self, t, y, modes, *, loose):
+        found = self._candidates(t, y, modes, None, loose=loose)
+        if not found and self.tied:
+            for node in self.tied:
+                found += self._candidates(t, y, modes, node, loose=loose)
+            found = _different(found)  # along one surface by several switches
+            self.slides += bool(found)
+        return _holding(found)
+
+    def _candidates(self, t, y, modes, slide, *, loose=False):
+        """Return all arcs that are consistent.
+
+        loose : whether a switch whose argument rests at a point may be in any cell
+        """
         found, script = [], Script()
         while script is not None:
             script.asked = 0
-            arc = self._tried(t, y, modes, script, slide)
+            arc = self._tried(t, y, modes, script, slide, loose=loose)
             if arc is not None:
                 found.append(arc)
             script = script.next()
         return found
 
-    def _tried(self, t, y, modes, script, slide):
+    def _tried(self, t, y, modes, script, slide, *, loose=False):
         """Return the arc of the choices of a script where these are consistent."""
         ties: list[Tie] = []
+        cells = [{}] if slide is None else self._sides(slide, t, y, modes)
 
         def choose(reading, tree, point, low, high):
-            if slide is None and tree.kind not in CONTINUOUS and tree not in self.tied:
+            if slide is None and self._jumps(tree) and tree not in self.tied:
                 self.tied.append(tree)
+            if slide is not None and (c := self._along(slide, tree, reading)):
+                return high if (reading.cells is cells[1]) == (c > 0) else low
             slope = reading.arguments[tree][1]
             if self._is_placed(tree) and abs(slope) > LITTLE:
                 cell = high if slope > 0 else low
@@ -417,37 +517,65 @@ class Flights:
             ties.append(Tie(tree, point, low, high, cell, reading.cells))
             return cell
 
-        cells = [{}] if slide is None else self._sides(slide, t, y, modes)
-        arc = self.solved(t, y, modes, cells, None, choose, script, slide)
-        for tie in ties:
-            # In a slide each side has cells of its own.
-            found = [r.arguments[tie.tree] for r in arc.readings
-                     if r.cells is tie.cells and tie.tree in r.arguments]  # fmt: skip
-            if not all(tie.fits(x) for x in found):
-                return None
-        if self._is_ambiguous(arc, ties):
-            raise UndecidedError("held on a switch")
+        try:
+            arc = self.solved(t, y, modes, cells, None, choose, script, slide)
+        except NoSlideError:
+            return None
+        if not self._ties_fit(arc, ties, loose=loose):
+            return None
         if slide is not None and not (
-            first_sign(arc.share) > 0 and first_sign(constant(1.0) - arc.share) > 0
+            first_sign(arc.share) >= 0 and first_sign(constant(1.0) - arc.share) >= 0
         ):
             return None
         return arc if self._laws_fit(arc) else None
 
-    def _is_ambiguous(self, arc, ties):
-        """Tell whether a motion rests on a jump that is not all there is of its place.
+    def _ties_fit(self, arc, ties, *, loose):
+        """Tell whether a motion leads into the cells chosen for it."""
+        rests = self._rests(arc, ties)
+        for tie in ties:
+            # In a slide each side has cells of its own.
+            found = [r.arguments[tie.tree] for r in arc.readings
+                     if r.cells is tie.cells and tie.tree in r.arguments]  # fmt: skip
+            at_rest = loose and tie.tree in rests
+            if not at_rest and not all(tie.fits(x) for x in found):
+                return False
+        if not loose and self._is_ambiguous(arc, rests):
+            raise HeldError("held on a switch")
+        return True
 
-        Its value there or any between both sides: Filippov's motions are several.
-        """
+    def _along(self, slide, tree, reading):
+        """Return the ratio of the gradients of two arguments, or 0 if not parallel."""
+        if tree in slide.nodes():
+            return 0.0
+        names = [x for x in reading.series if x[0] != "u" and x != "approach_speed"]
+        a, b = (
+            np.array([self._slope(x, reading, name)[0] for name in names])
+            for x in (slide, tree)
+        )
+        ratio = float(a @ b / (a @ a)) if np.any(a) else 0.0
+        return ratio if np.max(np.abs(b - ratio * a)) <= NOTHING else 0.0
+
+    def _rests(self, arc, ties):
+        """Return the switches of places whose arguments rest at a point."""
         known = arc.readings[0].arguments
-        rests = [
+        return [
             tie.tree
             for tie in ties
             if self._is_placed(tie.tree)
             and tie.tree in known
             and first_sign(known[tie.tree] - constant(tie.point)) == 0
         ]
+
+    def _is_ambiguous(self, arc, rests):
+        """Tell whether a motion rests on a jump that is not all there is of its place.
+
+        Its value there or any between both sides: Filippov's motions are several.
+        """
         held = bool({"stick", "closed"} & set(arc.law_modes)) or len(rests) > 1
-        return held and any(tree.kind not in CONTINUOUS for tree in rests)
+        return held and any(map(self._jumps, rests))
+
+    def _jumps(self, tree):
+        return tree.kind not in CONTINUOUS or tree in self.kinks
 
     def _is_placed(self, tree):
         """Tell whether the slope of an argument is known before the motion is."""
@@ -458,12 +586,11 @@ class Flights:
 
     def _sides(self, slide, t, y, modes):
         """Return the cells on both sides of a switch that slides."""
-        if slide.kind in HALVES:
-            return [{slide: -1}, {slide: 1}]
-        r = Reading(self.begin(t, y, modes), {}, _upper)
+        r = self.reading(self.begin(t, y, modes), {}, _upper)
         r.value(slide)
-        k = round(float(r.arguments[slide][0]))
-        return [{slide: k - 1}, {slide: k}]
+        x, kind = float(r.arguments[slide][0]), KINDS[slide.kind]
+        aside = 10.0 * TIE * max(1.0, abs(x))
+        return [{slide: kind.cell(slide.data, x + c * aside)} for c in (-1.0, 1.0)]
 
     def _laws_fit(self, arc):
         laws = zip(self.m.laws, arc.law_modes, arc.multipliers, strict=True)
@@ -489,14 +616,14 @@ class Flights:
     def observed(self, arc):
         """Evaluate what no motion depends on, and gather all that is watched."""
         m, slides = self.m, arc.slide is not None
-        r = arc.out = Reading(
+        r = arc.out = self.reading(
             arc.series, {} if slides else dict(arc.readings[0].cells), _later
         )
         arc.truths = {e.name: r.value(e.at) for e in m.events if e.at is not None}
         if m.until is not None:
             arc.truths["until"] = r.value(m.until)
         arc.lines = {k: r.value(x) for k, x in self.lines.items()}
-        if not slides:
+        if not slides and not arc.held:
             arc.shown = {k: r.value(x) for k, x in m.shown.items()}
         watched = [*self._watched_cells(arc), *self._watched_laws(arc)]
         if slides:
@@ -531,6 +658,29 @@ class Flights:
                 yield ("leaves", j), p
             elif mode == "open":
                 yield ("strikes", j), law.gap(r)
+
+
+def _holding(found):
+    """Return the arcs that hold most: what can hold holds, though it might slide."""
+    most = max((a.law_modes.count("stick") for a in found), default=0)
+    return [a for a in found if a.law_modes.count("stick") == most]
+
+
+def _different(found):
+    """Return one arc of each motion."""
+    own: list[Arc] = []
+    for a in found:
+        if not any(_same(a, b) for b in own):
+            own.append(a)
+    return own
+
+
+def _same(a, b):
+    """Tell whether two arcs have one motion, in the same cells or not."""
+    if a.law_modes != b.law_modes:
+        return False
+    both = [[*x.accelerations, *x.multipliers] for x in (a, b)]
+    return all(np.max(np.abs(x - y)) <= NOTHING for x, y in zip(*both, strict=True))
 
 
 def _upper(_reading, _tree, _point, _low, high):

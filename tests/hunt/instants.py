@@ -61,9 +61,9 @@ class Maker:
         return self.r.random() < part
 
     def some(self, low=-1.0, high=1.0):
-        """Return a number of three digits, not 0."""
-        x = round(self.r.uniform(low, high), 2)
-        return x or 0.37
+        """Return a number, not 0: of few bits, so that sums of modes are exact."""
+        x = round(64.0 * self.r.uniform(low, high)) / 64.0
+        return x or 0.375
 
     def tree(self, kind, *args, data=None):
         return Tree(kind, args, data, self.r.randrange(12))
@@ -137,7 +137,7 @@ class Maker:
         count = r.randint(4, 7) if kind == "cubic" else r.randint(2, 6)
         if outside == "repeat":
             count = max(count, 3)
-        x = sorted({round(r.uniform(-3, 3), 1) for _ in range(count * 3)})
+        x = sorted({round(8.0 * r.uniform(-3, 3)) / 8.0 for _ in range(count * 3)})
         x = sorted(r.sample(x, min(count, len(x))))
         y = [self.some(-1.5, 1.5) for _ in x]
         if outside == "repeat":
@@ -207,9 +207,10 @@ class Made:
     def step(self):
         return self.model.duration / ROWS
 
-    def flights(self, nudge=0.0):
-        model = self.model.nudged(nudge) if nudge else self.model
-        return Run(model, self.step).made()
+    def flights(self, nudge=None, forks=None):
+        """Return a run; nudge : {forces or speeds: a part}, of a second motion."""
+        model = self.model.nudged(**nudge) if nudge else self.model
+        return Run(model, self.step, forks).made()
 
 
 def made(seed):
@@ -368,7 +369,7 @@ def _wall(k, model, row):
         fast = k.tree("compare", var("approach_speed"), number(k.some(0.3, 1.5)),
                       data=r.choice("<>"))  # fmt: skip
         e = k.tree("if", fast, number(k.some(0.2, 0.9)), number(k.some(0.2, 0.9)))
-    where = round(at - abs(k.some(0.1, 1.5)), 2)
+    where = at - abs(k.some(0.1, 1.5))
     model.laws.append(Law("contact", row, where=where, e=e, name="wall"))
 
 
@@ -417,7 +418,7 @@ def _ridge(k, found):
         lines = [k.line([f"q{i + 1}"]) for _ in range(2)]
         height = plus(low, k.tree("min", *lines))
     else:
-        at = sorted({round(k.some(-2, 2), 1) for _ in range(4)} | {-2.5, 2.5})
+        at = sorted({round(8.0 * k.some(-2, 2)) / 8.0 for _ in range(4)} | {-2.5, 2.5})
         slopes = sorted((k.some(-1, 1) for _ in at[1:]), reverse=True)
         y = [0.0]
         for a, b, c in zip(at, at[1:], slopes, strict=False):

@@ -23,13 +23,17 @@ from tests.hunt.series import (
     powers,
     radius,
 )
-from tests.hunt.trees import HALVES, KINDS, TIE, Reading
+from tests.hunt.trees import HALVES, KINDS, TIE
 
 # Instants closer than the first are one, and closer than the second undecided.
 ONE_INSTANT, NEAR = 1e-12, 1e-8
 # Speeds after an impact below this are rest on the contact that pushes back.
 SPENT = 1e-7
-LONGEST_STEP, MOST_INSTANTS, LARGEST = 0.5, 100, 1e4
+LONGEST_STEP, MOST_INSTANTS, LARGEST = 0.5, 300, 1e4
+
+
+class ChatterError(Exception):
+    """Events undo each other at an instant, and no time passes."""
 
 
 class Run:
@@ -38,10 +42,12 @@ class Run:
     rows : (t, q and v and z, modes, accelerations, shown, multipliers) by output time
     events : (t, name); crossings : section -> (t, values, modes)
     instants : times, and whether only clocks made them
+    chatters : when events undo each other without end, or None
     """
 
-    def __init__(self, model, step):
-        self.m, self.step, self.flights = model, step, Flights(model)
+    def __init__(self, model, step, forks=None):
+        self.m, self.step, self.flights = model, step, Flights(model, forks)
+        self.chatters: float | None = None
         self.rows: list[Any] = []
         self.events: list[tuple[float, str]] = []
         self.crossings: dict[str, list[Any]] = {s.name: [] for s in model.sections}
@@ -63,20 +69,28 @@ class Run:
         self._side = {k: float(first_sign(x)) for k, x in arc.lines.items()}
         # A section through the start counts once the motion has left it.
         self._beginning = {k for k, x in arc.lines.items() if abs(x[0]) <= TIE}
-        self._refuse_ties(arc)
-        arc = self._instant(Instant(0.0, y, arc, set(), start=True))
-        while not self.done and arc.t < m.duration:
-            arc = self._onwards(arc)
+        self._begin_ties(arc)
+        try:
+            arc = self._instant(Instant(0.0, y, arc, set(), start=True))
+            while not self.done and arc.t < m.duration:
+                arc = self._onwards(arc)
+        except ChatterError as end:
+            self.chatters = float(str(end))
         return self
 
-    def _refuse_ties(self, arc):
-        """Raise where a condition is one thing at the start and another after it."""
-        r = Reading(arc.series, {}, _at_point)
-        for e in self.m.events:
-            if e.at is not None and r.value(e.at) != arc.truths[e.name]:
-                raise UndecidedError("a condition changes at the start")
-        if self.m.until is not None and r.value(self.m.until) != arc.truths["until"]:
-            raise UndecidedError("the end of the run is at the start")
+    def _begin_ties(self, arc):
+        """Decide the conditions that are false at the start and true after it.
+
+        They are true there but for rounding, or become true at once.
+        """
+        r = self.flights.reading(arc.series, {}, _at_point)
+        conditions = {e.name: e.at for e in self.m.events if e.at is not None}
+        if self.m.until is not None:
+            conditions["until"] = self.m.until
+        for name, at in conditions.items():
+            if arc.truths[name] and not r.value(at):
+                why = "a condition changes at the start"
+                self._was[name] = bool(self.flights.fork(("start", name), 2, why))
 
     # Between instants
 
@@ -157,42 +171,45 @@ class Run:
         """Return the arc after an instant."""
         if len(self.instants) > MOST_INSTANTS:
             raise UndecidedError("too many instants")
-        m, t, y, modes = self.m, now.t, now.y.copy(), dict(now.before.modes)
+        m, t = self.m, now.t
         clocks = {k for k, i in self._due.items()
                   if k not in self._spent
                   and abs(i * self._periods[k] - t) <= ONE_INSTANT}  # fmt: skip
         due = {e.name for e in m.events if e.name in clocks}
-        y, until = self._stopped(now, y, modes), False
-        for _ in range(30):
-            # Acts at the start come before anything moves.
-            if not (now.start and due):
-                y, struck = self._impact(now, y, modes)
-                now.struck |= struck
-            if now.start and now.struck:
-                raise UndecidedError("the start is not admissible")
-            arc = self.flights.choose(t, y, modes)
-            now.jumped = now.struck or modes != now.before.modes
-            fired = due | self._fired(now, arc)
-            until |= arc.truths.get("until", False) and not self._was.get("until", True)
-            self._was |= arc.truths
-            if not fired:
-                break
-            self._refuse_order(fired)
-            modes, due = self._act(now, fired, arc, modes), set()
-        else:
-            raise UndecidedError("events without end")
+        arc = self._settled(now, due)
         for name in clocks:
             self._due[name] += 1
         if now.jumped or now.keys or clocks:
             self.instants.append((t, not now.keys and not now.struck))
         self.events += [(t, name) for name in now.acted]
         self._cross_sections(now, arc, clocks)
-        self.done = until
-        if until:
+        if self.done:
             self._row(arc, t)
         elif t >= m.duration:
             self._store(arc, t, closing=True)
         return arc
+
+    def _settled(self, now, due):
+        """Return the arc after all impacts and acts; due : the periodic events."""
+        t, modes = now.t, dict(now.before.modes)
+        y = self._stopped(now, now.y.copy(), modes)
+        for _ in range(30):
+            # Acts at the start come before anything moves.
+            if not (now.start and due):
+                y = self._impact(now, y, modes)
+            if now.start and now.struck:
+                raise UndecidedError("the start is not admissible")
+            arc = self.flights.choose(t, y, modes)
+            now.jumped = now.struck or modes != now.before.modes
+            fired = due | self._fired(now, arc)
+            over = arc.truths.get("until", False) and not self._was.get("until", True)
+            self.done |= over
+            if not fired:
+                self._was |= arc.truths
+                return arc
+            fired = self._in_order(fired, arc)
+            modes, due = self._act(now, fired, arc, modes), set()
+        raise UndecidedError("events without end")
 
     def _fired(self, now, arc):
         """Return the located events that act now."""
@@ -203,32 +220,52 @@ class Run:
                 found.add(e.name)
         return found - self._spent
 
-    def _refuse_order(self, fired):
-        """Raise where an act of one event moves the condition of another."""
-        if len(fired) == 1:
-            return
+    def _in_order(self, fired, arc):
+        """Return the events that act now, and store which conditions were true.
+
+        Where one of them moves the condition of another, this may be decided anew.
+        """
         events = [e for e in self.m.events if e.name in fired]
         sets = {u for e in events for u, _ in e.sets}
-        for e in events:
-            tree = e.at if e.at is not None else e.equal
-            if tree is not None and sets & {x.data for x in tree.nodes()}:
-                raise UndecidedError("one event of an instant moves another")
+        moved = [
+            e.name
+            for e in events
+            if (tree := e.at if e.at is not None else e.equal) is not None
+            and sets & {x.data for x in tree.nodes()}
+        ]
+        before = dict(self._was)
+        self._was |= arc.truths
+        why = "one event of an instant moves another"
+        if len(fired) == 1 or not moved or not self.flights.fork("order", 2, why):
+            return fired
+        first = next(e.name for e in events)
+        self._was |= {k: before[k] for k in moved if k != first and k in before}
+        return fired - ({*moved} - {first})
 
     def _act(self, now, fired, arc, modes):
-        """Return the modes after the acts, in the order of the file."""
+        """Return the modes after the acts, in the order of the file.
+
+        Raises
+        ------
+        ChatterError
+            They restore modes of this instant, by events that may act again.
+        """
+        before, single = modes, False
         for e in self.m.events:
             if e.name in fired:
                 series = arc.series | {u: constant(x) for u, x in modes.items()}
-                r = Reading(series, {})
-                new = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
-                if not e.every:
-                    now.seen.append(modes)
-                    if new != modes and new in now.seen:
-                        raise UndecidedError("events undo each other")
-                modes = new
+                r = self.flights.reading(series, {}, self.flights.either(now.t))
+                modes = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
                 now.acted.append(e.name)
+                single |= e.once or e.every > 0.0
                 if e.once:
                     self._spent.add(e.name)
+        if single:
+            now.seen.clear()
+        elif modes != before and modes in now.seen:
+            raise ChatterError(repr(now.t))
+        else:
+            now.seen.append(before)
         return modes
 
     def _stopped(self, now, y, modes):
@@ -237,14 +274,17 @@ class Run:
         for _, j in [key for key in now.keys if key[0] == "stops"]:
             law = m.laws[j]
             A = np.array(law.row)
-            rate = law.rate(Reading(self.flights.begin(now.t, y, modes), {}))[0]
+            rate = law.rate(self.flights.reading(self._begin(now, y, modes), {}))[0]
             y[n : 2 * n] -= (A / m.masses) * rate / (A @ (A / m.masses))
         return y
 
+    def _begin(self, now, y, modes):
+        return self.flights.begin(now.t, y, modes)
+
     def _impact(self, now, y, modes):
-        """Return the state after an impact, and whether there was one."""
+        """Return the state after an impact, if there is one."""
         m, v = self.m, y[self.m.n : 2 * self.m.n]
-        r = Reading(self.flights.begin(now.t, y, modes), {}, _ahead)
+        r = self.flights.reading(self._begin(now, y, modes), {}, _ahead)
         rows = []
         for j, law in enumerate(m.laws):
             aim = self._aim(law, r, ("strikes", j) in now.keys)
@@ -252,10 +292,13 @@ class Run:
                 rows.append((law, aim))
         rates = [float(law.at(r) @ v) for law, _ in rows]
         if all(abs(x - aim) <= TIE for x, (_, aim) in zip(rates, rows, strict=True)):
-            return y, False
+            return y
         A = np.array([law.at(r) for law, _ in rows])
         aims = np.array([aim for _, aim in rows])
-        p = _impulses(A, m.masses, aims - rates, [law.kind for law, _ in rows])
+        # What hardly leaves is at rest, as what hardly strikes.
+        kinds = ["rest" if 0.0 < x < SPENT else law.kind
+                 for x, (law, _) in zip(rates, rows, strict=True)]  # fmt: skip
+        p = _impulses(A, m.masses, aims - rates, kinds)
         y = y.copy()
         y[m.n : 2 * m.n] += (A / m.masses).T @ p
         for row, (_, aim) in zip(A, rows, strict=True):
@@ -263,11 +306,13 @@ class Run:
             if aim == 0.0 and np.count_nonzero(row) == 1:
                 y[m.n + int(np.flatnonzero(row)[0])] = 0.0
         # A corner is passed where the velocity on the new piece leads onto it.
-        after = Reading(self.flights.begin(now.t, y, modes), {}, _ahead)
+        after = self.flights.reading(self._begin(now, y, modes), {}, _ahead)
         for law, _ in rows:
             if np.any(law.at(after) != law.at(r)):
                 raise UndecidedError("it stops in a corner")
-        return y, True
+        now.struck = True
+        now.seen.clear()
+        return y
 
     def _aim(self, law, r, strikes):
         """Return the rate of a row after an impact, or None where it has no part."""
@@ -276,11 +321,16 @@ class Run:
         if law.kind == "hold":
             return float(law.belt.data) if law.belt else 0.0
         rate = law.rate(r)[0]
-        if rate > TIE or not (strikes or law.touches(r)):
+        if not (strikes or law.touches(r)):
             return None
-        if rate >= -TIE:
+        if abs(rate) < (SPENT if law.kind == "contact" else TIE):
             return 0.0
-        r = Reading(r.series | {"approach_speed": constant(-rate)}, {})
+        if rate > 0.0:
+            return None
+        r = self.flights.reading(
+            r.series | {"approach_speed": constant(-rate)}, {},
+            self.flights.either(r.series["t"][0]),
+        )  # fmt: skip
         rebound = -float(r.value(law.e)[0]) * rate
         return rebound if rebound >= SPENT else 0.0
 
@@ -299,7 +349,7 @@ class Run:
             return None
         at_zero = abs(arc.lines[name][0]) <= TIE
         if ("line", name) in now.keys:
-            if not at_zero:
+            if not (at_zero or now.jumped):
                 raise UndecidedError("a relation jumps where it is 0")
             return sign
         moved = any(
@@ -308,7 +358,8 @@ class Run:
             if x.kind in KINDS
         )
         if now.jumped and (moved or at_zero):
-            raise UndecidedError("a relation jumps with the state")
+            why = "a relation jumps with the state"
+            return None if self.flights.fork(("jumps", name), 2, why) else sign
         return sign if now.jumped else None
 
     def _cross_sections(self, now, arc, clocks):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
+from typing import Any
 
 import numpy as np
 
+from tests.hunt.flights import Script
 from tests.hunt.instants import JUMPS, made, written
 from tests.hunt.series import UndecidedError
 from tests.hunt.verdict import Verdict, broken, replaced
@@ -19,25 +21,42 @@ TRUSTED = 1e-5
 GRANTED, GAIN = 2e-9, 1.0
 # Rows this near to an instant, in the model's own time, may be before or after it.
 BESIDE = 1e-6
+# The most motions of a model that leaves open how it moves on.
+MOST_WAYS = 16
 # What is refused, and why that is right.
 REFUSED = ("static", "too many operations")
 
 
 class Truth:
-    """The motion of a model. known : (rows, columns) how far the nudged one is off."""
+    """A motion of a model. known : (rows, columns) how far the nudged one is off.
 
-    def __init__(self, model):
+    script : the ways taken where the model leaves open how it moves on
+    """
+
+    def __init__(self, model, script):
         self.made = model
-        try:
-            self.first = model.flights()
-            other = model.flights(NUDGE)
-        except (np.linalg.LinAlgError, OverflowError) as fault:
-            raise UndecidedError(repr(fault)) from fault
+        self.first = _run(model, 0.0, script)
+        self.known: Any = None
+        faults = []
+        for nudge in ({"forces": NUDGE}, {"speeds": NUDGE}):
+            # What coincides by speeds alone still does under other forces.
+            try:
+                self._compare(model, _run(model, nudge, script.again()))
+            except UndecidedError as fault:
+                faults.append(fault)
+        if self.known is None:
+            raise faults[0]
+
+    def _compare(self, model, other):
         both = (self.first, other)
         a, b = (np.array([row[1] for row in x.rows]) for x in both)
         events = [[name for _, name in x.events] for x in both]
         cuts = [list(map(len, x.crossings.values())) for x in both]
         same = len(self.first.instants) == len(other.instants)
+        if self.first.chatters != other.chatters and None in (
+            self.first.chatters, other.chatters
+        ):  # fmt: skip
+            raise UndecidedError("the nudged motion has another end")
         if a.shape != b.shape or events[0] != events[1] or cuts[0] != cuts[1]:
             raise UndecidedError("the nudged motion has other events")
         if not same or self.first.done != other.done:
@@ -50,17 +69,40 @@ class Truth:
         self.size = np.max(np.abs(a), axis=0) + 1e-3
         self.size[v] = np.maximum(self.size[v], 1e-2 * np.max(self.size[v]))
         off = np.where(self.beside[:, None], 0.0, np.abs(a - b))
-        self.known = np.maximum.accumulate(off, axis=0)
-        if np.max(self.known / self.size) > TRUSTED:
+        known = np.maximum.accumulate(off, axis=0)
+        if np.max(known / self.size) > TRUSTED:
             raise UndecidedError("it magnifies what is not known")
-        shown = [row[4] for row in self.first.rows]
-        others = [row[4] for row in other.rows]
-        self.shown_known = {
-            k: max((abs(x[k] - y[k]) for x, y, near in
-                    zip(shown, others, self.beside, strict=True)
-                    if not near and k in x and k in y), default=0.0)
-            for k in m.shown
-        }  # fmt: skip
+        self.known = known if self.known is None else np.maximum(known, self.known)
+
+
+def _run(model, nudge, script):
+    try:
+        return model.flights(nudge, script)
+    except (np.linalg.LinAlgError, OverflowError) as fault:
+        raise UndecidedError(repr(fault)) from fault
+
+
+def truths(model):
+    """Return the motions of a model: several where it leaves open how it moves on.
+
+    Raises
+    ------
+    UndecidedError
+        The referee knows none, or there are too many.
+    """
+    found, faults, script = [], [], Script()
+    for _ in range(MOST_WAYS):
+        script.asked = 0
+        try:
+            found.append(Truth(model, script))
+        except UndecidedError as fault:
+            faults.append(fault)
+        script = script.next()
+        if script is None:
+            break
+    if not found:
+        raise faults[0]
+    return found
 
 
 def _beside(times, instants):
@@ -74,16 +116,24 @@ def tried(seed, lagsim, *options):
     model = made(seed)
     file = written(model)
     try:
-        truth = Truth(model)
+        ways = truths(model)
     except UndecidedError as fault:
         return file, Verdict("uncounted", str(fault))
     answer = lagsim.run(file, *options)
-    return file, judged(truth, lagsim, answer)
+    return file, judged_by(ways, lagsim, answer)
+
+
+def judged_by(ways, lagsim, answer):
+    """Return what a run is worth: it is to follow one of several motions."""
+    found = [judged(truth, lagsim, answer) for truth in ways]
+    return next((x for x in found if not x.is_fault), found[0])
 
 
 def judged(truth, lagsim, answer):
-    """Return what a run is worth."""
+    """Return what a run is worth against one motion."""
     found = broken(answer)
+    if truth.first.chatters is not None:
+        return _chatters(truth, answer)
     if found is not None:
         if any(word in found.text for word in REFUSED) and found.kind == "refused-2":
             return Verdict("uncounted", found.text)
@@ -101,6 +151,18 @@ def judged(truth, lagsim, answer):
                     f"{truth.first.instants[:12]}")  # fmt: skip
             return Verdict(fault[0], f"{fault[1]}; {more}", None, warned)
     return Verdict("fine")
+
+
+def _chatters(truth, answer):
+    """Return what a run is worth whose events undo each other."""
+    end = truth.first.chatters
+    if answer.record is None or "chatter" not in str(answer.record["reason"]):
+        return Verdict("no-end", f"events undo each other at {end!r}")
+    off = abs(answer.record["end"] / truth.made.words.time - end)
+    if off > _near(truth) + 1e-9 * end:
+        return Verdict("wrong-end", f"{answer.record['end']!r}, truth {end!r}")
+    fault = _rows(truth, answer, None) if len(truth.times) else None
+    return Verdict(*fault) if fault else Verdict("fine")
 
 
 def _times(truth, answer):

@@ -55,6 +55,13 @@ def integral(start, rate):
     return x
 
 
+def rate_of(x):
+    """Return the series of the derivative; its last coefficient is 0."""
+    found = np.zeros(ORDER + 1)
+    found[:-1] = x[1:] * COUNTED
+    return found
+
+
 def powers(d):
     return d ** np.arange(ORDER + 1)
 

@@ -43,6 +43,11 @@ class Tree:
         """Return all nodes, this one last."""
         return [*itertools.chain(*(x.nodes() for x in self.args)), self]
 
+    @property
+    def is_of_modes(self):
+        """Whether the value changes at events alone."""
+        return all(x.data[0] == "u" for x in self.nodes() if x.kind == "var")
+
 
 @dataclass(eq=False)
 class Table:
@@ -267,11 +272,14 @@ class Reading:
     cells : switch -> cell; missing ones are found from the argument's value
     choose : called with this reading, a switch, the point that its argument is at, and
         the cells on both sides; returns a cell
+    rounded : called likewise where an argument of modes alone is at a point but for
+        rounding
     """
 
     series: dict[str, Any]
     cells: dict[Tree, int]
     choose: Callable[..., int] | None = None
+    rounded: Callable[..., int] | None = None
     arguments: dict[Tree, Any] = field(default_factory=dict)
     known: dict[Any, Any] = field(default_factory=dict)
 
@@ -381,9 +389,14 @@ class Reading:
             if math.isfinite(point) and abs(x - point) <= tie:
                 other = kind.cell(tree.data, point - inside * 10.0 * tie)
                 mine = kind.cell(tree.data, point + inside * 10.0 * tie)
-                if self.choose is None:
+                choose = self.choose
+                if tree.is_of_modes:
+                    if x == point:
+                        return 0 if tree.kind in HALVES else max(mine, other)
+                    choose = self.rounded
+                if choose is None:
                     raise UndecidedError(f"a value at a point of {tree.kind}")
-                return self.choose(self, tree, point, *sorted((mine, other)))
+                return choose(self, tree, point, *sorted((mine, other)))
         return cell
 
 

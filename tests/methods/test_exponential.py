@@ -220,3 +220,17 @@ def test_a_mass_without_a_finite_reciprocal_ends_the_run():
     found = run(text.replace("m: 1,", "m: 1e-310,").replace("x: F", "x: 0*F"))
     assert found.trajectory.outcome.word == "failed"
     assert found.trajectory.end == 0.0
+
+
+@pytest.mark.parametrize("at", [0.0, 1e6, -1e9])
+def test_work_far_from_the_origin(at):
+    """Work is as exact as the motion, not as the square of the distance."""
+    text = ONE.format(k=4.0, c=0.4, F=0.0, x=at + 1.0, v=0.0, duration=5, step=0.1)
+    found = run(text.replace("k*x^2/2", f"k*(x - {at!r})^2/2"))
+    t = found["t"]
+    x = np.exp(-0.2 * t) * (np.cos(DAMPED * t) + 0.2 / DAMPED * np.sin(DAMPED * t))
+    v = -4.0 / DAMPED * np.exp(-0.2 * t) * np.sin(DAMPED * t)
+    known = 1e-14 + 10 * ROUNDING * abs(at)
+    assert np.max(np.abs(found["x"] - at - x)) < known
+    assert np.max(np.abs(found["x_dot"] - v)) < 4 * known
+    assert np.max(np.abs(found["work"] - (v * v / 2 + 2 * x * x - 2))) < 4 * known

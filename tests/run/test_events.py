@@ -716,6 +716,48 @@ def test_an_event_of_a_family_is_derived_with_its_index():
     assert "latch.2 acts at x >= i for i = 2" in shown
 
 
+# Events of one instant, by the rules of the contract: names and times.
+INSTANTS = {
+    # mod jumps from 2 to 0: `down` becomes true, `up` false, and true again by an act.
+    "a jump between": (
+        ("modes: {u: 0, n: 0}\n"
+        "events:\n  up: {at: mod(x, 2) + 3*u >= 1, set: {n: n + 1}}\n"
+        "  down: {at: mod(x, 2) + 3*u <= 1, set: {u: 1 - u}}"),
+        "x: 1.5, x_dot: 0.5", [("down", 1.0), ("up", 1.0)],
+    ),
+    # What acts once, or by the clock, restores modes: no cycle.
+    "once": (
+        ("modes: {u: 0}\n"
+        "events:\n  clock: {every: 1, set: {u: 1 - u}}\n"
+        "  back: {at: u >= 0.5 + 0*x, once: true, set: {u: 1 - u}}"),
+        "x: 0", [("clock", 0.0), ("back", 0.0), ("clock", 1.0), ("clock", 2.0)],
+    ),
+    "once later": (
+        ("modes: {u: 1}\n"
+        "events:\n  clock: {every: 1, set: {u: 1 - u}}\n"
+        "  back: {at: u - 0.4*t >= 0.5 - 0*x, once: true, set: {u: 0}}"),
+        "x: 0", [("clock", 0.0), ("clock", 1.0), ("back", 1.0), ("clock", 2.0)],
+    ),
+    # Both were due together.
+    "one round at the start": (
+        ("modes: {u: 1, n: 0}\n"
+        "events:\n  clock: {every: 1, set: {n: n + 1}}\n"
+        "  a: {at: n + 0*x >= 0.5, set: {u: 1 - u}}\n"
+        "  b: {at: n + 0*x >= 0.5, set: {u: 1 - u}}"),
+        "x: 0",
+        [("clock", 0.0), ("a", 0.0), ("b", 0.0), ("clock", 1.0), ("clock", 2.0)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", INSTANTS)
+def test_events_of_one_instant(case):
+    text, begin, right = INSTANTS[case]
+    found = simulate(scene(text, begin, duration=2.5))
+    assert found.outcome == "done"
+    assert acts(found) == [(name, pytest.approx(t, abs=1e-12)) for name, t in right]
+
+
 # --- Faults of a file
 
 
