@@ -39,7 +39,6 @@ from lagsim.program.laws import (
     hold,
     own_place,
     respond,
-    share,
     take_out,
 )
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
@@ -333,8 +332,6 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store y' (size,) and lambda (m,) in out."""
     derivative(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
-    if LAWS and p.law_shares > 0.0:
-        share(p, out[p.size :])
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:

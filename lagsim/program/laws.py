@@ -135,11 +135,13 @@ SHARING, HALVED, REGULAR = 60, 40, 1e-13
 FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
 
-def share(p: Parameters, out: Floats) -> None:
-    """Distribute loads over the multipliers of dependent rows, with the least norm.
+def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
+    """Replace the multipliers of dependent rows in out (m,) by those of least norm.
 
-    out : (m,), the multipliers of all rows; unchanged if the iteration does not
-    converge.
+    They are unchanged if the iteration does not converge. Output rows show the least
+    norm. Modes end by the multipliers of the rows that hold: the least norm is not
+    linear in the forces, so that it cannot be combined along surfaces, and it stays on
+    a bound that it has reached.
     """
     lam = out[p.m - p.laws :]
     count = products(p)

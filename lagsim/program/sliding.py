@@ -46,6 +46,7 @@ PUSH = 2.0**100
 # Rates y' (size,) and lambda (m,) with each surface on its side.
 field = of_model("field")
 law_event_functions = of_model("law_event_functions")
+share_loads = of_model("share_loads")
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -70,6 +71,8 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     a = p.side_fields[p.velocities]
     p.motion[:n] = a[:n]
     p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
+    if LAWS and p.law_shares > 0.0:
+        share_loads(t, y, p, p.multipliers)
     for k in range(p.surfaces):
         if slides[k] > 0.0:
             leader = k

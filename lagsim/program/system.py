@@ -79,13 +79,14 @@ _TABULATE = (
 def kernels(system: System) -> Iterator[Part]:
     """Iterate over the kernels that a method calls besides the model's functions."""
     statics = {"LAWS": bool(system.laws)}
-    ends: list[Callable[..., Any]]
+    ends: list[Callable[..., Any]] = []
     if system.moreau is not None:
         yield kernel_part([moreau.observe])
     elif system.laws or system.plan.elimination is None:
         motion = [dense.field] if system.watched else [dense.derivative, dense.observe]
         steps = [dense.position_step, dense.velocity_step] if system.m else []
-        ends = [dense.solve_motion, laws.law_event_functions] if system.laws else []
+        if system.laws:
+            ends = [dense.solve_motion, laws.law_event_functions, laws.share_loads]
         yield kernel_part([*motion, dense.rounding, *steps, *ends], statics)
     if system.has_jacobian:
         yield kernel_part([dense.jacobian])
