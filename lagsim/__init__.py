@@ -42,6 +42,7 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
+    from lagsim.api.analysing import Modes, modes
     from lagsim.api.models import Derivation, Model, derive, load
     from lagsim.api.simulating import (
         Examination,
@@ -59,12 +60,14 @@ __all__ = [
     "InputError",
     "LagsimError",
     "Model",
+    "Modes",
     "Result",
     "Sweep",
     "__version__",
     "check",
     "derive",
     "load",
+    "modes",
     "simulate",
     "sweep",
 ]
@@ -76,11 +79,13 @@ _PLACES = {
     "Examination": "simulating",
     "InadmissibleError": "simulating",
     "Model": "models",
+    "Modes": "analysing",
     "Result": "simulating",
     "Sweep": "sweeping",
     "check": "simulating",
     "derive": "models",
     "load": "models",
+    "modes": "analysing",
     "simulate": "simulating",
     "sweep": "sweeping",
 }

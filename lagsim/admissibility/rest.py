@@ -16,6 +16,7 @@ ones. The laws of the contacts decide elsewhere whether they hold.
 from __future__ import annotations
 
 import math
+from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -321,18 +322,31 @@ def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> 
     return 0.0
 
 
-def _solved(rest: Rest, *, far: bool = False, down: bool = False) -> Found:
-    """Return a rest near the guess.
+class Way(Enum):
+    """Way from a guess to a rest.
 
-    With `far` other starts are tried, too; with `down` Newton's method is omitted.
+    NEAR: Newton's method where it contracts, else downhill. CONTRACTED: Newton's method
+    where it contracts, else none. FAR: other starts around the guess, too. DOWN:
+    downhill. ROOT: damped steps, which may end at a saddle of the energy.
     """
+
+    NEAR, CONTRACTED, FAR, DOWN, ROOT = range(5)
+
+
+def _solved(rest: Rest, way: Way = Way.NEAR) -> Found:
+    """Return a rest near the guess."""
     x0 = rest.x0
     if rest.exact(x0) or not len(x0):
         return Found(x0, converged=rest.exact(x0))
     metric = rest.metric
-    if far:
+    if way is Way.FAR:
         return nearest(rest, metric)
-    x = None if down else _contracted(rest, metric)
+    if way is Way.ROOT:
+        reached = reach(rest, x0, metric)
+        return reached._replace(x=unwound(rest, reached.x))
+    x = None if way is Way.DOWN else _contracted(rest, metric)
+    if x is None and way is Way.CONTRACTED:
+        return Found(x0, converged=False)
     x = _downhill(rest) if x is None else x
     reached = reach(rest, x0 if x is None else x, metric, x0)
     if reached.converged:
@@ -347,7 +361,7 @@ def lowest(point: Point) -> Floats | None:
     Without an energy, positions of a rest nearby; None if there is none.
     """
     rest = Rest(point.at(v=np.zeros(point.n)), (), (), (range(point.n), ()))
-    found = _solved(rest, down=True)
+    found = _solved(rest, Way.DOWN)
     return found.x[: point.n] if found.converged else None
 
 
@@ -361,11 +375,17 @@ class AtRest(NamedTuple):
         The contacts that are active there.
     undetermined : list of str
         Guesses that keep their values, since no equation determines them.
+    held : list of Row
+        The rows of the active laws.
+    multipliers : ndarray, shape (m + held,)
+        Of the rows that always hold, then of `held`.
     """
 
     point: Point
     touching: set[str]
     undetermined: list[str]
+    held: list[Row]
+    multipliers: Floats
 
 
 def find_rest(
@@ -373,6 +393,7 @@ def find_rest(
     stated: Sequence[Condition],
     free: tuple[Sequence[int], Sequence[int]],
     off: Collection[str],
+    ways: Sequence[Way] = (Way.NEAR, Way.FAR),
 ) -> AtRest | None:
     """Return a state at rest; None if there is none near the guess.
 
@@ -386,6 +407,8 @@ def find_rest(
         Indices of the positions, and of the first-order states, that are guesses.
     off : collection of str
         Constraints that are out of force.
+    ways : sequence of Way
+        The ways that are tried; with FAR, at last each contact beside the earlier ones.
     """
     laws = point.e.laws
     apart = [k for k in _by_gap(point) if laws[k].constraint not in off]
@@ -394,12 +417,13 @@ def find_rest(
     begun = {k for k in active if not laws[k].slider}
     limits = one_sided(point, {law.constraint for law in laws if law.slider})
     rows = [limits.get(law.constraint, law.row) for law in laws]
-    for far, wide in (False, False), (True, False), (False, True):
+    rounds = [(way, False) for way in ways]
+    for way, wide in rounds + [(Way.NEAR, True)] * (Way.FAR in ways):
         held, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
         while frozenset(held) not in tried and len(tried) <= TRIES * (1 + len(apart)):
             tried.add(frozenset(held))
             rest = Rest(point, stated, [rows[k] for k in sorted(held)], free)
-            end = _solved(rest, far=far)
+            end = _solved(rest, way)
             if end.converged:
                 there = rest.at(end.x).at(errors=rest.errors(end.x))
                 changes = _changes(rest, end.x, there, held, off)
@@ -411,7 +435,9 @@ def find_rest(
                         return None  # a wall that comes, or goes
                     sided = {k for k in held if laws[k].kind.one_sided}
                     touching = {laws[k].constraint for k in sided}
-                    return AtRest(there, touching, rest.undetermined(end.x))
+                    own = rest.rows[len(point.e.rows) :]
+                    lam = end.x[len(end.x) - len(rest.rows) :]
+                    return AtRest(there, touching, rest.undetermined(end.x), own, lam)
             else:
                 more = [laws[k].constraint for k in apart if k not in held]
                 changes = _of(laws, more[:1])

@@ -375,7 +375,9 @@ def _against_levers(
     return [_of_size(residual, x) for residual, x in zip(found, own, strict=True)]
 
 
-def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
+def judge_rest(
+    point: Point, laws: Sequence[Verdict], *, velocities: bool = True
+) -> list[Verdict]:
     """Return verdicts on velocities or, if these vanish, accelerations, all to be zero.
 
     Parameters
@@ -383,14 +385,16 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
     point : Point
     laws : sequence of Verdict
         Verdicts on the laws; active ones act.
+    velocities : bool
+        Whether velocities are judged, too.
     """
     e = point.e
     own = acting(point, laws)
     v = own.v if own.struck else point.v  # a wall that comes sets in motion
     moving = [
-        _at_rest(name, rate, abs(point.errors.get(name, 0.0)))
+        at_rest(name, rate, abs(point.errors.get(name, 0.0)))
         for name, rate in zip(e.velocities, v.tolist(), strict=True)
-        if rate
+        if rate and velocities
     ]
     if not all(x.satisfied for x in moving):
         return moving
@@ -417,10 +421,11 @@ def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
     # K itself is rounded, also between bodies that nothing joins.
     bounds += RESIDUAL_ROUNDOFF * float(np.linalg.norm(f / sizes)) / sizes
     pairs = zip(e.accelerations, a + K @ pushes, bounds, strict=True)
-    return [_at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
+    return [at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
 
 
-def _at_rest(name: str, value: float, bound: float) -> Verdict:
+def at_rest(name: str, value: float, bound: float) -> Verdict:
+    """Return the verdict on a value that is to be zero within a bound."""
     return Verdict(name, AT_REST, True, None, Residual(value, 0.0, bound), None)
 
 

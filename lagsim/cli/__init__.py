@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
-    "golden", "bench", "stability", "methods", "explain", "schema",
+    "golden", "bench", "stability", "modes", "methods", "explain", "schema",
 )  # fmt: skip
 
 

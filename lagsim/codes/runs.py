@@ -168,6 +168,15 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "initial: {x: 0, y: 0, x_dot: 2}\n",
         _RUN),
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
+    Row("E531", "no-rest",
+        "No position of rest, or no steady motion, was found.",
+        "The equations have a position of rest, from the start of the file or from "
+        "others; with `--at start` the start is at rest, or its rates are constant "
+        "and change nothing in the equations.",
+        "begin nearer to a rest, or add what holds the model: a spring, a constraint",
+        "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 0}\n"
+        "forces: {theta: 1}\n",
+        ("lagsim modes pendulum.yaml",)),
     Row("E601", "differs",
         "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",

@@ -31,7 +31,13 @@ from lagsim.language.sparse import Budget, TooLongError, minimum_degree
 from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import dense_operations
-from lagsim.tolerances import HALF_OF_DIGITS, TINY
+from lagsim.tolerances import (
+    COMPUTED_ZERO,
+    HALF_OF_DIGITS,
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    TINY,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -128,6 +134,41 @@ class Linear(NamedTuple):
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
 
 
+class Slopes(NamedTuple):
+    """Equations and their derivatives at a state.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        The values of all variables: parameters, t, state, q'' and lambda.
+    M, A : ndarray, shape (n, n) and (m, n)
+        The mass matrix, and the constraint rows.
+    metric, held : Metric
+        Projections by all rows, and by the holonomic rows alone.
+    slopes : ndarray, shape (n + m + l, 2 n + l)
+        Derivatives of M q'' - f - A^T lambda, of A q'' - b and of s' with respect to
+        (q, q', s).
+    B, C : ndarray, shape (m, n) and (m, l)
+        Derivatives of the rates of the rows with respect to q and s.
+    turning : ndarray, shape (m, n)
+        dA/dt along the motion.
+    acceleration, rates : ndarray, shape (n,) and (l,)
+        q'' and s'.
+    """
+
+    values: dict[str, float]
+    M: Floats
+    A: Floats
+    metric: Metric
+    held: Metric
+    slopes: Floats
+    B: Floats
+    C: Floats
+    turning: Floats
+    acceleration: Floats
+    rates: Floats
+
+
 class Linearisation:
     """Equations of motion and their derivatives, for linearisation at any state.
 
@@ -163,7 +204,7 @@ class Linearisation:
             *tangent(g, A, flow),
         ]
         self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
-        self._holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
+        self.holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
 
     def at(self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()) -> Linear:
         """Linearise about a state.
@@ -176,6 +217,33 @@ class Linearisation:
             Coordinates and velocities.
         s : ndarray, shape (l,)
             First-order states.
+
+        Raises
+        ------
+        ValueError
+            If a term of the equations, or a derivative, is not finite at the state.
+        """
+        n, m, first, x = self.n, self.m, self.first, self.values(t, q, v, s)
+        Z, inverse, Zh = x.metric.free, x.metric.inverse, x.held.free
+        # Derivatives of q and q' with respect to (a, w, z).
+        K = -inverse @ np.hstack([x.B @ Zh, np.zeros((m, Z.shape[1])), x.C])
+        dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
+        dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
+        last = np.eye(first, dv.shape[1], dv.shape[1] - first)
+        change = np.vstack([dq, dv, last])
+        turned = -inverse @ (x.turning @ Z)
+        G = x.metric.G
+        R = np.vstack([
+            Zh.T @ G @ dv,
+            turned.T @ G @ K - Z.T @ (x.slopes[:n] @ change),
+            x.slopes[n + m :] @ change,
+        ])  # fmt: skip
+        return Linear(R, Zh, Z, np.asarray(x.metric.L.T), x.rates)
+
+    def values(
+        self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()
+    ) -> Slopes:
+        """Evaluate the equations and their derivatives at a state, as for `at`.
 
         Raises
         ------
@@ -196,32 +264,96 @@ class Linearisation:
         size = 2 * n + first
         cuts = np.cumsum([(n + m + first) * size, m * (n + first)])
         by_state, moved, turning = np.split(slopes, cuts)
-        r, _, of_first = np.split(by_state.reshape(-1, size), [n, n + m])
         B, C = np.split(moved.reshape(m, n + first), [n], axis=1)
-        turning = turning.reshape(m, n)
-        Z, inverse = metric.free, metric.inverse
         held = metric
-        if not self._holonomic.all():
-            held = Metric(M, A * self._holonomic[:, None])
-        Zh = held.free
-        # Derivatives of q and q' with respect to (a, w, z).
-        K = -inverse @ np.hstack([B @ Zh, np.zeros((m, Z.shape[1])), C])
-        dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
-        dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
-        last = np.eye(first, dv.shape[1], dv.shape[1] - first)
-        change = np.vstack([dq, dv, last])
-        turned = -inverse @ (turning @ Z)
-        G = metric.G
-        R = np.vstack([
-            Zh.T @ G @ dv, turned.T @ G @ K - Z.T @ (r @ change), of_first @ change
-        ])  # fmt: skip
-        return Linear(R, Zh, Z, np.asarray(metric.L.T), rates)
+        if not self.holonomic.all():
+            held = Metric(M, A * self.holonomic[:, None])
+        return Slopes(
+            values, M, A, metric, held, by_state.reshape(-1, size), B, C,
+            turning.reshape(m, n), acceleration, rates,
+        )  # fmt: skip
 
     def _evaluated(self, nodes: list[int], values: dict[str, float]) -> Floats:
         found = np.array(evaluate(self.g, nodes, values), dtype=float)
         if not np.all(np.isfinite(found)):
             raise ValueError
         return found
+
+
+class Spectrum(NamedTuple):
+    """Eigenvalues of a matrix other than 0, with bounds of their rounding errors.
+
+    Attributes
+    ----------
+    values : ndarray, shape (k,)
+        The eigenvalues, by increasing absolute value.
+    vectors : ndarray, shape (size, k)
+        The right eigenvectors.
+    errors : ndarray, shape (k,)
+        Bounds of the rounding errors of the eigenvalues.
+    zero : int
+        The count of eigenvalues that are 0.
+    """
+
+    values: Complexes
+    vectors: Complexes
+    errors: Floats
+    zero: int
+
+    @property
+    def growing(self) -> Flags:
+        """Whether each real part is positive beyond rounding, shape (k,)."""
+        flags: Flags = self.values.real > self.errors
+        return flags
+
+    @property
+    def decaying(self) -> Flags:
+        """Whether each real part is negative beyond rounding, shape (k,)."""
+        flags: Flags = self.values.real < -self.errors
+        return flags
+
+
+def spectrum(R: Floats) -> Spectrum:
+    """Return the eigenvalues of R, shape (size, size), with the zero ones counted.
+
+    A zero eigenvalue of a rigid motion is defective: computed with the others it would
+    be half of the digits off. Null spaces are therefore split off first, one after the
+    other, and the eigenvalues of the remaining block are computed.
+    """
+    from scipy.linalg import block_diag, matrix_balance
+
+    S, scale = matrix_balance(R, permute=False, separate=True)
+    scale = np.asarray(scale[0])
+    balanced, P, zero = S, np.eye(len(R)), 0
+    size = float(np.linalg.norm(S, 2)) if S.size else 0.0
+    while S.size:
+        _, singular, V = np.linalg.svd(S)
+        null = int(np.sum(singular <= SOLUTION_ROUNDOFF * size))
+        if not null:
+            break
+        V = np.roll(V, null, axis=0)
+        P = P @ block_diag(np.eye(zero), V.T)
+        S, zero = V[null:] @ S @ V[null:].T, zero + null
+    values, right = np.linalg.eig(S.astype(complex) if not S.size else S)
+    # The null block is nilpotent: (value - F) y = coupling z has one solution.
+    F = P.T @ balanced @ P
+    coupled = F[:zero, zero:] @ right
+    whole = np.zeros((len(R), len(values)), complex)
+    whole[zero:] = right
+    for k, value in enumerate(values if zero else ()):
+        shifted = value * np.eye(zero) - F[:zero, :zero]
+        whole[:zero, k] = np.linalg.solve(shifted, coupled[:, k])
+    # The condition of an eigenvalue is 1 / |cosine of its left and right vector|.
+    left = np.linalg.pinv(right)
+    conditions = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
+    rounding = RESIDUAL_ROUNDOFF * np.sqrt(len(R)) * size * conditions
+    order = np.argsort(np.abs(values), kind="stable")
+    return Spectrum(
+        values[order].astype(complex),
+        np.asarray(scale[:, None] * (P @ whole), complex)[:, order],
+        np.minimum(rounding, HALF_OF_DIGITS * size)[order],
+        zero,
+    )
 
 
 class Mode(NamedTuple):
@@ -233,15 +365,26 @@ class Mode(NamedTuple):
         The eigenvalue of the conjugate pair with imaginary part >= 0.
     shape : ndarray of complex, shape (n,)
         Amplitudes of the coordinates; the largest is 1.
+    states : ndarray of complex, shape (l,)
+        Amplitudes of the first-order states beside these.
+    stable : bool
+        Whether the real part is not positive beyond rounding.
     """
 
     eigenvalue: complex
-    shape: np.ndarray[tuple[int], np.dtype[np.complex128]]
+    shape: Complexes
+    states: Complexes
+    stable: bool
 
     @property
     def frequency(self) -> float:
         """Cycles per unit of time; 0 for a mode without oscillation."""
         return self.eigenvalue.imag / (2.0 * math.pi)
+
+    @property
+    def natural_frequency(self) -> float:
+        """|eigenvalue| / 2 pi: the frequency without damping."""
+        return abs(self.eigenvalue) / (2.0 * math.pi)
 
     @property
     def period(self) -> float | None:
@@ -254,20 +397,21 @@ class Mode(NamedTuple):
         return -self.eigenvalue.real / abs(self.eigenvalue)
 
 
-def modes(linear: Linear) -> tuple[Mode, ...]:
-    """Return the modes by increasing |eigenvalue|, without neutral directions."""
-    moving = eigenmodes(linear.R, lambda x: x > HALF_OF_DIGITS * np.max(x, initial=0.0))
-    found = []
-    k = linear.Zh.shape[1]
-    for value, vector in zip(moving.values, moving.right.T, strict=True):
+def modes(linear: Linear, found: Spectrum) -> tuple[Mode, ...]:
+    """Return the modes of a spectrum of `linear.R`, by increasing |eigenvalue|."""
+    made = []
+    k, first = linear.Zh.shape[1], len(linear.R) - len(linear.first_order)
+    pairs = zip(found.values, found.vectors.T, found.growing, strict=True)
+    for value, vector, growing in pairs:
         if value.imag < 0.0:
             continue
-        shape = linear.Zh @ vector[:k].astype(complex)
-        top = shape[np.argmax(np.abs(shape))] if len(shape) else 1.0
-        if top == 0.0:
-            continue  # a velocity alone
-        found.append(Mode(complex(value), shape / top))
-    return tuple(sorted(found, key=lambda mode: abs(mode.eigenvalue)))
+        shape, states = linear.Zh @ vector[:k], vector[first:]
+        moved = np.abs(shape) > COMPUTED_ZERO * np.linalg.norm(vector)
+        of = shape if moved.any() else states
+        top = of[np.argmax(np.abs(of))] if len(of) else 1.0
+        top = top if abs(top) > 0.0 else 1.0  # a velocity alone
+        made.append(Mode(complex(value), shape / top, states / top, not growing))
+    return tuple(made)
 
 
 # --- Newton's matrix of an implicit method, by its nonzero entries

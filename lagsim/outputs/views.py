@@ -277,7 +277,7 @@ class Views:
                     curve(axes, x, y, pen)
                 elif kind in LOOKS:
                     plain = {k: v for k, v in pen.items() if k != "dashes"}
-                    x, y = LOOKS[kind](ends[0], ends[1], _inch(axes)).T
+                    x, y = LOOKS[kind](ends[0], ends[1], inch_of(axes)).T
                     line(axes, x, y, plain)
                 else:
                     curve(axes, ends[:, 0], ends[:, 1], pen)
@@ -336,7 +336,7 @@ class Views:
                 if level and not body.moves:
                     continue
                 if body.height is not None:
-                    _plane(axes, view, body.height, self._extents)
+                    plane(axes, view, body.height, self._extents)
                 elif (shown := seen(body, row, view)) is not None:
                     found.append((shown, body, colour))
             for shown, body, colour in sorted(found, key=lambda one: one[0].depth):
@@ -349,7 +349,7 @@ class Views:
                     axes.add_artist(
                         Polygon(face, facecolor=(*mixed, strong), zorder=look["zorder"])
                     )
-                _edges(axes, shown.lines, shown.hidden, body, look)
+                edges(axes, shown.lines, shown.hidden, body, look)
 
 
 # --- Shapes and links, in inches on paper
@@ -377,14 +377,15 @@ def _bodies(record: Record, model: Model) -> list[Body]:
     return bodies(model, columns, len(rows))
 
 
-def _inch(axes: Axes) -> float:
+def inch_of(axes: Axes) -> float:
     """Return the length per inch of a panel's abscissa."""
     low, high = axes.get_xlim()
     return (high - low) / size_of(axes)[0]
 
 
-def _edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
-    inch, kind = _inch(axes), body.shape.kind
+def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
+    """Draw the visible and the hidden edges (n, 2) of a body, as `seen` has them."""
+    inch, kind = inch_of(axes), body.shape.kind
     if kind == "ground":
         lines = _hatched(lines, inch)
     elif kind == "arrow":
@@ -458,7 +459,7 @@ def _string(a: Array, b: Array, slack: Array) -> Array:
 LOOKS = {"spring": _spring, "damper": _damper}
 
 
-def _plane(
+def plane(
     axes: Axes, view: Array, z: float, extents: Sequence[tuple[float, float]]
 ) -> None:
     """Draw a level ground of space: a line in a side view, an area from above."""
@@ -466,7 +467,7 @@ def _plane(
     look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
     if (not view[0, 2] and not view[:, 1].any()) or not view[:, 0].any():
         low, high = axes.get_xlim()
-        x, y = _hatched(np.array(((low, z), (high, z))), _inch(axes)).T
+        x, y = _hatched(np.array(((low, z), (high, z))), inch_of(axes)).T
         line(axes, x, y, look)
     elif view[1, 2]:
         corners = [(left, front), (right, front), (right, back), (left, back)]

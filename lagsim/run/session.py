@@ -298,14 +298,14 @@ def open_case(
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
     clock.lap("import")
-    equations, examined = _begun(equations, settings)
+    equations, examined = begun(equations, settings)
     clock.lap("derive")
     if not examined.admissible:
         raise StartError(equations, examined)
     return Case(equations, examined, settings)
 
 
-def _begun(
+def begun(
     equations: Equations, settings: Settings, *, classify: bool = False
 ) -> tuple[Equations, StartReport]:
     """Return the equations with the modes set by events at the start, and its report.
@@ -357,7 +357,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations, examined = _begun(equations_of_motion(model), settings, classify=True)
+    equations, examined = begun(equations_of_motion(model), settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

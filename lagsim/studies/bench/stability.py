@@ -21,7 +21,7 @@ from lagsim.admissibility.rest import lowest
 from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.linearisation import Linearisation, Mode, modes
+from lagsim.mechanics.linearisation import Linear, Linearisation, Mode, modes, spectrum
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
@@ -702,7 +702,7 @@ def _equilibrium(subject: Subject) -> Document:
             reason = "the search from the start did not come to rest at one"
         if q is not None:
             reason = ""
-            about = modes(linearisation.at(start.t, q, np.zeros_like(q)))
+            about = _about(linearisation.at(start.t, q, np.zeros_like(q)))
             size = np.max(np.abs([q, q0]), initial=0.0)
             far = float(np.max(np.abs(q - q0), initial=0.0))
             near = far <= COMPUTED_ZERO * float(np.max(np.abs(q), initial=0.0))
@@ -710,13 +710,17 @@ def _equilibrium(subject: Subject) -> Document:
             plain = np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0).tolist()
             at = dict(zip(e.q, plain, strict=True))
         elif kind.linear and not subject.unknown:
-            about = modes(linearisation.at(start.t, start.q, start.v, start.s))
+            about = _about(linearisation.at(start.t, start.q, start.v, start.s))
     return {
         "equilibrium": at,
         "equilibrium_is_start": is_start,
         "equilibrium_reason": reason or None,
         "modes": [_mode(mode, e.q) for mode in about],
     }
+
+
+def _about(linear: Linear) -> tuple[Mode, ...]:
+    return modes(linear, spectrum(linear.R))
 
 
 def _mode(mode: Mode, names: Sequence[str]) -> Document:

@@ -1,0 +1,210 @@
+"""Small motions of a model in the Python interface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lagsim.api import in_python
+from lagsim.api.models import Model, model_of
+from lagsim.errors import counted
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.notebook import block, heading, page, picture, table
+from lagsim.outputs.results import open_results
+from lagsim.studies import modes as small_motions
+from lagsim.studies.modes import REST, START, Small
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.state_space import StateSpace
+
+
+class Analysis:
+    """Result of a study, whose document has its entries as attributes.
+
+    Attributes
+    ----------
+    record : dict
+        The document of the command with `--json`.
+    """
+
+    def __init__(self, record: Mapping[str, Any]) -> None:
+        self.record = dict(record)
+
+    def __getattr__(self, name: str) -> Any:
+        record: dict[str, Any] = self.__dict__.get("record", {})
+        if name not in record:
+            raise AttributeError(f"there is no entry `{name}`")
+        return record[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.record]
+
+    def _write(
+        self, folder: str | Path, manifest: str, contents: Mapping[str, bytes]
+    ) -> None:
+        with open_results(Path(folder), manifest) as results:
+            for name, content in contents.items():
+                results.write(name, content)
+            files = {"files": [*results.names, manifest]}
+            results.commit(encode(self.record | files))
+
+
+class Modes(Analysis):
+    """Modes of small motions. The keys of `lagsim modes --json` are attributes.
+
+    Attributes
+    ----------
+    about : dict
+        The state about which the motions are small: t, coordinates, rates and states.
+    modes : list of dict
+        `eigenvalue`, `frequency`, `natural_frequency`, `damping`, `stable`, `shape`.
+    zero : int
+        The number of eigenvalues that are 0, which are left out of `modes`.
+    response : dict of str to ndarray
+        The columns of response.csv; empty without a response.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> found = lagsim.modes('''
+    ... name: spring
+    ... coordinates: {x: {}}
+    ... energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+    ... initial: {x: 1}
+    ... ''')
+    >>> found.about["x"], found.zero, len(found.modes)
+    (0.0, 0, 1)
+    """
+
+    about: dict[str, float]
+    modes: list[dict[str, Any]]
+    zero: int
+
+    def __init__(self, small: Small, response: small_motions.Response | None) -> None:
+        super().__init__(small.document)
+        self._small, self._response = small, response
+        self.response: dict[str, Floats] = response.columns if response else {}
+
+    def matrices(
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> StateSpace:
+        """Return A, B, C, D with the names of states, inputs and outputs.
+
+        Parameters
+        ----------
+        inputs : sequence of str, optional
+            Entries of `forces`, parameters or constraints; by default all forces.
+        outputs : sequence of str, optional
+            Coordinates, rates, accelerations, definitions or multipliers; by default
+            all coordinates and rates.
+
+        Raises
+        ------
+        InputError
+            If there is no such input or output.
+        """
+        with in_python():
+            return self._small.matrices(inputs, outputs)
+
+    def write(self, folder: str | Path, *, plots: bool = True) -> None:
+        """Write the files of `lagsim modes`.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be used.
+        OSError
+            If the disk is full; the folder is then left unchanged.
+        """
+        from lagsim.outputs.animation import NAME
+        from lagsim.studies.modes_drawing import drawings
+
+        contents = small_motions.tables(self._small, self._response)
+        for name, draw in drawings(self._small, self._response, plots=plots).items():
+            if name != NAME:
+                contents[name] = draw()
+        self._write(folder, small_motions.MANIFEST, contents)
+
+    def __repr__(self) -> str:
+        head = f"{self.record['model']['name']}: {counted(len(self.modes), 'mode')}"
+        return block(head, self._summary())
+
+    def _summary(self) -> list[tuple[str, str]]:
+        return [
+            (str(k), f"{x['natural_frequency']:.6g} Hz, damping {x['damping']:.3g}")
+            for k, x in enumerate(self.modes[:12], 1)
+        ]
+
+    def _repr_html_(self) -> str:
+        from lagsim.studies.modes_drawing import picture as drawn
+
+        name = self.record["model"]["name"]
+        return page(
+            heading(f"{name}: {counted(len(self.modes), 'mode')}"),
+            table(self._summary()),
+            picture(drawn(self._small), f"the modes of {name}"),
+        )
+
+
+def modes(
+    model: Model | str | Path,
+    at: str = REST,
+    response: Sequence[str] = (),
+    frequencies: tuple[float, float] | None = None,
+) -> Modes:
+    """Return the modes of small motions about a rest or a steady motion.
+
+    Parameters
+    ----------
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
+    at : str
+        `rest`: the nearest position of rest; `start`: the start, which is at rest or
+        in steady motion.
+    response : sequence of str
+        Pairs `INPUT:OUTPUT` of a frequency response.
+    frequencies : (float, float), optional
+        The range of frequencies of the response, in Hz.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    InputError
+        If the model has faults, or a name cannot be used.
+    LagsimError
+        If no rest is found, or the start is not in steady motion.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> found = lagsim.modes('''
+    ... name: spring
+    ... coordinates: {x: {}}
+    ... energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+    ... forces: {x: 0}
+    ... initial: {x: 1}
+    ... ''')
+    >>> [round(mode["frequency"], 6) for mode in found.modes]
+    [0.31831]
+    >>> found.matrices().A
+    array([[ 0.,  1.],
+           [-4.,  0.]])
+    """
+    if at not in (REST, START):
+        raise ValueError(f"at={at!r:.60}: 'rest' or 'start' is expected")
+    pairs = [tuple(part.strip() for part in text.split(":")) for text in response]
+    for text, pair in zip(response, pairs, strict=True):
+        if len(pair) != 2:
+            raise ValueError(f"response={text!r:.60}: 'INPUT:OUTPUT' is expected")
+    with in_python():
+        small = Small(model_of(model), at)
+        asked = [(one, other) for one, other in pairs]
+        found = small.response(asked, frequencies)[1] if asked else None
+    return Modes(small, found)

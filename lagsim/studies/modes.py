@@ -1,0 +1,339 @@
+"""Small motions about a rest or a steady motion: modes, responses, matrices."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import did_you_mean, unusable
+from lagsim.language.derivatives import tangent
+from lagsim.language.names import member_hint, rate_of
+from lagsim.mechanics.linearisation import Mode, modes
+from lagsim.mechanics.pieces import whole
+from lagsim.mechanics.state_space import Input, StateSpace, state_space
+from lagsim.model.model import Level
+from lagsim.outputs.manifest import head
+from lagsim.outputs.table import table_of
+from lagsim.studies.rest import Search, Setting, setting_of, steady_start
+from lagsim.tolerances import HALF_OF_DIGITS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from lagsim.language.arrays import Complexes, Floats
+    from lagsim.model.model import Model
+    from lagsim.studies.rest import Steady
+
+    Document = dict[str, Any]
+
+REST, START = "rest", "start"
+MANIFEST = "modes.json"
+# Frequencies of a response: their count, and the range beside the modes.
+FREQUENCIES, BESIDE = 600, 10.0
+# Around each mode, in parts of its damping, and the least damping for that.
+AROUND, LEAST_DAMPING = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0), 1e-3
+# Relative change of a parameter by which others that follow it are differentiated.
+STEP = 1e-4
+
+
+class Response(NamedTuple):
+    """Frequency response of outputs to inputs.
+
+    Attributes
+    ----------
+    frequencies : ndarray, shape (k,)
+    pairs : dict of str to ndarray of complex, shape (k,)
+        `INPUT:OUTPUT` -> the output per unit of the input.
+    """
+
+    frequencies: Floats
+    pairs: dict[str, Complexes]
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The columns of response.csv."""
+        found = {"frequency": self.frequencies}
+        for name, values in self.pairs.items():
+            found[f"{name}.amplitude"] = np.abs(values)
+            found[f"{name}.phase"] = np.degrees(np.angle(values))
+        return found
+
+
+class Small:
+    """Small motions of a model about a steady state.
+
+    Attributes
+    ----------
+    setting : Setting
+    steady : Steady
+    modes : tuple of Mode
+        By increasing natural frequency.
+    """
+
+    def __init__(self, model: Model, at: str = REST) -> None:
+        self.setting: Setting = setting_of(model)
+        self.steady: Steady = (
+            steady_start(self.setting)
+            if at == START
+            else Search(self.setting).nearest()
+        )
+        self.modes: tuple[Mode, ...] = modes(self.steady.linear, self.steady.spectrum)
+
+    @property
+    def document(self) -> Document:
+        """The content of modes.json."""
+        steady = self.steady
+        found = head(self.setting.model) | {
+            "about": steady.record,
+            "modes": [self._record(mode) for mode in self.modes],
+            "zero": steady.spectrum.zero,
+        }
+        if cautions := self.setting.cautions:
+            found["warnings"] = [c.record for c in cautions]
+        return found
+
+    def _record(self, mode: Mode) -> Document:
+        e = self.steady.equations
+        found = {
+            "eigenvalue": _pair(mode.eigenvalue),
+            "frequency": mode.frequency,
+            "natural_frequency": mode.natural_frequency,
+            "damping": mode.damping_ratio + 0.0,
+            "stable": mode.stable,
+            "shape": dict(zip(e.q, map(_pair, mode.shape), strict=True)),
+        }
+        if e.states:
+            names = [x.name for x in e.states]
+            found["states"] = dict(zip(names, map(_pair, mode.states), strict=True))
+        return found
+
+    # Inputs, outputs, and the matrices between them
+
+    @cached_property
+    def inputs(self) -> dict[str, Input]:
+        """The inputs by name: entries of `forces`, parameters and constraints."""
+        steady, model = self.steady, self.setting.model
+        g, flow, found = model.graph, steady.equations.flow, dict[str, Input]()
+        for k, row in enumerate(steady.equations.rows):
+            found[whole(row.name)] = Input(whole(row.name), row=k)
+        for p in model.parameters:
+            if not p.mode:
+                found[p.name] = Input(p.name, parameters={p.name: 1.0})
+        for force in model.forces:
+            by_rates = force.level is not Level.POSITION
+            levers = flow.gradient(g, force.direction, by_rates=by_rates)
+            found[force.on] = Input(force.on, levers.entries)
+        return found
+
+    @cached_property
+    def outputs(self) -> dict[str, int]:
+        """The outputs by name: variables of the motion and definitions, as nodes."""
+        e, g, model = (
+            self.steady.equations,
+            self.setting.model.graph,
+            self.setting.model,
+        )
+        own = [*e.q, *e.velocities, *e.accelerations, *(x.name for x in e.states)]
+        found = {name: g.variable(name) for name in own}
+        found |= {rate_of(x.name): x.rate for x in e.states}
+        seed = dict(e.flow.forward)
+        for q, rate in zip(e.velocities, e.accelerations, strict=True):
+            seed[g.variable(q)] = g.variable(rate)
+        for d in model.definitions:
+            found[d.name] = node = d.node
+            for order in (1, 2) if d.level is Level.POSITION else ():
+                (node,) = tangent(g, [node], seed)
+                found[rate_of(d.name, order)] = node
+        lambdas = {f"lambda_{c.called}": g.zero for c in model.constraints}
+        return (
+            found
+            | lambdas
+            | {f"lambda_{r.name}": g.variable(f"lambda_{r.name}") for r in e.rows}
+        )
+
+    def input(self, name: str) -> Input:
+        """Return the input of a name; with a parameter those that follow it change.
+
+        Raises
+        ------
+        InputError
+            If there is no such input.
+        """
+        found: Input = _known(name, self.inputs, "input")
+        if not found.parameters:
+            return found
+        return found._replace(parameters=_followers(self.setting.model, name))
+
+    def matrices(
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> StateSpace:
+        """Return the state space from inputs to outputs.
+
+        By default from all forces to all coordinates and rates.
+
+        Raises
+        ------
+        InputError
+            If there is no such input or output.
+        """
+        model, e = self.setting.model, self.steady.equations
+        if inputs is None:
+            inputs = list(dict.fromkeys(force.on for force in model.forces))
+        if outputs is None:
+            outputs = [*e.q, *e.velocities]
+        chosen = {name: _known(name, self.outputs, "output") for name in outputs}
+        steady = self.steady
+        try:
+            return state_space(
+                steady.linearisation, steady.state, [*map(self.input, inputs)], chosen
+            )
+        except ValueError:
+            text = "a slope of an output or by an input is not finite there"
+            raise unusable("not-finite", text) from None
+
+    def response(
+        self,
+        pairs: Sequence[tuple[str, str]],
+        between: tuple[float, float] | None = None,
+    ) -> tuple[StateSpace, Response]:
+        """Return the matrices and the frequency response of pairs (input, output).
+
+        Parameters
+        ----------
+        between : (float, float), optional
+            The range of frequencies, by default from a tenth of the lowest to ten times
+            the highest mode.
+
+        Raises
+        ------
+        InputError
+            If there is no such input or output, or no range of frequencies.
+        """
+        inputs = list(dict.fromkeys(x for x, _ in pairs))
+        outputs = list(dict.fromkeys(y for _, y in pairs))
+        space = self.matrices(inputs, outputs)
+        own = [mode.natural_frequency for mode in self.modes]
+        if between is None and not own:
+            hint = "give one by --frequencies"
+            raise unusable("usage", "no mode gives a range of frequencies", hint=hint)
+        low, high = between or (min(own) / BESIDE, max(own) * BESIDE)
+        frequencies = self._frequencies(low, high)
+        found = space.response(frequencies)
+        columns = {
+            f"{x}:{y}": found[:, outputs.index(y), inputs.index(x)] for x, y in pairs
+        }
+        return space, Response(frequencies, columns)
+
+    def _frequencies(self, low: float, high: float) -> Floats:
+        """Return frequencies from low to high, denser around each mode."""
+        found = [np.geomspace(low, high, FREQUENCIES)]
+        for mode in self.modes:
+            width = max(abs(mode.damping_ratio), LEAST_DAMPING)
+            found.append(mode.frequency * (1.0 + width * np.array(AROUND)))
+        frequencies = np.unique(np.concatenate(found))
+        frequencies = frequencies[(frequencies >= low) & (frequencies <= high)]
+        poles = np.array([mode.eigenvalue for mode in self.modes])
+        apart = np.abs(2j * math.pi * frequencies[:, None] - poles)
+        # At an undamped mode the response is infinite.
+        return frequencies[np.all(apart > HALF_OF_DIGITS * np.abs(poles), axis=1)]
+
+    @property
+    def rows(self) -> Iterator[Mapping[str, Any]]:
+        """The rows of modes.csv."""
+        for number, mode in enumerate(self.modes, 1):
+            real, imaginary = _pair(mode.eigenvalue)
+            found: dict[str, Any] = {
+                "mode": number,
+                "natural_frequency": mode.natural_frequency,
+                "frequency": mode.frequency,
+                "damping": mode.damping_ratio + 0.0,
+                "re": real,
+                "im": imaginary,
+                "stable": mode.stable,
+            }
+            for name, value in zip(
+                self._shaped, [*mode.shape, *mode.states], strict=True
+            ):
+                found[f"{name}.re"], found[f"{name}.im"] = _pair(value)
+            yield found
+
+    @property
+    def _shaped(self) -> list[str]:
+        e = self.steady.equations
+        return [*e.q, *(x.name for x in e.states)]
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of modes.csv."""
+        own = [
+            "mode",
+            "natural_frequency",
+            "frequency",
+            "damping",
+            "re",
+            "im",
+            "stable",
+        ]
+        return own + [
+            f"{name}.{part}" for name in self._shaped for part in ("re", "im")
+        ]
+
+
+def tables(small: Small, response: Response | None = None) -> dict[str, bytes]:
+    """Return modes.csv and, with a response, response.csv."""
+    rows = ([row[name] for name in small.columns] for row in small.rows)
+    found = {"modes.csv": table_of(small.columns, rows)}
+    if response is not None:
+        columns = response.columns
+        cells = zip(*(x.tolist() for x in columns.values()), strict=True)
+        found["response.csv"] = table_of(tuple(columns), cells)
+    return found
+
+
+def _pair(value: complex) -> list[float]:
+    return [float(value.real) + 0.0, float(value.imag) + 0.0]
+
+
+def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
+    """Return the entry of a name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if name in among:
+        return among[name]
+    hint = member_hint(name, among) or did_you_mean(name, among)
+    hint = hint or f"one of {', '.join(list(among)[:20])}"
+    raise unusable("unknown-name", f"`{name}` is no {kind} of the model", hint=hint)
+
+
+def _followers(model: Model, name: str) -> dict[str, float]:
+    """Return the change of each parameter per unit of one that others follow."""
+    if not model.stated.depends_on([name]):
+        return {name: 1.0}
+    value = model.parameter_values[name]
+    step = STEP * (abs(value) or 1.0)
+    # Central differences of order 4.
+    sides = [
+        model.bind({name: value + k * step}).parameter_values for k in (-2, -1, 1, 2)
+    ]
+    found = {}
+    for p in model.parameters:
+        a, b, c, d = (side[p.name] for side in sides)
+        slope = (8.0 * (c - b) - (d - a)) / (12.0 * step)
+        if slope:
+            found[p.name] = slope
+    return found | {name: 1.0}
+
+
+def matrices_of(space: StateSpace) -> Document:
+    """Return the matrices with their names as a document."""
+    return {
+        key: value.tolist() if isinstance(value, np.ndarray) else list(value)
+        for key, value in space._asdict().items()
+    }

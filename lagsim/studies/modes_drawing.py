@@ -1,0 +1,178 @@
+"""Pictures of modes and of frequency responses."""
+
+from __future__ import annotations
+
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.outputs.animation import NAME, record
+from lagsim.outputs.animation import page as written
+from lagsim.outputs.figure import (
+    INK,
+    PENS,
+    SMALL,
+    Picture,
+    content,
+    in_house_style,
+    line,
+    mark,
+    stack_height,
+)
+from lagsim.outputs.letters import letters_of, mathtext
+from lagsim.outputs.scale import log_scale, name_axis, read_off
+from lagsim.outputs.stills import (
+    EXTREMES,
+    MIDDLE,
+    Still,
+    bars,
+    displaced,
+    film_at,
+    stills,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.axes import Axes
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.linearisation import Mode
+    from lagsim.studies.modes import Response, Small
+
+# Frames of a cycle on a page, cycles, the seconds that one takes there; most modes.
+FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
+# Phases of a mode that are drawn: at its two extremes.
+PHASES = np.array([0.0, np.pi])
+# Peaks that are labelled: the most, and their least height over the surroundings.
+MOST_PEAKS, LEAST_PEAK = 8, 1.2
+AMPLITUDE, PHASE = 2.4, 1.3
+
+
+def drawings(
+    small: Small, response: Response | None, form: str = "png", *, plots: bool = True
+) -> dict[str, Callable[[], bytes]]:
+    """Return the functions that draw the pictures and the page, by file name."""
+    found: dict[str, Callable[[], bytes]] = {}
+    if plots:
+        found[f"modes.{form}"] = partial(picture, small, form)
+    if plots and response is not None:
+        found[f"response.{form}"] = partial(bode, small, response, form)
+    return {**found, NAME: partial(page, small)}
+
+
+def titled(number: int, mode: Mode) -> str:
+    """Return the title of a mode: its number, frequency and damping."""
+    if mode.frequency > 0.0:
+        text = f"{number}:  {mode.frequency:.4g} Hz"
+        ratio = mode.damping_ratio
+        text += f",  ζ = {ratio:.3g}" if abs(ratio) > 1e-9 else ""
+    else:
+        text = f"{number}:  {mode.eigenvalue.real:.4g} 1/s"
+    return text + ("" if mode.stable else ",  grows")
+
+
+def picture(small: Small, form: str = "png") -> bytes:
+    """Return the picture of the shapes of all modes: modes.png."""
+    model, steady = small.setting.model, small.steady
+    e, values = steady.equations, steady.values
+    panels = []
+    for number, mode in enumerate(small.modes, 1):
+        shape = dict(zip(e.q, mode.shape.tolist(), strict=True))
+        moved = displaced(model, values, shape, PHASES)
+        with_rest = {
+            name: np.append(x, values[name]) if isinstance(x, np.ndarray) else x
+            for name, x in moved.items()
+        }
+        film = film_at(model, with_rest, len(PHASES) + 1)
+        panels.append(Still(titled(number, mode), film, (*EXTREMES, MIDDLE)))
+    subject = "modes" if panels else "no modes"
+    if panels and panels[0].film is None:
+        curves = [
+            (still.title, np.real(mode.shape))
+            for still, mode in zip(panels, small.modes, strict=True)
+        ]
+        names = letters_of(model)
+        listed = ", ".join(map(names.name, e.q[:6])) + (", …" if len(e.q) > 6 else "")
+        return content(bars(model.name, f"{subject}, by {listed}", curves), form)
+    legend = [("one extreme", EXTREMES[0]), ("the other", EXTREMES[1])]
+    found = stills(model.name, subject, panels, [*legend, ("at rest", MIDDLE)])
+    return content(found, form)
+
+
+def bode(small: Small, response: Response, form: str = "png") -> bytes:
+    """Return the picture of amplitudes and phases against frequency: response.png."""
+    return content(_bode(small.setting.model.name, response), form)
+
+
+@in_house_style
+def _bode(name: str, response: Response) -> Picture:
+    f, pairs = response.frequencies, response.pairs
+    pens = {key: PENS[k % len(PENS)] for k, key in enumerate(pairs)}
+    legend = [(key.replace(":", " → "), pen) for key, pen in pens.items()]
+    height = stack_height(1, AMPLITUDE) + stack_height(1, PHASE)
+    picture = Picture(height, name, "frequency response", legend=legend)
+    above, below = picture.subplots(2, height_ratios=[AMPLITUDE, PHASE], sharex=True)
+    amplitudes = {key: np.abs(x) for key, x in pairs.items()}
+    known = [a[a > 0.0] for a in amplitudes.values() if np.any(a > 0.0)]
+    above.set_xscale("log")
+    if known:
+        log_scale(*known, margin=0.15).put(above, "y")
+    for key, pen in pens.items():
+        line(above, f, amplitudes[key], pen)
+        degrees = np.degrees(np.angle(pairs[key]))
+        jumps = np.abs(np.diff(degrees, prepend=degrees[:1])) > 270.0
+        line(below, f, np.where(jumps, np.nan, degrees), pen)
+        _label_peaks(above, f, amplitudes[key])
+    below.set_ylim(-195.0, 195.0)
+    below.set_yticks([-180, -90, 0, 90, 180])
+    above.set_xlim(f[0], f[-1])
+    name_axis(above.yaxis, "amplitude", "")
+    name_axis(below.yaxis, "phase", "°")
+    name_axis(below.xaxis, "frequency", "Hz")
+    return picture
+
+
+def _label_peaks(axes: Axes, f: Floats, amplitude: Floats) -> None:
+    """Mark the largest peaks, and the deepest valleys, with their frequencies."""
+    logs = np.log(np.maximum(amplitude, 1e-300))
+    for values, below in ((logs, False), (-logs, True)):
+        inner = (values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])
+        tops = (np.flatnonzero(inner) + 1).tolist()
+        deep = [k for k in tops if _stands_out(values, k) > np.log(LEAST_PEAK)]
+        for k in sorted(deep, key=lambda k: -values[k])[:MOST_PEAKS]:
+            axes.plot(f[k], amplitude[k], **mark("o", 2.6, INK))
+            axes.annotate(
+                mathtext(f"{read_off(float(f[k]))} Hz"), (f[k], amplitude[k]),
+                (0.0, -9.0 if below else 4.0), textcoords="offset points", size=SMALL,
+                ha="center", va="center" if below else "bottom",
+            )  # fmt: skip
+
+
+def _stands_out(values: Floats, k: int) -> float:
+    """Return the height of a maximum over the higher of its two valleys."""
+    higher = np.flatnonzero(values > values[k])
+    left = higher[higher < k].max(initial=0)
+    right = higher[higher > k].min(initial=len(values) - 1)
+    return float(
+        values[k] - max(values[left : k + 1].min(), values[k : right + 1].min())
+    )
+
+
+def page(small: Small) -> bytes:
+    """Return the page that plays all modes, each at one cycle in two seconds."""
+    model, steady = small.setting.model, small.steady
+    t = np.linspace(0.0, CYCLES * SECONDS, CYCLES * FRAMES + 1)
+    films = []
+    for number, mode in enumerate(small.modes[:MOST_PLAYED], 1):
+        shape = dict(zip(steady.equations.q, mode.shape.tolist(), strict=True))
+        phases = 2.0 * np.pi * t / SECONDS
+        moved = displaced(model, steady.values, shape, phases)
+        film = film_at(model, moved, len(t), t, titled(number, mode))
+        if film is not None:
+            films.append(record(film))
+    return written(films, f"{model.name}: modes")

@@ -1,0 +1,582 @@
+"""Positions of rest of a model, their stability, and branches of them over a parameter.
+
+Constraints that move stand still at the time of the start; energies and forces have
+their values at this time. Rests are searched from the start of the file and from other
+starts, the same ones every time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import AtRest, Way, find_rest
+from lagsim.admissibility.verdict import (
+    Verdict,
+    acting,
+    at_rest,
+    judge_laws,
+    judge_rest,
+    out_of_force,
+    with_timed,
+)
+from lagsim.errors import LagsimError
+from lagsim.language.evaluate import addends, evaluate
+from lagsim.language.names import rate_of
+from lagsim.mechanics.equations import Equations, Instant
+from lagsim.mechanics.linearisation import Linear, Linearisation, Spectrum, spectrum
+from lagsim.mechanics.pieces import whole
+from lagsim.mechanics.reduction import equations_of_motion
+from lagsim.notes import Caution
+from lagsim.run.session import StartError, begun
+from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS, SAME_RESULT, SATISFIED
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from lagsim.admissibility.examination import StartReport
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.model.model import Model
+    from lagsim.run.interrupt import Interrupt
+
+    Progress = Callable[[float], None] | None
+
+# Number of other starts, and the seed of their positions.
+STARTS, SEED = 20, 7
+# Where a coordinate is tested for a period, beside the start, in radians.
+BESIDE = (0.37, 1.13)
+TURN = 2.0 * math.pi
+# Displacements along a motion at which the equations must be those of its start.
+ALONG = (0.73, 1.9)
+
+
+class NoRestError(LagsimError):
+    """Error raised where no rest, or no steady motion, is found (exit code 1)."""
+
+    exit_code = 1
+    code = "no-rest"
+
+
+class Setting(NamedTuple):
+    """Model at its start, with constraints that stand still.
+
+    Attributes
+    ----------
+    model : Model
+    equations : Equations
+        With the equalities in force at the start among the rows.
+    report : StartReport
+        The examination of the start.
+    off : frozenset of str
+        Constraints that are out of force.
+    """
+
+    model: Model
+    equations: Equations
+    report: StartReport
+    off: frozenset[str]
+
+    @property
+    def start(self) -> Instant:
+        """The nearest admissible state to the start, or the start as stated."""
+        at = self.report.state
+        return Instant(at.t, at.q, at.v, at.s)
+
+    @property
+    def point(self) -> Point:
+        """The positions of the start, without velocities."""
+        at = self.start
+        still = Instant(at.t, at.q, np.zeros_like(at.v), at.s)
+        return Point(self.equations, still)
+
+    @property
+    def cautions(self) -> list[Caution]:
+        """A warning where the equations depend on time."""
+        e, g = self.equations, self.equations.graph
+        nodes = [c.relation.node for c in self.model.constraints]
+        if "t" not in g.depends([*nodes, self.model.lagrangian, *e.of_accelerations]):
+            return []
+        text = f"the equations depend on t: they are those of t = {self.start.t:g}"
+        return [Caution("frozen-time", text)]
+
+
+def setting_of(model: Model) -> Setting:
+    """Derive the equations of a model with standing constraints; examine its start.
+
+    Raises
+    ------
+    InputError
+        If energies or forces are not finite at the start.
+    """
+    settings = model.settings()
+    still = _standing(model, settings.start)
+    equations, report = begun(equations_of_motion(still), settings)
+    off = out_of_force(equations, settings.start)
+    return Setting(model, with_timed(equations, off), report, off)
+
+
+def _standing(model: Model, time: float) -> Model:
+    """Return the model with the relations of its constraints at one time."""
+    g = model.graph
+    nodes = [c.relation.node for c in model.constraints]
+    if "t" not in g.depends(nodes):
+        return model
+    new = g.substitute(nodes, {g.variable("t"): g.constant(time)})
+    constraints = tuple(
+        c._replace(relation=c.relation._replace(node=node))
+        for c, node in zip(model.constraints, new, strict=True)
+    )
+    return replace(model, constraints=constraints)
+
+
+# --- Steady states with their linearised motion
+
+
+class Steady(NamedTuple):
+    """State at rest or in steady motion, with the linearised motion about it.
+
+    Attributes
+    ----------
+    equations : Equations
+        With the rows that hold there as equality rows, and without laws.
+    state : Instant
+    linearisation : Linearisation
+    linear : Linear
+    spectrum : Spectrum
+    values : dict of str to float
+        The values of all variables, with accelerations and multipliers.
+    free : tuple of str
+        Coordinates that no force depends on, and which the constraints do not fix.
+    sticks : bool
+        Whether friction, or a limit, holds.
+    """
+
+    equations: Equations
+    state: Instant
+    linearisation: Linearisation
+    linear: Linear
+    spectrum: Spectrum
+    values: dict[str, float]
+    free: tuple[str, ...] = ()
+    sticks: bool = False
+
+    @property
+    def record(self) -> dict[str, float]:
+        """The state, flat: t, coordinates, rates and first-order states."""
+        e, at = self.equations, self.state
+        numbers = [at.t, *at.q.tolist(), *at.v.tolist(), *at.s.tolist()]
+        return dict(zip(("t", *e.state), (x + 0.0 for x in numbers), strict=True))
+
+
+def _steady(
+    setting: Setting,
+    state: Instant,
+    held: Sequence[Row],
+    free: Sequence[str] = (),
+    *,
+    sticks: bool = False,
+) -> Steady:
+    e = setting.equations
+    e = replace(e, rows=(*e.rows, *held), laws=())
+    linearisation = Linearisation(e)
+    linear = linearisation.at(state.t, state.q, state.v, state.s)
+    x = linearisation.values(state.t, state.q, state.v, state.s).values
+    return Steady(
+        e, state, linearisation, linear, spectrum(linear.R), x,
+        tuple(free), sticks,
+    )  # fmt: skip
+
+
+def steady_rest(setting: Setting, found: AtRest) -> Steady:
+    """Return a rest with the motion linearised about it."""
+    laws, state = setting.equations.laws, found.point.state
+    names = {row.name for row in found.held}
+    sliders = [x.row for x in laws if x.slider and x.row.name not in names]
+    bounded = {x.row.name for x in laws if x.kind.bounded}
+    q = set(setting.equations.q)
+    free = [name for name in found.undetermined if name in q]
+    sticks = bool(bounded & (names | {row.name for row in sliders}))
+    return _steady(setting, state, [*found.held, *sliders], free, sticks=sticks)
+
+
+def steady_start(setting: Setting) -> Steady:
+    """Return the start, which is at rest or in steady motion, linearised.
+
+    Raises
+    ------
+    StartError
+        If the start is not admissible.
+    NoRestError
+        If the start has accelerations, or its rates change the equations.
+    """
+    e, state = setting.equations, setting.start
+    if not setting.report.admissible:
+        raise StartError(e, setting.report)
+    point = Point(e, state)
+    verdicts = judge_laws(point, setting.off)
+    own = acting(point, verdicts)
+    modes = {k: e.laws[k] for k in own.modes}
+    sliding = [x for k, x in modes.items() if x.kind.bounded and k not in own.holding]
+    if sliding or own.struck:
+        names = ", ".join(dict.fromkeys(f"`{x.name}`" for x in sliding))
+        why = f"{names} slides there" if sliding else "an impact begins there"
+        text = (
+            f"the start is no steady motion: {why}, and small motions about it would "
+        )
+        raise NoRestError(text + "not be linear")
+    held = [e.laws[k].row for k in sorted(own.holding)]
+    found = _steady(setting, state, held)
+    x = found.linearisation.values(state.t, state.q, state.v, state.s)
+    still = Point(found.equations, state)
+    still = still.at(errors=still.solved_errors())
+    moving = judge_rest(still, (), velocities=False) + _judged_states(still)
+    moving = [v for v in moving if not v.satisfied]
+    if moving:
+        listed = ", ".join(f"{v.name} = {v.position.value:.6g}" for v in moving)
+        text = f"the start is neither at rest nor in steady motion: {listed}"
+        raise NoRestError(text)
+    fastest = float(np.max(np.abs(state.v), initial=0.0))
+    for part in ALONG if fastest else ():
+        q = state.q + part / fastest * state.v
+        try:
+            y = found.linearisation.values(state.t, q, state.v, state.s)
+        except ValueError:
+            y = None
+        if y is None or not all(_same(a, b) for a, b in _compared(x, y)):
+            rates = zip(e.velocities, state.v.tolist(), strict=True)
+            listed = ", ".join(f"{name} = {v:.6g}" for name, v in rates if v)
+            raise NoRestError(
+                "the start is in no steady motion: the equations change along it, "
+                f"with {listed}"
+            )
+    return found
+
+
+def _judged_states(point: Point) -> list[Verdict]:
+    """Return verdicts on the rates of first-order states, which are to be zero."""
+    found = []
+    for state in point.e.states:
+        value, *terms = point.array([state.rate, *addends(point.g, state.rate)])
+        bound = SATISFIED * float(np.sum(np.abs(terms)))
+        found.append(at_rest(rate_of(state.name), float(value), bound))
+    return found
+
+
+def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
+    """Generate the pairs of matrices of the linearised equations at two states."""
+    yield x.M, y.M
+    yield x.A, y.A
+    yield x.slopes, y.slopes
+    yield x.acceleration, y.acceleration
+
+
+def _same(a: Floats, b: Floats) -> bool:
+    size = float(np.max(np.abs(a), initial=0.0))
+    return bool(np.max(np.abs(a - b), initial=0.0) <= COMPUTED_ZERO * size)
+
+
+# --- Positions of rest
+
+
+class Equilibrium(NamedTuple):
+    """Position of rest.
+
+    Attributes
+    ----------
+    steady : Steady
+    distance : float
+        The largest change of a coordinate from the start, relative to max(1, |start|);
+        of an angle in radians.
+    from_start : bool
+        Whether the search from the start of the file leads there.
+    stable : bool or None
+    reason : str
+        What decides on the stability, or why it is not decided.
+    """
+
+    steady: Steady
+    distance: float
+    from_start: bool
+    stable: bool | None
+    reason: str
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The entry of `equilibria` in the document."""
+        x = self.steady
+        e, g, values = x.equations, x.equations.graph, x.values
+        model, spectrum = e.model, x.spectrum
+        nodes = [*(d.node for d in model.definitions), e.energy]
+        known = dict.fromkeys(g.depends(nodes), 0.0) | values
+        *defined, energy = evaluate(g, nodes, known)
+        names = [c.called for c in model.constraints]
+        forces = dict.fromkeys(names, 0.0)
+        more: dict[str, float] = {}
+        for row in e.rows:
+            own, value = whole(row.name), values[f"lambda_{row.name}"]
+            into = more if own.startswith("friction.") else forces
+            into[own] = into.get(own, 0.0) + value + 0.0
+        eigenvalues = [*spectrum.values, *[0j] * spectrum.zero]
+        found: dict[str, Any] = {
+            "coordinates": _named(e.q, x.state.q),
+            "states": _named([s.name for s in e.states], x.state.s),
+            "definitions": {
+                d.name: value + 0.0
+                for d, value in zip(model.definitions, defined, strict=True)
+            },
+            "lambda": forces,
+            "friction": more,
+            "energy": energy,
+            "stable": self.stable,
+            "reason": self.reason,
+            "eigenvalues": [[v.real + 0.0, v.imag + 0.0] for v in eigenvalues],
+            "distance": self.distance,
+            "from_start": self.from_start,
+            "free": list(x.free),
+            "continuum": x.sticks,
+        }
+        for key in ("states", "friction"):
+            if not found[key]:
+                del found[key]
+        return found
+
+
+def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
+    return dict(zip(names, (values + 0.0).tolist(), strict=True))
+
+
+def turning(point: Point) -> Flags:
+    """Return whether each coordinate is an angle of period 2 pi, shape (n,).
+
+    The equations are those of a whole turn later, at the start and beside it.
+    """
+    e = point.e
+    nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row)]
+    found = np.zeros(point.n, bool)
+    here = [point.q + np.array(x * (1 + np.arange(point.n)) % 1.0) for x in BESIDE]
+    before = [point.at(q).array(nodes) for q in here]
+    for j in range(point.n):
+        turn = TURN * np.eye(point.n)[j]
+        found[j] = all(
+            _same(np.nan_to_num(x), np.nan_to_num(point.at(q + turn).array(nodes)))
+            for q, x in zip(here, before, strict=True)
+        )
+    return found
+
+
+class Search:
+    """Search for the positions of rest of a model.
+
+    Attributes
+    ----------
+    setting : Setting
+    angles : ndarray of bool, shape (n,)
+        The coordinates that are angles.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting, self._point = setting, setting.point
+        n, states = self._point.n, len(setting.equations.states)
+        self._free = range(n), range(states)
+
+    @cached_property
+    def angles(self) -> Flags:
+        """Whether each coordinate is an angle, shape (n,)."""
+        return turning(self._point)
+
+    def nearby(self, *ways: Way) -> AtRest | None:
+        """Return the rest that a search from the start of the file leads to."""
+        return self._found(self._point, ways or (Way.NEAR, Way.FAR))
+
+    def _found(self, point: Point, ways: Sequence[Way]) -> AtRest | None:
+        try:
+            with np.errstate(all="ignore"):
+                return find_rest(point, (), self._free, self.setting.off, ways)
+        except np.linalg.LinAlgError:
+            return None
+
+    def others(self, count: int) -> Iterator[AtRest | None]:
+        """Generate the rests that are found from `count` other starts."""
+        q0, random = self._point.q, np.random.default_rng(SEED)
+        sizes = np.where(self.angles, math.pi, self._extent())
+        for _ in range(count):
+            drawn = random.uniform(-1.0, 1.0, len(q0))
+            start = self._point.at(q0 + sizes * drawn)
+            yield self._found(start, (Way.ROOT,)) or self._found(start, (Way.DOWN,))
+
+    def _extent(self) -> float:
+        """Return the extent of the scene and of the start, 1 where both are points."""
+        point, model = self._point, self.setting.model
+        nodes = [x for parts in model.scene.points.values() for x in parts]
+        g = point.g
+        known = dict.fromkeys(g.depends(nodes), 0.0) | point.values
+        places = [*evaluate(g, nodes, known), *point.q[~self.angles].tolist()]
+        places = [x for x in places if math.isfinite(x)]
+        return float(np.ptp(places)) if places and np.ptp(places) > 0.0 else 1.0
+
+    def distance(self, q: Floats) -> float:
+        """Return the largest change of a coordinate from the start."""
+        q0 = self._point.q
+        sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
+        return float(np.max(np.abs(self.unwound(q) - q0) / sizes, initial=0.0))
+
+    def unwound(self, q: Floats) -> Floats:
+        """Return positions with each angle within half a turn of the start."""
+        turns = np.rint((q - self._point.q) / TURN) * self.angles
+        return np.asarray(q - TURN * turns)
+
+    def equilibrium(self, found: AtRest, *, from_start: bool) -> Equilibrium | None:
+        """Return a rest with its stability; None where its slopes are not finite."""
+        at = found.point.state
+        moved = found.point.at(self.unwound(at.q))
+        try:
+            steady = steady_rest(self.setting, found._replace(point=moved))
+            verdict = stability(steady)
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        far = self.distance(moved.q)
+        return Equilibrium(steady, far, from_start, *verdict)
+
+    def nearest(self, starts: int = STARTS) -> Steady:
+        """Return the nearest rest, linearised.
+
+        Newton's method from the start finds it where it contracts; else it is the
+        nearest of those that are found from all starts.
+
+        Raises
+        ------
+        NoRestError
+            If no rest is found.
+        """
+        found = self.nearby(Way.CONTRACTED)
+        if found is not None:
+            return steady_rest(self.setting, found)
+        return self.all(starts)[0].steady
+
+    def all(
+        self,
+        starts: int = STARTS,
+        interrupt: Interrupt | None = None,
+        progress: Progress = None,
+    ) -> list[Equilibrium]:
+        """Return the rests that are found, the nearest to the start first.
+
+        Raises
+        ------
+        NoRestError
+            If no rest is found.
+        """
+        kept: list[Equilibrium] = []
+        for k, found in enumerate(self._each(starts)):
+            if found is not None:
+                other = self.equilibrium(found, from_start=k == 0)
+                if other is not None:
+                    self._add(kept, other)
+            if progress is not None:
+                progress((k + 1) / (starts + 1))
+            if interrupt is not None and interrupt.asked:
+                break
+        if not kept:
+            raise NoRestError(self._remaining(starts))
+        return sorted(kept, key=lambda x: x.distance)
+
+    def _each(self, starts: int) -> Iterator[AtRest | None]:
+        yield self.nearby()
+        yield from self.others(starts)
+
+    def _remaining(self, starts: int) -> str:
+        """Return the text of what was tried, with the accelerations at the start."""
+        verdicts = judge_rest(self._point, judge_laws(self._point, self.setting.off))
+        left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
+        text = "no position of rest was found, from the start"
+        text += f" and from {starts} others" if starts else ""
+        return f"{text}: {', '.join(left[:8])} remain at the start"
+
+    def _add(self, kept: list[Equilibrium], other: Equilibrium) -> None:
+        """Add a rest unless it is, or is of one family with, one of `kept`."""
+        for k, one in enumerate(kept):
+            if self._is_same(one.steady, other.steady):
+                if other.distance < one.distance and not one.from_start:
+                    kept[k] = other
+                return
+        kept.append(other)
+
+    def _is_same(self, one: Steady, other: Steady) -> bool:
+        """Whether two rests are one, or members of one continuous family of rests."""
+        a, b = one.state, other.state
+        apart = np.abs(np.concatenate([a.q - b.q, a.s - b.s]))
+        sizes = np.maximum(np.abs(np.concatenate([a.q, a.s])), 1.0)
+        if np.all(apart <= HALF_OF_DIGITS * sizes):
+            return True
+        held = ({x.name for x in steady.equations.rows} for steady in (one, other))
+        if next(held) != next(held):
+            return False
+        if one.sticks or other.sticks:
+            return one.sticks == other.sticks
+        values = one.spectrum, other.spectrum
+        if not values[0].zero or values[0].zero != values[1].zero:
+            return False
+        size = max(float(np.max(np.abs(x.values), initial=0.0)) for x in values)
+        apart = np.abs(values[0].values) - np.abs(values[1].values)
+        return bool(np.all(np.abs(apart) <= HALF_OF_DIGITS * size))
+
+
+# --- Stability
+
+
+def stability(x: Steady) -> tuple[bool | None, str]:
+    """Return whether a rest is stable, None where that is not decided, and why.
+
+    Where eigenvalues lie on the imaginary axis, the second variation of the energy on
+    the constraints decides, if no force does work against it.
+    """
+    found, linear, e = x.spectrum, x.linear, x.equations
+    if found.growing.any():
+        return False, "eigenvalues"
+    k, d = linear.Zh.shape[1], linear.Z.shape[1]
+    neutral = found.zero <= k - d + 2 * len(x.free)
+    if found.decaying.all() and neutral and len(found.values):
+        return True, "eigenvalues"
+    if len(linear.first_order):
+        return None, "not decided: eigenvalues on the imaginary axis"
+    if _is_rough(e):
+        return None, "not decided: forces are not linear in the velocities"
+    # w' = -K a - D w in directions that are orthonormal in the metric of M.
+    K, D = -linear.R[k:, :k], -linear.R[k:, k:]
+    K = K @ (linear.Zh.T @ linear.lengths.T @ linear.lengths @ linear.Z)
+    size = float(np.max(np.abs(K), initial=0.0))
+    if np.any(np.abs(K - K.T) > SAME_RESULT * size):
+        return None, "not decided: undamped, and forces without an energy act"
+    losses = np.linalg.eigvalsh(D + D.T)
+    if np.min(losses, initial=0.0) < -COMPUTED_ZERO * np.max(np.abs(D), initial=0.0):
+        return None, "not decided: forces may feed the undamped motion"
+    curvatures = np.linalg.eigvalsh(K + K.T)
+    small = COMPUTED_ZERO * np.max(np.abs(curvatures), initial=0.0)
+    if np.any(curvatures < -small):
+        return None, "not decided: gyroscopic forces alone hold it"
+    if np.sum(curvatures <= small) > len(x.free):
+        return None, "not decided: the energy is level to second order"
+    return True, "energy minimum"
+
+
+def _is_rough(e: Equations) -> bool:
+    """Whether a force is not of first degree in the velocities."""
+    velocities = e.flow.velocities
+    degrees = [e.graph.degree(x.node, velocities) for x in e.model.forces]
+    return any(x is None or x.most > 1 for x in degrees)
+
+
+def document_of(found: Sequence[Equilibrium]) -> dict[str, Any]:
+    """Return the equilibria as entries of a document."""
+    free = dict.fromkeys(name for x in found for name in x.steady.free)
+    return {
+        "equilibria": [x.record for x in found],
+        "free": list(free),
+        "continuum": any(x.steady.sticks for x in found),
+    }
