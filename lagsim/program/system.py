@@ -18,7 +18,7 @@ from lagsim.language import tables
 from lagsim.language.sparse import joined
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.methods import method, moreau
-from lagsim.methods.parts import crossings, driver
+from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop, Manner
@@ -68,8 +68,22 @@ _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
 )
-_MEET = (None, (_POINTER, _POINTER))
-_FINISH = (None, (_POINTER, _POINTER, ctypes.c_double))
+_SEEN = (ctypes.c_double, ctypes.c_double)
+# Kernels that a run calls at an instant: of sections, and of conditions.
+_SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
+    crossings.meet_instant: (None, (_POINTER, _POINTER)),
+    crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
+}
+_CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
+    truth.look: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
+    truth.located_within: (ctypes.c_double, (_POINTER, _POINTER, *_SEEN)),
+    truth.see: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
+    truth.meet: (ctypes.c_int64, (_POINTER, _POINTER)),
+    truth.hold: (None, (_POINTER, _POINTER)),
+    truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),
+    truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
+    truth.turn: (None, (_POINTER, _POINTER)),
+}
 _TABULATE = (
     None,
     (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
@@ -501,16 +515,20 @@ class Runner:
         Pace of the runs so far.
     block : ndarray, shape (rows, 1 + size)
         Times and states of the rows written by the last call of `advance`.
+    at_instants : dict of str to callable
+        Kernels of sections and conditions, which a run calls at its instants.
     """
 
     def __init__(self, system: System, name: str) -> None:
         statics = _statics(system, name)
-        ends: list[Callable[..., Any]] = []
-        if statics["SECTIONS"]:
-            ends = [crossings.meet_instant, crossings.finish]
-        around = kernel_part([driver.advance, driver.tabulate, *ends], statics)
+        at_instants = _SECTIONS if statics["SECTIONS"] else {}
+        around = kernel_part([driver.advance, driver.tabulate, *at_instants], statics)
         method_part = kernel_part(*of_method(system, name))
         self.program = [*system.program, method_part, around]
+        if statics["UNTIL"]:
+            known = {"RATED": system.moreau is None}
+            self.program.append(kernel_part(list(_CONDITIONS), known))
+            at_instants = at_instants | _CONDITIONS
         self.system = system
         parts = [*self.program, *runtime(target())]
         self.engine = Engine([part.object for part in parts])
@@ -522,9 +540,10 @@ class Runner:
         if system.watched > 0:
             self._project = self.engine.function("project_sliding", *_PROJECTION)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
-        if ends:
-            self._meet = self.engine.function("meet_instant", *_MEET)
-            self._finish = self.engine.function("finish", *_FINISH)
+        self.at_instants = {
+            kernel.__name__: self.engine.function(kernel.__name__, *kind)
+            for kernel, kind in at_instants.items()
+        }
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
         self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
@@ -627,11 +646,12 @@ class Runner:
 
     def meet_instant(self, state: State) -> None:
         """Evaluate sections at the time reached, before an event changes the state."""
-        self._meet(state.address, self.system.p.address)
+        self.at_instants["meet_instant"](state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the last states of sections of a run; see `crossings.finish`."""
-        self._finish(state.address, self.system.p.address, float(whole))
+        finish = self.at_instants["finish"]
+        finish(state.address, self.system.p.address, float(whole))
 
     def shown(self, count: int) -> Floats:
         """Return the columns (count, columns) of the first rows of the block."""

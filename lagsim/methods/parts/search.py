@@ -77,6 +77,19 @@ class Events(Table):
     equation: Floats = array("conditions")  # 1 of an equation
     leeway: Floats = array("conditions")
     zero: Floats = array("conditions")  # sizes up to which a value is 0
+    # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
+    # sizes of their terms, then their slopes by the motion and t.
+    worth: Floats = array("conditions")
+    trend: Floats = array("conditions")
+    condition_slopes: Floats = array(lambda s: s.conditions * (2 + s.dynamic.stop))
+    met_first: float  # the index of the condition located there, or -1
+    calm: float  # 1 if no condition changes unless the state or the modes jump
+    # 1 where a condition has become true; where it is true and its value stays at 0;
+    # and where its value was off 0 before a change.
+    marked: Floats = array("conditions")
+    stays: Floats = array("conditions")
+    any_stays: float  # 1 if any value stays at 0
+    was_clear: Floats = array("conditions")
 
     # Of each section: the last sign of its relation, 0 before the motion has left the
     # section; and the largest value of the relation on it, see `crossings.band`.

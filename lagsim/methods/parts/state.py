@@ -143,7 +143,9 @@ observe = of_model("observe")
 # The pivots of M that vary with positions, s.inertias of them.
 inertias = of_model("inertias")
 # The residuals or gaps of conditions: of those of events, then of `until`.
+# The sizes of their terms (C,), then their slopes by the motion and t (C, d + 1).
 located = of_model("located")
+located_slopes = of_model("located_slopes")
 # The relations (K,) of sections, left minus right side; the sizes of their terms (K,),
 # then their slopes (K, size).
 sections = of_model("sections")

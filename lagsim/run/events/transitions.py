@@ -119,8 +119,8 @@ class Transitions(Source):
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
             return Due(periodic)
-        found = int(arc.state.event) - 1
-        self._truth = Truth(arc, found, set_by_modes=self.set_by_modes)
+        self._truth = Truth(arc, set_by_modes=self.set_by_modes)
+        self._truth.see(int(arc.state.event) - 1)
         return Due(periodic, frozenset(self._truth.met()))
 
     def due_after(self, arc: Arc, *, struck: bool) -> Due:
@@ -133,10 +133,13 @@ class Transitions(Source):
             self.rounds.clear()
         if not len(arc.state.orientation):
             return NOTHING
-        truth = self._truth or Truth(arc, set_by_modes=self.set_by_modes)
+        truth = self._truth
+        if truth is None:
+            truth = Truth(arc, set_by_modes=self.set_by_modes)
+            truth.see()
         found = truth.settled(struck=struck)
         self._truth = truth if found else None
-        return Due(conditions=frozenset(found))
+        return Due(conditions=frozenset(found)) if found else NOTHING
 
     def act(self, arc: Arc, due: Due) -> Decision:
         """Execute the events that are due, and events that become due by their acts.
@@ -158,7 +161,7 @@ class Transitions(Source):
             own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
             if self._truth is not None:
                 once = [c for k, c in own.items() if events[k].once]
-                self._truth.hold(due.conditions, for_ever=once)
+                self._truth.hold(for_ever=once)
             self.rounds.append(([events[k].name for k in sorted(own)], arc.modes))
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))

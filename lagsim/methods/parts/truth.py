@@ -1,0 +1,325 @@
+"""Truth of located conditions at an instant, decided from their values and rates.
+
+`search` locates where a condition becomes true within a step; the arrays `orientation`
+and `leeway` store on which side of 0 the value of each condition is. At an instant the
+state, its rates and the modes of the file may jump, and rounding leaves values of
+either sign where the exact value is 0. Therefore the truth of each condition is decided
+and stored here, first from the state just before the instant (`see`, `meet`) and then
+from the state just after all acts, impacts and changes of modes (`change`, `settle`).
+A value within its rounding of 0 counts as on the side that its rate leads to, until the
+value has left the rounding.
+
+Just before an instant a condition is false where its value is below 0, or is 0 and
+falls. It is satisfied by the motion where its value has reached 0, or would reach 0
+within the instant. After the instant a condition becomes true that was false and whose
+value is now above 0, has jumped to 0, or is 0 and rises. An equation is satisfied where
+its value reaches 0 or jumps past 0; its value is on one of two sides, and a value of 0
+is on the side to which its rate leads.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.search import Events
+from lagsim.methods.parts.state import derivative, located, located_slopes
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
+
+# Whether y' is known at an instant; methods with impulses at each step have
+# accelerations after a step only.
+RATED = True
+
+# Largest value at a located zero, relative to the terms of the condition, that counts
+# as the error to which the state is known (constraints are satisfied to such an error).
+# A larger value is a jump of the condition.
+LOCATED = 1e-7
+# A condition does not change at an instant if its value is farther from 0 than this
+# multiple of its last zero tolerance, and than NEAR times its leeway.
+FAR = 1024.0
+NEAR = 4.0
+
+
+def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
+    """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
+
+    Parameters
+    ----------
+    found : int
+        Index of the condition located there, or -1; its value there bounds the error
+        of the state.
+    width : float
+        Largest difference of times at one instant.
+    tolerance : float
+        Relative tolerance of the run.
+    """
+    slopes, rates = s.condition_slopes, s.exact_rates
+    located(s.t, s.y, p, s.worth)
+    located_slopes(s.t, s.y, p, slopes)
+    set_rates(s, p)
+    part = SUM_ROUNDOFF
+    if found >= 0:
+        terms = terms_of(s, found)
+        value = abs(s.worth[found])
+        if value <= LOCATED * terms:
+            part = max(part, 2.0 * value / terms if terms > 0.0 else 2.0 * value)
+    least = max(RESIDUAL_ROUNDOFF, tolerance)
+    width_of = s.dynamic.stop + 1
+    for k in range(s.conditions):
+        row = slopes[s.conditions + k * width_of :]
+        change = row[s.dynamic.stop]
+        moved = abs(row[s.dynamic.stop])
+        known = True
+        for i in range(s.dynamic.stop):
+            change += row[i] * rates[i]
+            moved += abs(row[i]) * speed_of(s, i)
+            known = known and (RATED or i < s.n or row[i] == 0.0)
+        if not known or not abs(change) > least * moved:
+            change = 0.0
+        s.trend[k] = change
+        s.zero[k] = part * terms_of(s, k) + width * abs(change)
+
+
+def set_rates(s: Events, p: Parameters) -> None:
+    """Store y' at the state reached in `exact_rates`."""
+    rates = s.exact_rates
+    if RATED:
+        derivative(s.t, s.y, p, rates)
+    velocities = s.y[s.velocities]
+    for i in range(s.n):
+        rates[i] = velocities[i]
+
+
+def seen(s: Events, i: int) -> float:
+    """Return the largest magnitude of component i, including the current state."""
+    return max(abs(float(s.y[i])), float(s.sizes[i]))
+
+
+def speed_of(s: Events, i: int) -> float:
+    """Return the magnitude to which the error of the rate of component i is relative.
+
+    That of a coordinate is its largest velocity; that of a velocity its largest force.
+    """
+    if i < s.n:
+        return seen(s, s.n + i)
+    if i < 2 * s.n:
+        return max(abs(float(s.exact_rates[i])), float(s.parts[i - s.n]))
+    return abs(float(s.exact_rates[i]))
+
+
+def terms_of(s: Events, k: int) -> float:
+    """Return the magnitude of the terms of condition k at the largest state so far."""
+    row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
+    terms = 0.0
+    for i in range(s.dynamic.stop):
+        terms += abs(row[i]) * seen(s, i)
+    return max(terms, float(s.condition_slopes[k]))
+
+
+def error_of_time(s: Events, k: int) -> float:
+    """Return the error, by rounding, of the time at which condition k was located."""
+    rate = abs(float(s.trend[k]))
+    return float(s.zero[k]) / rate if rate > 0.0 else 0.0
+
+
+def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> float:
+    """Return the error, by rounding, of the time of the condition just located."""
+    found = int(s.event) - 1
+    if found < 0:
+        return 0.0
+    look(s, p, found, width, tolerance)
+    return error_of_time(s, found)
+
+
+def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
+    """Evaluate the conditions at the state just before an instant.
+
+    Rates are evaluated only where a condition may change. The parameters are those of
+    `look`.
+    """
+    s.met_first = float(found)
+    s.calm = 0.0
+    far = found < 0 and s.steps > 0.0
+    if far:
+        located(s.t, s.y, p, s.worth)
+        s.trend[:] = 0.0
+        s.calm = 1.0
+    for k in range(s.conditions if far else 0):
+        least = FAR * s.zero[k]
+        if s.leeway[k] < inf:
+            least = max(least, NEAR * abs(s.leeway[k]))
+        far = far and abs(s.worth[k]) > least
+        if not is_calm(s, k, least):
+            s.calm = 0.0
+    if not far:
+        s.calm = 0.0
+        look(s, p, found, width, tolerance)
+
+
+def is_calm(s: Events, k: int, least: float) -> bool:
+    """Whether condition k can change only if the state or the modes jump.
+
+    That is so where its value is at least `least` from 0 on its side, or where it is
+    true for ever.
+    """
+    value, side = float(s.worth[k]), float(s.orientation[k])
+    if side != 0.0:
+        return value * side > least
+    if s.leeway[k] == inf:
+        return abs(value) > least
+    return value > least and s.equation[k] == 0.0
+
+
+def meet(s: Events, p: Parameters) -> int:
+    """Find the conditions that the motion satisfies at the instant.
+
+    Return their number; their indices are set in `marked`. A condition that is about to
+    become false at that time counts as false, and so does one that has become false by
+    a jump of a switch within it. The time of the located condition has an
+    error; the distance of another value from 0 is compared with the change of that
+    value within the error, too.
+    """
+    s.marked[:] = 0.0
+    s.any_stays = 0.0
+    if s.calm > 0.0:
+        return 0
+    found = int(s.met_first)
+    late = error_of_time(s, found) if found >= 0 else 0.0
+    count = 0
+    for k in range(s.conditions):
+        side = s.orientation[k]
+        miss = s.worth[k] * side
+        met = miss + s.leeway[k] <= 0.0
+        comes = s.trend[k] * side < 0.0
+        met = met or (comes and miss <= s.zero[k] + late * abs(s.trend[k]))
+        if (met and side != 0.0) or k == found:
+            s.marked[k] = 1.0
+            count += 1
+    leave(s)
+    turn(s, p)
+    return count
+
+
+def hold(s: Events, _p: Parameters) -> None:
+    """Store that the conditions set in `marked` are true from now on."""
+    for k in range(s.conditions):
+        if s.marked[k] > 0.0:
+            miss = max(0.0, s.worth[k] * s.orientation[k])
+            s.orientation[k] = 0.0
+            s.leeway[k] = 2.0 * (miss + s.zero[k])
+
+
+def change(s: Events, p: Parameters) -> int:
+    """Find the conditions that become true by modes set, whatever the rates.
+
+    Return their number; their indices are set in `marked`.
+    """
+    s.any_stays = 0.0
+    remember_clear(s)
+    located(s.t, s.y, p, s.worth)
+    return become(s, 0)
+
+
+def settle(
+    s: Events, p: Parameters, jumped: int, width: float, tolerance: float
+) -> int:
+    """Find the conditions that become true at the state just after the instant.
+
+    Return their number; their indices are set in `marked`. jumped : 1 if velocities or
+    modes may have jumped. The other parameters are those of `look`.
+    """
+    s.marked[:] = 0.0
+    s.any_stays = 0.0
+    if s.calm > 0.0 and jumped == 0:
+        return 0
+    s.calm = 0.0
+    remember_clear(s)
+    if jumped > 0:
+        located(s.t, s.y, p, s.worth)
+    if not may_change(s):
+        return 0
+    look(s, p, -1, width, tolerance)
+    count = become(s, 1)
+    turn(s, p)
+    return count
+
+
+def remember_clear(s: Events) -> None:
+    """Store which values are off 0 by more than their zero tolerance."""
+    for k in range(s.conditions):
+        s.was_clear[k] = 1.0 if abs(s.worth[k]) > s.zero[k] else 0.0
+
+
+def may_change(s: Events) -> bool:
+    """Whether a false condition is close to 0, or a true condition is past 0.
+
+    The value of a condition just satisfied is 0; the kernel follows it from there.
+    """
+    for k in range(s.conditions):
+        value, side = s.worth[k], s.orientation[k]
+        far = NEAR * max(float(s.zero[k]), abs(s.leeway[k]))
+        if side != 0.0 and value * side <= far:
+            return True
+        past = value < -far or (s.equation[k] > 0.0 and abs(value) > far)
+        if side == 0.0 and past:
+            return True
+    return False
+
+
+def become(s: Events, rated: int) -> int:
+    """Find the conditions that became true; store the sides of those now false.
+
+    Return their number; their indices are set in `marked`. rated : 1 if a value of 0
+    that rises makes its condition true.
+    """
+    count = 0
+    for k in range(s.conditions):
+        side, leeway = s.orientation[k], s.leeway[k]
+        zero = max(float(s.zero[k]), float(leeway))
+        miss = s.worth[k] * side
+        # A negative leeway: an impact has left the value about 0, see `count_closed`.
+        true = miss < -zero or (leeway < 0.0 and miss + leeway <= 0.0)
+        rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
+        true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))
+        s.marked[k] = 0.0
+        if true and side != 0.0:
+            s.marked[k] = 1.0
+            count += 1
+    leave(s)
+    return count
+
+
+def leave(s: Events) -> None:
+    """Store the sides of true conditions whose values are off 0 and false."""
+    for k in range(s.conditions):
+        value = float(s.worth[k])
+        is_off = abs(value) > max(float(s.zero[k]), float(s.leeway[k]))
+        if s.orientation[k] == 0.0 and is_off and (value < 0.0 or s.equation[k] > 0.0):
+            s.orientation[k] = 1.0 if value > 0.0 else -1.0
+            s.leeway[k] = 0.0
+
+
+def turn(s: Events, _p: Parameters) -> None:
+    """Store the side to which the rate leads, for each value that is at 0.
+
+    True conditions whose values stay at 0 are set in `stays`.
+    """
+    s.any_stays = 0.0
+    for k in range(s.conditions):
+        rate, leeway = s.trend[k], float(s.leeway[k])
+        size = abs(float(s.worth[k]))
+        s.stays[k] = 0.0
+        if not leeway < inf or not size <= max(float(s.zero[k]), leeway):
+            continue
+        turns = s.orientation[k] == 0.0 and rate < 0.0
+        if s.equation[k] > 0.0:
+            turns = rate != 0.0
+        if turns:
+            s.orientation[k] = 1.0 if rate > 0.0 else -1.0
+        least = 2.0 * max(float(s.zero[k]), size)
+        remains = rate == 0.0 and s.orientation[k] == 0.0 and leeway <= least
+        if turns or remains:
+            s.leeway[k] = max(leeway, least)
+        if remains:
+            s.stays[k] = 1.0
+            s.any_stays = 1.0
