@@ -196,6 +196,8 @@ def laws_go_on(s: State, p: Parameters) -> bool:
     event_functions(s.t, s.y, p, s.values)
     for k in range(p.laws):
         law = p.surfaces + k
+        if p.slack[law] == inf:  # its condition `when` is false in this arc
+            continue
         clear = max(float(p.slack[law]), float(p.band[law]), float(p.law_rounding[k]))
         if p.law_mode[k] == REDUNDANT or not s.values[law] > CLEAR_OF_ROUNDING * clear:
             return False

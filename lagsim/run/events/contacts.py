@@ -807,6 +807,8 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
             if here.gaps[k] <= rounding[k]:  # a gap that has not opened yet has a slack
                 size[k] = max(rounding[k], math.ulp(0.0))
             size[k] += 2.0 * here.grazing.get(k, 0.0)
+            if not here.in_force[k]:  # `when` is constant in an arc
+                size[k] = math.inf
     event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
     slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)
     p.band[K:], p.law_rounding[:] = band, rounding
