@@ -16,6 +16,7 @@ from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.columns import FRICTION, MULTIPLIER
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
@@ -374,7 +375,7 @@ def laws_of(
             static = limit if c.static is None else c.static
             pair = count + c.pair if c.pair else -1
             yield Law(
-                row, kind, c.name, f"lambda_{c.name}", bound=limit, static=static,
+                row, kind, c.name, MULTIPLIER.of(c.name), bound=limit, static=static,
                 when=c.when, pair=pair,
             )  # fmt: skip
             count += 1
@@ -387,7 +388,7 @@ def laws_of(
                 approach = {g.variable(APPROACH_SPEED): g.call("neg", row.rate)}
                 bounce = g.substitute([bounce], approach)[0]
             yield Law(
-                row, kind, name, f"lambda_{name}", c.law.restitution, zero, zero,
+                row, kind, name, MULTIPLIER.of(name), c.law.restitution, zero, zero,
                 when=c.when, bounce=bounce, poisson=c.law.poisson,
             )  # fmt: skip
             yield from _slips(g, name, c.law, flow, count)
@@ -429,7 +430,7 @@ def _slips(
     static = law.friction if law.static is None else law.static
     own, mark, piece = name.partition(MARK)
     for k, slip in enumerate(law.slips, 1):
-        column = f"friction.{own}" if count == 1 else f"friction.{own}.{k}"
+        column = FRICTION.of(own if count == 1 else f"{own}.{k}")
         column += mark + piece
         other = normal + 3 - k if count == 2 else -1
         yield Law(

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from lagsim import limits
 from lagsim.errors import InputError, Problem
+from lagsim.language.columns import ACTION, MULTIPLIER
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.forms import fewer_terms
@@ -167,7 +168,6 @@ def in_fewer_terms(
 
 WORK = "work"
 # The column, and the variable, of the integral of L.
-ACTION = "action.S"
 # Up to this number of coordinates the entries of M take fewer operations than chains.
 FEW = 5
 
@@ -397,7 +397,7 @@ class Equations:
     @property
     def multipliers(self) -> tuple[str, ...]:
         """The names of the variables lambda: of the rows, then of the laws."""
-        names = (f"lambda_{row.name}" for row in self.rows)
+        names = (MULTIPLIER.of(row.name) for row in self.rows)
         return (*names, *(law.multiplier for law in self.laws))
 
     @property
@@ -572,7 +572,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
             for name, *pushes in zip(q, dL_dq, Q, strict=True)
             if set(pushes) == {g.zero}
         ),
-        quadratures=(Quadrature(ACTION, model.lagrangian, g.zero),)
+        quadratures=(Quadrature(ACTION.of(), model.lagrangian, g.zero),)
         if model.output.action
         else (),
         laws=laws,
@@ -925,7 +925,7 @@ def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> i
     power = g.call("sub", power, dL_dt)
     for row in e.rows:
         if row.transport != g.zero and row.A.entries.keys() <= among:
-            term = g.call("mul", g.variable(f"lambda_{row.name}"), row.transport)
+            term = g.call("mul", g.variable(MULTIPLIER.of(row.name)), row.transport)
             power = g.call("add", power, term)
     for law in e.laws:
         if law.row.A.entries.keys() <= among:

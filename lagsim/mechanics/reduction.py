@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.language.columns import MULTIPLIER
 from lagsim.language.derivatives import local_slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
@@ -249,7 +250,7 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
     for j, slope in J.items():
         moved = plus(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
     acceleration = g.variable(rate_of(e.q[c], 2))
-    lam = g.variable(f"lambda_{e.rows[k].name}")
+    lam = g.variable(MULTIPLIER.of(e.rows[k].name))
     # The equation of c without the multiplier, divided by the factor of the multiplier.
     without = {acceleration: moved, lam: g.zero}
     [force] = g.substitute([full.motion_residuals()[c]], without)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from lagsim.language.columns import KINDS, parsed
 from lagsim.language.names import rated
 from lagsim.show.names import GREEK, Name, UnicodeNames
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# Columns that belong to a name: constraint forces, multipliers and residuals.
-PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
 
 # Marks around a subscript; no name contains them, other texts are cleared of both.
 BELOW, END = "\x0e", "\x0f"
@@ -39,8 +38,8 @@ _NAME = re.compile(
     r"(?P<head>[^\W\d]\w*)\((?P<at>[\w\s,+-]*)\)(?P<component>\.[^\W\d]\w*)?"
     r"|[^\W\d]\w*(?!\w|\s*\()"
 )
-# Prefixes of the names of columns that belong to a constraint or a quantity.
-_HEADS = frozenset({"friction", "impulse", "gauss", "action", "reaction", "d", "sd"})
+# Words before the point in names of columns.
+_HEADS = frozenset(x.prefix.partition(".")[0] for x in KINDS if not x.letter)
 
 
 class PictureNames(UnicodeNames):
@@ -82,11 +81,11 @@ class Letters:
 
     def name(self, name: str) -> str:
         """Return the typeset name of a variable or a column: θ̇ for `theta_dot`."""
-        for prefix, written in PREFIXES.items():
-            if name.startswith(prefix):
-                rest = self.name(name.removeprefix(prefix)).translate(_DIGITS)
-                below = _SUBSCRIPT.sub(r",\1", rest)
-                return f"{written}{BELOW}{below}{END}"
+        found = parsed(name)
+        if found is not None and found[0].letter:
+            rest = self.name(found[1]).translate(_DIGITS)
+            below = _SUBSCRIPT.sub(r",\1", rest)
+            return f"{found[0].letter}{BELOW}{below}{END}"
         base, order = rated(name)
         head, point, rest = base.partition(".")
         of_constraint = head in _HEADS and not rest[:1].isdigit()

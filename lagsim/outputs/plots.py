@@ -21,6 +21,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.offsetbox import AnchoredText
 
+from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, made
 from lagsim.native.link import ahead
 from lagsim.outputs import attempted
 from lagsim.outputs.figure import (
@@ -139,7 +140,6 @@ SHARING = 3
 SQUEEZED = 0.05
 
 # Prefix of columns that are 0 except in the rows after impacts.
-IMPULSE = "impulse."
 
 # Largest number of panels that are large enough to read.
 MOST_PANELS = 40
@@ -253,7 +253,7 @@ class Panels:
             written = [record.letters.name(name) for name in group]
             drawn = [record.rows.series(name) for name in group]
             scale, draw = spread_scale(*drawn, size=sizes[unit]), series
-            if group[0].startswith(IMPULSE):  # each has a size of its own
+            if made(group[0], IMPULSE):  # each has a size of its own
                 columns = [values for _, values in drawn]
                 scale, draw = value_scale(*columns, size=sizes[unit]), stems
             frame(
@@ -571,11 +571,11 @@ def constraint_forces(
     coordinates, constraints : sequence of str
         Names.
     """
-    forces = [f"Qc_{name}" for name in coordinates]
-    multipliers = [f"lambda_{name}" for name in constraints]
+    forces = [FORCE.of(name) for name in coordinates]
+    multipliers = [MULTIPLIER.of(name) for name in constraints]
     columns = record.rows.columns
-    multipliers += [name for name in columns if name.startswith("friction.")]
-    impulses = [name for name in columns if name.startswith(IMPULSE)]
+    multipliers += [name for name in columns if made(name, FRICTION)]
+    impulses = [name for name in columns if made(name, IMPULSE)]
     names = [*forces, *multipliers, *impulses]
     sizes = {name: size_of_column(record, name) for name in names}
     most = largest(record, sizes)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.columns import OF_CONSTRAINTS, made
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.letters import letters_of, raised
 from lagsim.outputs.table import table_of
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 # A column whose variation on a section is below these parts of its range in the run,
 # and of its largest value, counts as constant there.
 FIXED, ROUNDED = 1e-6, 2.0**-40
-# Prefixes of columns of constraints.
-BESIDE = ("residual_", "lambda_", "Qc_")
 
 
 class Found(NamedTuple):
@@ -121,7 +120,9 @@ def shown(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     Energies and columns of constraints are not considered. Arguments are as for
     `drawn`.
     """
-    motion = [n for n in names[1:] if n not in ENERGIES and not n.startswith(BESIDE)]
+    motion = [
+        n for n in names[1:] if n not in ENERGIES and not made(n, *OF_CONSTRAINTS)
+    ]
     if not len(rows):
         return motion[:2]
     least = least_variations(ranges)

@@ -10,9 +10,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.columns import (
+    ACTION,
+    DEVIATION,
+    FORCE,
+    GAUSS,
+    IMPULSE,
+    MULTIPLIER,
+    REACTION,
+    RESIDUAL,
+    SENSITIVITY,
+    halves,
+)
+from lagsim.language.columns import parsed as parsed_column
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import memoize
-from lagsim.language.names import rate_of
 from lagsim.language.units import (
     PURE,
     Quantity,
@@ -23,19 +35,17 @@ from lagsim.language.units import (
     times,
     written,
 )
-from lagsim.mechanics.equations import ACTION
 from lagsim.mechanics.pieces import whole
 from lagsim.model.model import Level
 from lagsim.outputs import ENERGIES
+from lagsim.program.functions import stated_units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from lagsim.language.columns import Made
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
-
-# Names of units of generalized forces, impulses, stiffness and power.
-_FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
 
 # Units of kinematic quantities.
 MOTION = {"m", "mm", "cm", "km", "s", "ms", "min", "h", "deg"}
@@ -102,23 +112,6 @@ class Dimensions:
         return Quantity(unit, given or text, all(part.free for part in parts))
 
 
-def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
-    """Return the unit of each column as the file states it; "" without one."""
-    model = equations.model
-    found = {"t": "s"}
-    for c in model.coordinates:
-        if c.unit:
-            found[c.name] = c.unit
-            found[rate_of(c.name)] = f"{c.unit}/s"
-            found[rate_of(c.name, 2)] = found[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
-    for s in model.states:
-        if s.unit:
-            found[s.name], found[rate_of(s.name)] = s.unit, f"{s.unit}/s"
-    found |= {p.name: p.unit for p in model.parameters if p.mode and p.unit}
-    found |= {d.name: d.unit for d in model.definitions if d.unit}
-    return {name: found.get(name, "") for name in columns}
-
-
 def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     """Return the unit of each column of the table; "" if it is unknown."""
     found = units(equations, columns)
@@ -137,7 +130,8 @@ def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     model, graph = equations.model, equations.graph
     rates = [*equations.state, *equations.accelerations]
-    stated = stated_units(equations, dict.fromkeys((*columns, *rates, "t")))
+    all_stated = stated_units(equations)
+    stated = {name: all_stated.get(name, "") for name in (*columns, *rates, "t")}
     named = {p.name: p.unit for p in model.parameters} | stated
     nodes = {graph.variable(name): text for name, text in named.items()}
     nodes |= {d.node: d.unit for d in model.definitions if d.unit}
@@ -147,10 +141,7 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     if energy:
         following: list[tuple[str, Unit, Sequence[str]]]
         following = [(name, energy, ("J",)) for name in ENERGIES]
-        forces = _forces(equations, dimensions, energy)
-        following += [(name, unit, _FORCES) for name, unit in forces]
-        following.append((ACTION, times(energy, {"s": 1.0}), ("J s",)))
-        following.append(("gauss.G", times(energy, {"s": -2.0}), ("J/s^2",)))
+        following += _following(equations, dimensions, energy)
         for name, unit, names in following:
             text = written(unit, names)
             found.setdefault(name, text)
@@ -166,7 +157,28 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
         text = dimensions.text(node)
         if text:
             found.setdefault(name, text)
+    for name in columns:
+        if text := _of_differences(name, found, named):
+            found.setdefault(name, text)
     return {name: text for name, text in found.items() if text}
+
+
+def _of_differences(
+    name: str, columns: Mapping[str, str], named: Mapping[str, str]
+) -> str:
+    """Return the unit of a sensitivity or of a standard deviation, "" if unknown.
+
+    columns, named : units of columns; of parameters, coordinates and states.
+    """
+    kind, rest = parsed_column(name) or (RESIDUAL, "")
+    if kind is DEVIATION:
+        return columns.get(rest, "")
+    if kind is SENSITIVITY:
+        for column, of in halves(rest):
+            above, below = parsed(columns.get(column, "")), parsed(named.get(of, ""))
+            if above is not None and below is not None and column in columns:
+                return written(times(above, below, -1.0))
+    return ""
 
 
 def _consistent(
@@ -240,7 +252,7 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
         yield d.name, d.node
     rows = equations.every_row
     for row in rows:
-        yield f"residual_{whole(row.name)}", row.residual
+        yield RESIDUAL.of(whole(row.name)), row.residual
     for k, plot in enumerate(equations.model.output.plots):
         for name, curve in plot.curves(k).items():
             yield name, curve.node
@@ -249,27 +261,41 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
             yield f"point.{name}.{k}", node
 
 
-def _forces(
+def _following(
     equations: Equations, dimensions: Dimensions, energy: Unit
-) -> Iterator[tuple[str, Unit]]:
-    """Yield names and units of constraint forces, multipliers and reactions.
+) -> Iterator[tuple[str, Unit, Sequence[str]]]:
+    """Yield name and unit of columns whose unit follows from energy and their owner.
 
-    They follow from the work.
+    With the preferred names of the unit.
     """
-    work = {f"Qc_{q}": equations.graph.variable(q) for q in equations.q}
-    defined = {d.name: d.node for d in equations.model.definitions}
-    reactions = equations.model.output.reactions
-    work |= {f"reaction.{name}": defined[name] for name in reactions}
-    rows = {f"lambda_{row.name}": row for row in equations.rows}
-    rows |= {whole(law.multiplier): law.row for law in equations.laws}
-    work |= {name: row.residual for name, row in rows.items()}
-    for name, node in work.items():
-        along = dimensions.unit(node)
+    for kind, name, node, level in _owners(equations):
+        along = PURE if node is None else dimensions.unit(node)
         if along is None:
             continue
-        holonomic = name not in rows or rows[name].holonomic
-        force = _per(energy, along, Level.POSITION if holonomic else Level.VELOCITY)
-        yield name, force
-        if name.startswith("lambda_"):
-            impulse = name.replace("lambda_", "impulse.", 1)
-            yield impulse, times(force, {"s": 1.0})
+        unit = times(PURE, energy, kind.energy)
+        unit = times(times(unit, along, kind.along), {"s": 1.0}, kind.seconds)
+        if level is Level.VELOCITY:
+            unit = times(unit, {"s": 1.0}, -1.0)
+        yield name, unit, kind.names
+
+
+def _owners(equations: Equations) -> Iterator[tuple[Made, str, int | None, Level]]:
+    """Yield kind, name, node of the owner, and level of its rows, of columns.
+
+    Of constraint forces, multipliers, impulses, friction, reactions, and of the run.
+    """
+    for q in equations.q:
+        yield FORCE, FORCE.of(q), equations.graph.variable(q), Level.POSITION
+    defined = {d.name: d.node for d in equations.model.definitions}
+    for name in equations.model.output.reactions:
+        yield REACTION, REACTION.of(name), defined[name], Level.POSITION
+    rows = {MULTIPLIER.of(row.name): row for row in equations.rows}
+    rows |= {whole(law.multiplier): law.row for law in equations.laws}
+    for name, row in rows.items():
+        level = Level.POSITION if row.holonomic else Level.VELOCITY
+        kind, owner = parsed_column(name) or (MULTIPLIER, name)
+        yield kind, name, row.residual, level
+        if kind is MULTIPLIER:
+            yield IMPULSE, IMPULSE.of(owner), row.residual, level
+    for kind in (ACTION, GAUSS):
+        yield kind, kind.of(), None, Level.POSITION

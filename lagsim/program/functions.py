@@ -9,12 +9,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.columns import (
+    ACTION,
+    FORCE,
+    FREE,
+    GAUSS,
+    IMPULSE,
+    MULTIPLIER,
+    REACTION,
+    RESIDUAL,
+    Column,
+)
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind, scale_of
 from lagsim.mechanics.equations import (
-    ACTION,
     generalized_forces,
     may_strike,
     pushes,
@@ -30,7 +40,7 @@ from lagsim.plan.formulation import GAIN
 from lagsim.plan.plan import coupled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
@@ -49,8 +59,8 @@ class Columns:
     nodes : dict of str to int
         Name -> expression of the integrated state, q'' and lambda, in the order of the
         table. Variables removed by a reduction are replaced by the nodes `recovered`.
-    table : int
-        Number of columns of the table.
+    columns : tuple of Column
+        The columns of the table, in order, before a reduction.
     sections : list of int
         The relations of sections, as expressions of the integrated state.
     wants_sections : bool
@@ -59,31 +69,19 @@ class Columns:
 
     def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
         model, g = equations.model, equations.graph
-        nodes = {"t": g.variable("t")}
-        for group in (equations.q, equations.velocities, equations.accelerations):
-            nodes.update((name, g.variable(name)) for name in group)
-        nodes |= {x.name: g.variable(x.name) for x in equations.states}
-        nodes |= {rate_of(x.name): x.rate for x in equations.states}
-        nodes |= {p.name: g.variable(p.name) for p in model.parameters if p.mode}
-        defined = {d.name: d.node for d in model.definitions}
-        nodes.update((name, defined[name]) for name in model.output.columns)
-        if model.kinetic is not None and model.potential is not None:
-            nodes |= {"kinetic": model.kinetic, "potential": model.potential}
-        else:
-            nodes["lagrangian"] = model.lagrangian
-        nodes["energy"] = equations.energy
-        if equations.works:
-            nodes["work"] = equations.work
+        columns = list(_declared(equations))
         rows = _in_order(equations)
         sums = _sums(equations)
-        lambdas = ((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
-        nodes.update((name, sums.get(x, x)) for name, x in lambdas)
+        columns += _multipliers(equations, rows, sums)
         forces = equations.constraint_forces() if rows else []
-        names = [f"Qc_{q}" for q in equations.q]
-        nodes.update(zip(names, forces, strict=False))
-        nodes.update((f"residual_{name}", row.residual) for name, row in rows.items())
-        nodes |= _optional(equations)
-        self.table = len(nodes)
+        names = [FORCE.of(q) for q in equations.q]
+        columns += [Column(x, n) for x, n in zip(names, forces, strict=False)]
+        columns += [Column(RESIDUAL.of(x), row.residual) for x, row in rows.items()]
+        columns += _optional(equations)
+        nodes = {column.name: column.node for column in columns}
+        if len(nodes) < len(columns):
+            raise ValueError("two columns have one name")  # the reader refuses these
+        self.columns = tuple(columns)
         parts = (x.multiplier for x in equations.laws if MARK in x.constraint)
         nodes.update((name, g.variable(name)) for name in parts)
         nodes |= _judged(equations, rows)
@@ -94,10 +92,8 @@ class Columns:
         for k, plot in enumerate(model.output.plots):
             nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
         new = {g.variable("energy"): equations.energy, **sums}
-        new |= {
-            g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
-        }
-        reactions = [f"reaction.{x}" for x in model.output.reactions]
+        new |= {g.variable(x): force for x, force in zip(names, forces, strict=False)}
+        reactions = [REACTION.of(x) for x in model.output.reactions]
         new |= {g.variable(name): nodes[name] for name in reactions}
         written = g.substitute(nodes.values(), new)
         known = {
@@ -119,6 +115,63 @@ class Columns:
         """Names of the columns of the table."""
         return self.names[: self.table]
 
+    @property
+    def table(self) -> int:
+        """Number of columns of the table."""
+        return len(self.columns)
+
+
+def _declared(equations: Equations) -> Iterator[Column]:
+    """Yield the columns that the file declares, with rates, energies and work."""
+    model, g, units = equations.model, equations.graph, stated_units(equations)
+    nodes: dict[str, int | None] = {"t": g.variable("t")}
+    for group in (equations.q, equations.velocities, equations.accelerations):
+        nodes.update((name, g.variable(name)) for name in group)
+    nodes |= {x.name: g.variable(x.name) for x in equations.states}
+    nodes |= {rate_of(x.name): x.rate for x in equations.states}
+    nodes |= {p.name: g.variable(p.name) for p in model.parameters if p.mode}
+    defined = {d.name: d.node for d in model.definitions}
+    nodes.update((name, defined[name]) for name in model.output.columns)
+    if model.kinetic is not None and model.potential is not None:
+        nodes |= {"kinetic": model.kinetic, "potential": model.potential}
+    else:
+        nodes["lagrangian"] = model.lagrangian
+    nodes["energy"] = equations.energy
+    if equations.works:
+        nodes["work"] = equations.work
+    for name, node in nodes.items():
+        if node is not None:
+            yield Column(name, node, units.get(name, ""))
+
+
+def stated_units(equations: Equations) -> dict[str, str]:
+    """Return the units that the file states: of t, and of columns by their names.
+
+    They include those of rates, and of accelerations without constraints.
+    """
+    model = equations.model
+    found = {"t": "s"}
+    for c in model.coordinates:
+        if c.unit:
+            found[c.name] = c.unit
+            found[rate_of(c.name)] = f"{c.unit}/s"
+            found[rate_of(c.name, 2)] = found[FREE.of(c.name)] = f"{c.unit}/s^2"
+    for s in model.states:
+        if s.unit:
+            found[s.name], found[rate_of(s.name)] = s.unit, f"{s.unit}/s"
+    found |= {p.name: p.unit for p in model.parameters if p.mode and p.unit}
+    found |= {d.name: d.unit for d in model.definitions if d.unit}
+    return found
+
+
+def _multipliers(
+    equations: Equations, rows: Iterable[str], sums: Mapping[int, int]
+) -> Iterator[Column]:
+    """Yield the multipliers of constraints; those of several pieces are sums."""
+    for name in rows:
+        node = equations.graph.variable(MULTIPLIER.of(name))
+        yield Column(MULTIPLIER.of(name), sums.get(node, node))
+
 
 def _sums(equations: Equations) -> dict[int, int]:
     """Return the sums over pieces of gaps: of multipliers, frictions and impulses."""
@@ -128,7 +181,7 @@ def _sums(equations: Equations) -> dict[int, int]:
         if MARK in law.constraint:
             names = [law.multiplier]
             if law.kind is Kind.CONTACT:
-                names.append(f"impulse.{law.constraint}")
+                names.append(IMPULSE.of(law.constraint))
             for name in names:
                 parts.setdefault(whole(name), []).append(name)
     return {g.variable(x): g.sum(map(g.variable, own)) for x, own in parts.items()}
@@ -179,30 +232,33 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     return nodes
 
 
-def _optional(equations: Equations) -> dict[str, int]:
-    """Return the columns of contacts, and of optional keys of `output`."""
+def _optional(equations: Equations) -> Iterator[Column]:
+    """Yield the columns of contacts, and of optional keys of `output`."""
     e, g = equations, equations.graph
-    nodes: dict[str, int] = {}
     sums = _sums(e)
-    for law in e.laws:
-        if law.kind in (Kind.CONTACT, Kind.SLIP):
-            slip = law.kind is Kind.SLIP
-            name = whole(law.multiplier if slip else f"impulse.{law.constraint}")
-            nodes[name] = sums.get(g.variable(name), g.variable(name))
+    laws = [law for law in e.laws if law.kind in (Kind.CONTACT, Kind.SLIP)]
+    names = [
+        x.multiplier if x.kind is Kind.SLIP else IMPULSE.of(x.constraint) for x in laws
+    ]
+    for name in dict.fromkeys(map(whole, names)):
+        node = g.variable(name)
+        yield Column(name, sums.get(node, node))
     if e.model.output.gauss:
         alone = without_rows(with_lengths(e))
         free = alone.motion()[0]
-        nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
+        units = stated_units(e)
+        for q, a in zip(e.q, free, strict=True):
+            yield Column(FREE.of(q), a, units.get(FREE.of(q), ""))
         # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
         # M (q'' - a) = Qc: no cancellation, and no forces that hold switches.
         held = e.constraint_forces()
         square = g.product_sum(zip(held, alone.response(held), strict=True))
-        nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
+        yield Column(GAUSS.of(), g.call("mul", g.constant(0.5), square))
     if e.model.output.action:
-        nodes[ACTION] = g.variable(ACTION)
+        yield Column(ACTION.of(), g.variable(ACTION.of()))
     if e.model.output.reactions:
-        nodes.update((f"reaction.{name}", node) for name, node in reactions(e).items())
-    return nodes
+        for name, node in reactions(e).items():
+            yield Column(REACTION.of(name), node)
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
@@ -358,7 +414,7 @@ def stepping_functions(
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
     at_impacts = {
-        g.variable(f"impulse.{law.constraint}"): g.zero
+        g.variable(IMPULSE.of(law.constraint)): g.zero
         for law in e.laws
         if law.kind is Kind.CONTACT
     }

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from lagsim.language import tables
+from lagsim.language.columns import IMPULSE
 from lagsim.language.sparse import joined
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.methods import method, moreau
@@ -400,7 +401,7 @@ class System:
                 p[corner.push] = memory.place("push") + k
         for k, law in enumerate(self.laws):
             if law.normal < 0:  # that of a slip is none of these
-                p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
+                p[IMPULSE.of(law.constraint)] = memory.place("impulses") + k
             if law.slider and law.slider.first:
                 p[law.slider.way] = memory.place("law_direction") + k
         passed = {x.variable for x in self.switches.modes if x.smooth[0] < x.smooth[1]}

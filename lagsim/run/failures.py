@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.errors import several
+from lagsim.language.columns import RESIDUAL
 from lagsim.language.tables import ended
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.surfaces import expression_text
@@ -218,7 +219,7 @@ class Unmet(Source):
         columns = dict(zip(arc.system.columns.names, shown, strict=True))
         unmet = []
         for row in arc.equations.rows:
-            off, scale = (columns[x + row.name] for x in ("residual_", "scale:"))
+            off, scale = (columns[x + row.name] for x in (RESIDUAL.prefix, "scale:"))
             unmet += [row.name] if abs(off) > BROKEN_CONSTRAINT * scale else []
         self._looks = self._looks + 1 if unmet else 0
         if self._looks < CHECKS:

@@ -12,6 +12,7 @@ import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from lagsim.language.columns import REACTION
 from lagsim.language.names import rate_of
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class ModelNames:
     """The multiplier of a constraint, whose name is written letter by letter."""
     letters: ClassVar[dict[str, tuple[str, ...]]] = {
         "unconstrained": ("a_",), "momentum": ("momentum.",), "force": ("force.",),
-        "reaction": ("reaction.",),
+        "reaction": (REACTION.prefix,),
     }  # fmt: skip
     """Of the other kinds, the best first; a name of the file follows as `below`."""
     below: ClassVar[str] = "{}"

@@ -25,6 +25,7 @@ from graphlib import TopologicalSorter
 from typing import TYPE_CHECKING
 
 from lagsim import limits
+from lagsim.language.columns import MULTIPLIER
 from lagsim.language.derivatives import pulled, tangent
 from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.names import rate_of
@@ -241,7 +242,7 @@ class Separation:
         moved: Gradient = {}
         acting = [(f.direction, f.node, f.level) for f in model.forces]
         for c in model.constraints:
-            node, multiplier = c.relation.node, g.variable(f"lambda_{c.name}")
+            node, multiplier = c.relation.node, g.variable(MULTIPLIER.of(c.name))
             holonomic = not g.depends([node]) & self._flow.velocities
             level = Level.POSITION if holonomic else Level.VELOCITY
             acting.append((node, multiplier, level))

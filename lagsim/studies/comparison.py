@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lagsim.language.columns import OF_CONSTRAINTS, made, parsed
 from lagsim.language.names import rate_of, rated
 from lagsim.outputs import ENERGIES
 from lagsim.run.observers.monitors import numbers
@@ -116,9 +117,8 @@ def kind(column: str, columns: Collection[str]) -> str:
     >>> [kind(column, columns) for column in columns[2:]]
     ['velocity', 'acceleration', 'lambda', 'energy', 'definition']
     """
-    for prefix in ("lambda_", "Qc_", "residual_"):
-        if column.startswith(prefix):
-            return prefix[:-1]
+    if made(column, *OF_CONSTRAINTS) and (found := parsed(column)):
+        return found[0].prefix.rstrip("_")
     if column in ENERGIES:
         return "energy"
     if column == "t":

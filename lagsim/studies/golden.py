@@ -19,6 +19,7 @@ import orjson
 
 from lagsim import files
 from lagsim.errors import InputError, Place, Problems, several, unusable
+from lagsim.language.columns import FORCE, RESIDUAL, base, made
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
 from lagsim.mechanics.pieces import whole
@@ -27,7 +28,8 @@ from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL, Model
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
-from lagsim.outputs.units import of_table, stated_units
+from lagsim.outputs.units import of_table
+from lagsim.program.functions import stated_units
 from lagsim.studies.comparison import (
     Deviation,
     Pair,
@@ -37,7 +39,6 @@ from lagsim.studies.comparison import (
     scales,
 )
 from lagsim.studies.motions import (
-    RESIDUAL,
     Motion,
     at_impacts,
     before_impacts,
@@ -81,10 +82,10 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     column = dict(zip(motion.columns, motion.rows.T, strict=True))
     energy, work = column["energy"], column.get("work")
     found = {"energy": energy} if work is None else {BALANCE: energy - work}
-    laws = {f"{RESIDUAL}{whole(law.row.name)}": law for law in equations.laws}
+    laws = {RESIDUAL.of(whole(law.row.name)): law for law in equations.laws}
     for name, values in column.items():
         law = laws.get(name)
-        if name.startswith(RESIDUAL) and law is None:
+        if made(name, RESIDUAL) and law is None:
             found[name] = values
         elif law and law.kind.one_sided and law.when is None:
             found[name] = np.minimum(values, 0.0)
@@ -194,7 +195,7 @@ def _measured(case: Case, base: Motion, stride: int) -> Golden:
         differences = (np.abs(other - rows) for other in found)
         largest = functools.reduce(np.fmax, differences, np.zeros_like(rows))
     floors = _floors(case, base, rows)
-    sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
+    sizes = scales(base.columns, rows.T, stated_units(case.equations))
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
     apart = floors + SAFETY * largest
@@ -264,7 +265,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     and residuals are stored only if there is room beside the other columns.
     """
     rates = case.equations.accelerations
-    rest = [x for x in columns if x in rates or x.startswith(("Qc_", "resid"))]
+    rest = [x for x in columns if x in rates or made(x, FORCE, RESIDUAL)]
     first = [x for x in columns if x not in rest]
     wanted = set[str]()
     for names, most in ((first, MOST_COLUMNS), (rest, MOST_COLUMNS - len(first))):
@@ -276,7 +277,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     """Return the least bounds (k, columns): tolerance plus rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
-    of = stated_units(case.equations, base.columns[1:])
+    of = stated_units(case.equations)
     alone = scales(base.columns, rows.T, of)
     sizes = alone.copy()
     for k, name in enumerate(base.columns):
@@ -660,10 +661,8 @@ def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     found = []
     for deviation in worst:
         if not deviation.passed:
-            base = deviation.column.removesuffix(CONSTANT)
-            for prefix in ("Qc_", "lambda_", RESIDUAL, "reaction."):
-                base = base.removeprefix(prefix)
-            names = (base, rated(base)[0])
+            owner = base(deviation.column.removesuffix(CONSTANT))
+            names = (owner, rated(owner)[0])
             found += [places[name] for name in names if name in places]
     return found
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError
+from lagsim.language.columns import RESIDUAL
 from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers import Keep
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from lagsim.run.session import Case, Session
     from lagsim.run.trajectory import Trajectory
 
-RESIDUAL = "residual_"
 # Factors of the tolerance of variants, the number of variants with perturbed start and
 # parameters, and the methods of further variants. A run at a larger tolerance is one
 # sample of the positions of steps, and other runs nearby can differ more: therefore the
@@ -161,7 +161,7 @@ def motion_of(case: Case, stride: int, alike: Session | None = None) -> Motion:
     t = rows[:, 0]
     places = numbers(t, settings.start, settings.output_step)
     wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
-    sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
+    sizes = {RESIDUAL.of(name): scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
     return Motion(names, rows[wanted], sizes, trajectory, session.plan)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.errors import LagsimError
-from lagsim.outputs.units import stated_units
+from lagsim.program.functions import stated_units
 from lagsim.run.session import examined, open_case
 from lagsim.studies.comparison import on_grid, scales
 from lagsim.studies.golden import SAFETY, Golden, judge, run
@@ -149,7 +149,7 @@ def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
 
     The size of a start value 0 is the scale of its column, or 1.
     """
-    units = stated_units(case.equations, base.columns)
+    units = stated_units(case.equations)
     sizes = dict(zip(base.columns, scales(base.columns, base.rows.T, units)))  # noqa: B905
     for x in case.model.initial:
         if x.text and not x.guess:
@@ -259,7 +259,7 @@ class _Trial:
         exact = self._exact_rows(self.case)
         others = [self._exact_rows(perturbed(self.case, k)) for k in range(SEEDS)]
         apart = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
-        units = stated_units(self.case.equations, self.base.columns)
+        units = stated_units(self.case.equations)
         sizes = scales(self.base.columns, exact.T, units)
         sizes = np.maximum(sizes, np.max(np.abs(exact), axis=0))
         own = LEAST_ROUNDING * UNIT_ROUNDOFF * sizes

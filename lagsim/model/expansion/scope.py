@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim import limits
 from lagsim.errors import did_you_mean
+from lagsim.language.columns import FORCE, MULTIPLIER, REACTION
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.names import ENDINGS
 from lagsim.language.parser import (
@@ -290,12 +291,17 @@ class Scope:
         """Return the family of a name, or of the base of a rate or a force."""
         if family := self.variables.get(name):
             return family
-        forms = [("", ENDINGS[2]), ("", ENDINGS[1]), ("Qc_", ""), ("reaction.", "")]
+        forms = [
+            ("", ENDINGS[2]),
+            ("", ENDINGS[1]),
+            (FORCE.prefix, ""),
+            (REACTION.prefix, ""),
+        ]
         for before, after in forms:
             base = name.removeprefix(before).removesuffix(after)
             if len(base) + len(before + after) == len(name) and base in self.variables:
                 return self.variables[base]
-        base = name.removeprefix("lambda_")
+        base = name.removeprefix(MULTIPLIER.prefix)
         return self.constraints.get(base) if base != name else None
 
     def _named(self, token: Token) -> Value:

@@ -15,6 +15,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lagsim import limits
+from lagsim.language import columns
+from lagsim.language.columns import FORCE, MULTIPLIER, REACTION, RESIDUAL, Owner
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS, JOINING
@@ -50,8 +52,6 @@ _P = TypeVar("_P", Parsed, ParsedRelation)
 
 # A value, and a bound of its rounding error.
 Value = tuple[float, float]
-# Prefix of the column of a definition's reaction.
-REACTION = "reaction."
 # A name with its unit or its argument in brackets, or with digits before it.
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
@@ -94,8 +94,8 @@ _DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
       Kind.STATE: Kind.STATE_RATE}),
     ("", "_ddot",
      {Kind.COORDINATE: Kind.ACCELERATION, Kind.DEFINITION: Kind.SECOND_RATE}),
-    ("lambda_", "", {}),  # of constraints
-    ("Qc_", "", {Kind.COORDINATE: Kind.CONSTRAINT_FORCE}),
+    (MULTIPLIER.prefix, "", {}),  # of constraints
+    (FORCE.prefix, "", {Kind.COORDINATE: Kind.CONSTRAINT_FORCE}),
 )  # fmt: skip
 
 
@@ -222,13 +222,13 @@ class Names:
         known = ["energy", *([] if self.has_lagrangian else ("kinetic", "potential"))]
         if name in known:
             return Meaning(Kind.ENERGY, name)
-        base = name.removeprefix(REACTION)
+        base = name.removeprefix(REACTION.prefix)
         if base != name and base in self.reactions:
             return Meaning(Kind.REACTION, base)
         for base, kinds in _parted(name):
             if kind := kinds.get(self.variables.get(base)):
                 return Meaning(kind, base)
-        base = name.removeprefix("lambda_")
+        base = name.removeprefix(MULTIPLIER.prefix)
         constraint = base != name and base in self.constraints
         return Meaning(Kind.MULTIPLIER, base) if constraint else None
 
@@ -245,7 +245,7 @@ class Names:
 
         `among`: the names that are allowed in this place, where not all are.
         """
-        base = name.removeprefix(REACTION)
+        base = name.removeprefix(REACTION.prefix)
         if base != name:
             near = faults.guess(base, self.of(Kind.DEFINITION)) or base
             hint = f"ask for it: output: {{reactions: [{near}]}}"
@@ -257,12 +257,12 @@ class Names:
         if name in ("kinetic", "potential"):
             text = f"`{name}` is not known where the file gives `lagrangian`"
             return text, "`energy` is known"
-        if name in ("lagrangian", "work") or name.startswith("residual_"):
+        if name in ("lagrangian", "work") or columns.made(name, RESIDUAL):
             hint = _A_COLUMN
             if name == "lagrangian" and not self.has_lagrangian:
                 hint = "write kinetic - potential"
             return f"`{name}` is a column of results, not a name for expressions", hint
-        base = name.removeprefix("lambda_")
+        base = name.removeprefix(MULTIPLIER.prefix)
         if base != name and self.constraints:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
@@ -366,56 +366,41 @@ def _undecorated(name: str, decoration: str, *, called: bool) -> str:
     return hint
 
 
-# Prefixes of the columns made of other names, and their meanings. Some are made only
-# where a file has contacts, impulses, sensitivities or uncertainties; a file that adds
-# these later keeps its names.
-_OF_CONSTRAINTS = {
-    "lambda_": "the multiplier of the constraint `{}`",
-    "residual_": "the residual of the constraint `{}`",
-    "impulse.": "the impulse of the constraint `{}`",
-    "friction.": "the friction of the constraint `{}`",
-}
-_OF_VARIABLES = {
-    "Qc_": "the constraint force on `{}`",
-    "gauss.a_": "the acceleration of `{}` without constraints",
-    "reaction.": "the reaction of `{}`",
-    "sd.": "the standard deviation of `{}`",
-}
-_ALONE = {"gauss.G": "Gauss's constraint", "action.S": "the action"}
-_PREFIX = re.compile("|".join(map(re.escape, (*_OF_CONSTRAINTS, *_OF_VARIABLES))))
 # The kinds of names with a column; a parameter has none, but its name is an expression.
 _SHOWN = (Kind.COORDINATE, Kind.STATE, Kind.MODE, Kind.DEFINITION)
 
 
-def _column(name: str, names: Names) -> tuple[str, Place | None]:
-    """Return the meaning of the column that has this name, and its owner's place."""
-    if name in _ALONE:
-        return _ALONE[name], None
-    if name.startswith("d."):
-        return _sensitivity(name, names), None
-    found = _PREFIX.match(name)
-    if not found:
+def _owner(name: str, names: Names) -> tuple[str, Place | None]:
+    """Return the meaning of the column that has this name, and its owner's place.
+
+    The meaning is "" where there is no such column. A column that is made only where a
+    file has contacts, impulses, sensitivities or uncertainties counts in any file: one
+    that adds these later keeps its names.
+    """
+    found = columns.parsed(name)
+    if found is None:
         return "", None
-    prefix, of = found[0], name[found.end() :]
-    if prefix in _OF_CONSTRAINTS:
+    made, of = found
+    if made.owner is Owner.RUN:
+        return made.meaning, None
+    if made.owner is Owner.PAIR:
+        pairs = columns.halves(of)
+        both = [x for x in pairs if all(one in names.places for one in x)]
+        if not both:
+            return "", None
+        return made.meaning.format(*both[0]), names.places[both[0][0]]
+    place = _place_of(of, made.owner, names)
+    return (made.meaning.format(of) if place else ""), place
+
+
+def _place_of(of: str, owner: Owner, names: Names) -> Place | None:
+    """Return the place of an owner of columns; None where there is no such name."""
+    if owner is Owner.CONSTRAINT:
         whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips
-        place = names.constraints.get(of, names.constraints.get(whole))
-        return (_OF_CONSTRAINTS[prefix].format(of) if place else ""), place
-    kind = names.variables.get(of, names.variables.get(of.replace("_dot", "")))
-    forces = prefix in ("Qc_", "gauss.a_")
-    if kind is Kind.COORDINATE or (kind in _SHOWN and not forces):
-        return _OF_VARIABLES[prefix].format(of), names.places.get(of)
-    return "", None
-
-
-def _sensitivity(name: str, names: Names) -> str:
-    """Return the meaning of `d.<column>.<name>`; empty if it joins no two names."""
-    parts = name.split(".")
-    for k in range(2, len(parts)):
-        column, of = ".".join(parts[1:k]), ".".join(parts[k:])
-        if column in names.places and of in names.places:
-            return f"the sensitivity of `{column}` to `{of}`"
-    return ""
+        return names.constraints.get(of, names.constraints.get(whole))
+    of = of if of in names.variables else of.replace("_dot", "")
+    kinds = _SHOWN if owner is Owner.COLUMN else (Kind.COORDINATE,)
+    return names.places.get(of) if names.variables.get(of) in kinds else None
 
 
 def check_columns(names: Names, faults: Faults) -> None:
@@ -423,7 +408,7 @@ def check_columns(names: Names, faults: Faults) -> None:
     for name, place in names.places.items():
         if "." in name and names.variables.get(name) not in _SHOWN:
             continue
-        meaning, other = _column(name, names)
+        meaning, other = _owner(name, names)
         if meaning:
             text = f"`{name}` is the column of {meaning} in this file"
             hint = f"the first is in line {other.line}" if other else ""

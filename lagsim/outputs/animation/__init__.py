@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from lagsim.language.columns import MULTIPLIER, REACTION
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
@@ -175,7 +176,7 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     names += [*equations.multipliers, *sorted(equations.model.modes)]
     known = frozenset(columns)
     names += ENERGIES
-    names += [f"reaction.{name}" for name in equations.model.output.reactions]
+    names += [REACTION.of(name) for name in equations.model.output.reactions]
     names += sorted(needed(equations.model).difference(names))
     names = [name for name in names if name in known]
     # Positions and rates; forces, at two points at most; time and energies.
@@ -333,7 +334,7 @@ class Carriers:
         self._e, self._scene = equations, scene
         self._values, self._count = values, count
         self._dimension = scene.dimension
-        rows = [(x.name, f"lambda_{x.name}", x.A.entries) for x in equations.rows]
+        rows = [(x.name, MULTIPLIER.of(x.name), x.A.entries) for x in equations.rows]
         rows += [(x.name, x.multiplier, x.row.A.entries) for x in equations.laws]
         self._jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
@@ -455,7 +456,7 @@ def reactions(
     }
     dimension = scene.dimension
     for point, parts in scene.points.items():
-        found = [columns.get(f"reaction.{asked.get(node)}") for node in parts]
+        found = [columns.get(REACTION.of(str(asked.get(node)))) for node in parts]
         some = next((x for x in found if x is not None), None)
         if some is not None:
             force = np.zeros((len(some), dimension))

@@ -23,6 +23,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
 from lagsim.admissibility.refusal import admitted_inertia, gimbal_lock
+from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
@@ -120,7 +121,7 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
     now = arc.observed()
     names = arc.system.columns.names
     for constraint in arc.equations.rows:
-        at = names.index(f"residual_{constraint.name}")
+        at = names.index(RESIDUAL.of(constraint.name))
         g = now[at] - before.row[0, at]
         scale = now[names.index(f"scale:{constraint.name}")]
         if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):

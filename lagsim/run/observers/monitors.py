@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.columns import FORCE, RESIDUAL, made
 from lagsim.run.observers import Extremes
 from lagsim.tolerances import SAME_STEP, TERM_ROUNDOFF
 
@@ -196,7 +197,7 @@ class EnergyMonitor:
         self._works = own or ([] if self._work is None else [self._work])
         shown = ("kinetic", "potential", "lagrangian", "work")
         self._parts = {name: columns.index(name) for name in shown if name in columns}
-        self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
+        self._held = [k for k, name in enumerate(columns) if made(name, FORCE)]
         self._extremes = Extremes(len(columns))
         self._kept = np.empty((0, 2 + self._shown + len(self._works)))
         self._seen, self._stride = 0, 1
@@ -379,7 +380,7 @@ def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
     names = [x.removeprefix("scale:") for x in columns if x.startswith("scale:")]
     return {
         name: (
-            places.get(f"missed:{name}", places.get(f"residual_{name}", -1)),
+            places.get(f"missed:{name}", places.get(RESIDUAL.of(name), -1)),
             places[f"scale:{name}"],
         )
         for name in names

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, made
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -334,10 +335,13 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     coordinates = [coordinate.name for coordinate in model.coordinates]
     series = {"kinetic", "potential", "lagrangian", "energy", *coordinates}
     series |= {state.name for state in model.states}
-    series |= {f"Qc_{name}" for name in coordinates}
-    series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
-    shown = ("plot:", "friction.", "impulse.")
-    series |= {name for name in columns if name.startswith(shown)}
+    series |= {FORCE.of(name) for name in coordinates}
+    series |= {MULTIPLIER.of(constraint.name) for constraint in model.constraints}
+    series |= {
+        name
+        for name in columns
+        if name.startswith("plot:") or made(name, FRICTION, IMPULSE)
+    }
     paths = {name for name in columns if name.startswith(("point.", "plot:"))}
     shapes = [node for shape in model.scene.shapes for node in shape.nodes]
     paths |= model.graph.depends(shapes) & set(columns)

@@ -1,0 +1,179 @@
+"""The registry of columns: a row for each kind of column that is made of other names.
+
+Names, clashes of names, units, letters in pictures and the choice of columns for
+pictures and comparisons follow from these rows. Other columns have the names of
+coordinates, their rates, states, modes, definitions and energies.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+from typing import NamedTuple
+
+
+class Owner(Enum):
+    """The names that a kind of column is made of."""
+
+    CONSTRAINT = "a constraint"
+    COORDINATE = "a coordinate"
+    COLUMN = "another column"
+    PAIR = "another column, a point, and a parameter or start value"
+    RUN = "none"
+
+
+class Made(NamedTuple):
+    """A kind of column that is made of other names.
+
+    Attributes
+    ----------
+    prefix : str
+        Beginning of its names; the whole name where the owner is the run.
+    owner : Owner
+        Owner of the rest of a name.
+    meaning : str
+        The meaning in messages, with {} for the rest of the name.
+    energy, along, seconds : int
+        Exponents of the unit: of energy, of the owner's unit, and of the second. The
+        owner's unit of a constraint is that of its residual.
+    names : tuple of str
+        Preferred names of the unit.
+    letter : str
+        The letter or word of which the rest of the name is a subscript in pictures.
+    """
+
+    prefix: str
+    owner: Owner
+    meaning: str
+    energy: int = 0
+    along: int = 0
+    seconds: int = 0
+    names: tuple[str, ...] = ()
+    letter: str = ""
+
+    def of(self, name: str = "") -> str:
+        """Return the column of the owner `name`.
+
+        Examples
+        --------
+        >>> MULTIPLIER.of("rod"), ACTION.of()
+        ('lambda_rod', 'action.S')
+        """
+        return f"{self.prefix}{name}"
+
+
+# Names of units of generalized forces, impulses, stiffness and power.
+FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
+
+MULTIPLIER = Made(
+    "lambda_", Owner.CONSTRAINT, "the multiplier of the constraint `{}`",
+    energy=1, along=-1, names=FORCES, letter="λ",
+)  # fmt: skip
+FORCE = Made(
+    "Qc_", Owner.COORDINATE, "the constraint force on `{}`",
+    energy=1, along=-1, names=FORCES, letter="Qc",
+)  # fmt: skip
+RESIDUAL = Made(
+    "residual_", Owner.CONSTRAINT, "the residual of the constraint `{}`",
+    along=1, letter="residual",
+)  # fmt: skip
+IMPULSE = Made(
+    "impulse.", Owner.CONSTRAINT, "the impulse of the constraint `{}`",
+    energy=1, along=-1, seconds=1, names=FORCES,
+)  # fmt: skip
+FRICTION = Made(
+    "friction.", Owner.CONSTRAINT, "the friction of the constraint `{}`",
+    energy=1, along=-1, names=FORCES,
+)  # fmt: skip
+FREE = Made(
+    "gauss.a_", Owner.COORDINATE, "the acceleration of `{}` without constraints",
+    along=1, seconds=-2,
+)  # fmt: skip
+GAUSS = Made(
+    "gauss.G", Owner.RUN, "Gauss's constraint", energy=1, seconds=-2, names=("J/s^2",)
+)
+ACTION = Made("action.S", Owner.RUN, "the action", energy=1, seconds=1, names=("J s",))
+REACTION = Made(
+    "reaction.", Owner.COLUMN, "the reaction of `{}`", energy=1, along=-1, names=FORCES
+)
+SENSITIVITY = Made("d.", Owner.PAIR, "the sensitivity of `{}` to `{}`", along=1)
+DEVIATION = Made("sd.", Owner.COLUMN, "the standard deviation of `{}`", along=1)
+
+KINDS = (
+    MULTIPLIER, FORCE, RESIDUAL, IMPULSE, FRICTION, FREE, GAUSS, ACTION, REACTION,
+    SENSITIVITY, DEVIATION,
+)  # fmt: skip
+# Columns of constraints, which pictures of a motion leave to those of forces.
+OF_CONSTRAINTS = (MULTIPLIER, FORCE, RESIDUAL)
+_BEGINS = re.compile("|".join(f"({re.escape(kind.prefix)})" for kind in KINDS))
+
+
+class Column(NamedTuple):
+    """A column of the table of a run.
+
+    Attributes
+    ----------
+    name : str
+    node : int
+        Its expression of the state, q'', multipliers and impulses.
+    unit : str
+        Its unit as the file states it; "" where it follows, or is unknown.
+    """
+
+    name: str
+    node: int
+    unit: str = ""
+
+
+def parsed(name: str) -> tuple[Made, str] | None:
+    """Return the kind of a column made of other names, and the rest of its name.
+
+    None for another column. That the rest is the name of an owner is not checked.
+
+    Examples
+    --------
+    >>> parsed("impulse.floor.2")[1], parsed("theta_dot")
+    ('floor.2', None)
+    """
+    found = _BEGINS.match(name)
+    if found is None:
+        return None
+    kind = KINDS[found.lastindex - 1] if found.lastindex else KINDS[0]
+    rest = name[found.end() :]
+    return None if bool(rest) is (kind.owner is Owner.RUN) else (kind, rest)
+
+
+def made(name: str, *kinds: Made) -> bool:
+    """Whether a column is of one of these kinds.
+
+    Examples
+    --------
+    >>> made("Qc_theta", MULTIPLIER, FORCE), made("theta", FORCE)
+    (True, False)
+    """
+    found = parsed(name)
+    return found is not None and found[0] in kinds
+
+
+def base(name: str) -> str:
+    """Return the name that a column is made of; another column is its own.
+
+    Examples
+    --------
+    >>> base("friction.floor"), base("theta")
+    ('floor', 'theta')
+    """
+    found = parsed(name)
+    return name if found is None else found[1] or name
+
+
+def halves(rest: str) -> list[tuple[str, str]]:
+    """Return the column and the name that a sensitivity may belong to.
+
+    Examples
+    --------
+    >>> halves("q.1.l")
+    [('q', '1.l'), ('q.1', 'l')]
+    """
+    parts = rest.split(".")
+    return [(".".join(parts[:k]), ".".join(parts[k:])) for k in range(1, len(parts))]
