@@ -19,9 +19,8 @@ def test_it_moves_as_it_must(name):
     check(SCENES[name])
 
 
-# Known failures: too many steps at a root beside a switch far from the origin; a slip
-# of a disc that sticks again at once.
-FAILING = {"8 balls touch by if, 1.5", "pushed at an angle of 2.0"}
+# Known failure: too many steps at a root beside a switch far from the origin.
+FAILING = {"8 balls touch by if, 1.5"}
 REWORDED = [
     pytest.param(name, marks=pytest.mark.xfail(strict=True))
     if name in FAILING
@@ -44,10 +43,11 @@ def test_it_does_so_in_other_words(name):
         ("pushed by another's way, -1", "grams"),
         ("balanced under if(t < 1, 0, 1e-3*(t - 1))", "shifted"),
         ("two are pushed by 2.0*sin(3.0*t) beside 0", "shifted"),
+        ("pushed at an angle of 2.0", "boosted"),
     ],
 )  # fmt: skip
 def test_rounding_in_other_words_costs_no_steps(name, word):
-    """Places and clocks cancel, a body with work turns back, slips begin by turns."""
+    """Places and clocks cancel, slips begin by turns, one stops; a body turns back."""
     check(SCENES[name], word)
 
 

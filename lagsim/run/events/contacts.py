@@ -227,6 +227,9 @@ class Contacts(Source):
             found.y = _raised_state(here)
             arc.system.p.law_opens[:] = 0.0
             here = Kinematics(arc, found.y.copy())
+        if met is not None and _is_stopping(here, met):
+            found.y = _straightened_state(here, met)
+            here = Kinematics(arc, found.y.copy())
         self._note_former(arc)
         if met is not None:
             self.also.add(met)
@@ -550,6 +553,40 @@ def _raised_state(here: Kinematics) -> Floats:
         if len(low):
             asked = np.append(values[low], np.zeros(len(held)))
             y[level] -= here.shape.lift([*low, *held], asked)
+    return y
+
+
+def _is_stopping(here: Kinematics, k: int) -> bool:
+    """Whether a slip on a disc stops before a position changes by more than rounding.
+
+    k : the number of the law whose mode has ended.
+    """
+    pair, p = [k, here.laws[k].pair], here.arc.system.p
+    if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
+        return False
+    speed = float(np.linalg.norm(here.rates[pair]))
+    places = here.shape.slopes[pair] @ here.seen[here.arc.state.positions]
+    back = float(np.linalg.norm(here.present[pair]))
+    short = speed**2 <= 2.0 * back * SUM_ROUNDOFF * float(places.max())
+    return short and speed > p.law_still[k]
+
+
+def _straightened_state(here: Kinematics, k: int) -> Floats:
+    """Return the state (size,) with a slip on a disc along its last known direction.
+
+    In the step that ends at the stop of a slip, rounding turns the last directions of
+    its friction, and thus the slip.
+
+    Parameters
+    ----------
+    here : Kinematics
+    k : int
+        The number of one of the two laws of the slip.
+    """
+    y, pair = here.y.copy(), [k, here.laws[k].pair]
+    along = here.arc.system.p.law_direction[pair]
+    across = here.rates[pair] - along * (along @ here.rates[pair])
+    y[here.arc.velocities] -= here.shape.lift(pair, across)
     return y
 
 
