@@ -486,7 +486,8 @@ output: {reactions: [x]}
     Row("E249", "switch-at-rest",
         "A limit or friction has a switch at slip 0 whose two values are not clear.",
         "`if(abs(x_dot) > 0, 1, 5)` is understood: 5 while it holds, 1 while it "
-        "slides. Of other switches at slip 0 the file gives both values by name.",
+        "slides. Of other switches at slip 0, and of a bound that falls there as "
+        "steeply as a switch, the file gives both values by name.",
         "write the bound of what holds and that of what slides: limit: {static: 5, "
         "dynamic: 1}",
         "constraints: {rub: {relation: theta_dot = 0, limit: "

@@ -49,9 +49,10 @@ BENT = 1e-7
 # rounding of the time at which it begins.
 LEAST_SLIP = 1e-30
 # A value is 0 within CERTAIN error bounds; two bounds are equal within the relative
-# difference SAME; a continuous bound changes by at most CHANGE over a slip of STEP.
+# difference SAME; a continuous bound changes by at most CHANGE over a slip of STEP, and
+# a steep one falls there by more than STEEP.
 CERTAIN, SAME = 8.0, 1e-9
-STEP, CHANGE = 1e-13, 1e-5
+STEP, CHANGE, STEEP = 1e-13, 1e-5, 1e-2
 # Largest number of equalities; relative size of the pivot of dependent rows.
 MOST_HELD, DEPENDENT = 32, 1e-9
 
@@ -109,18 +110,22 @@ def bounds_at_rest(
     Returns
     -------
     Bounds or None
-        None where the value of a switch at slip 0 cannot be determined.
+        None where the value of a switch at slip 0 cannot be determined, or where the
+        bound falls steeply there without a switch.
     """
     moving = g.dependent([node], velocities)
-    steps = [n for n in g.cone([node]) if n in moving and _is_discrete(g, n)]
-    if not steps:
+    if node not in moving:
         return Bounds(node, node)
+    steps = any(n in moving and _is_discrete(g, n) for n in g.cone([node]))
     held = _coupled(g, [node, *slips], held, velocities)
     names = g.depends([node, *slips, *held])
     found = [_points(g, slips, names, velocities, x, held) for x in (known, {})]
     if not all(found):  # equalities prevent any slip
         return Bounds(node, node) if held else None
-    return _Beside(g, node, moving, found[0], found[1]).bounds(slips)
+    beside = _Beside(g, node, moving, found[0], found[1])
+    if steps:
+        return beside.bounds(slips)
+    return None if beside.is_steep() else Bounds(node, node)
 
 
 def _coupled(
@@ -297,7 +302,7 @@ class _Beside:
         rest, above, below, even = versions
         own = Bounds(rest if self.near and self._falls(rest) else node, node)
         if not self.steps:
-            return own
+            return None if not self.near and self.is_steep() else own
         if above == below:
             return Bounds(rest, above) if self._has_value(above) else None
         if not self.even and self._is_continuous():
@@ -474,6 +479,22 @@ class _Beside:
                 if not abs(value - here) <= CHANGE * max(abs(value), abs(here)):
                     return False
         return True
+
+    def is_steep(self) -> bool:
+        """Whether the expression falls within slips that a run takes for 0.
+
+        So does `F0*(1 - 1e20*abs(v))`: static friction without a switch. Its slope is
+        too steep for an integration of the slip that begins. With the parameters of the
+        file.
+        """
+        for point in self.points:
+            here = evaluate(self.g, [self.node], _plain(point.values))[0]
+            for way in _AROUND if self.pair else _UP_AND_DOWN:
+                beside = _plain(point.beside(*[STEP * x for x in way]))
+                value = evaluate(self.g, [self.node], beside)[0]
+                if here - value > STEEP * abs(here):
+                    return True
+        return False
 
     def _has_value(self, version: int) -> bool:
         """Whether a version is finite at slip 0."""

@@ -573,8 +573,9 @@ class _Reader:
         if found == Bounds(bound, bound) and rates:
             found = bounds_at_rest(g, bound, slips, fast, x.known, rates)
         if found is None:
-            text = f"the {key} of {self.what} has a switch at slip 0, and it is not "
-            text += "clear what bounds the force at rest and while it slides"
+            text = f"the {key} of {self.what} has a switch at slip 0, or falls as "
+            text += "steeply, and it is not clear what bounds the force at rest and "
+            text += "while it slides"
             hint = f"write {key}: {{static: ..., dynamic: ...}}"
             x.faults.add("switch-at-rest", text, node, hint)
         if found is None or found == Bounds(bound, bound):

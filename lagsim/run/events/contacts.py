@@ -223,13 +223,10 @@ class Contacts(Source):
             Whether the modes are selected here, not later with those of surfaces.
         """
         here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
-        if arc.system.p.law_opens.any():
-            found.y = _raised_state(here)
-            arc.system.p.law_opens[:] = 0.0
-            here = Kinematics(arc, found.y.copy())
-        if met is not None and _is_stopping(here, met):
-            found.y = _straightened_state(here, met)
-            here = Kinematics(arc, found.y.copy())
+        corrected = _corrected_state(here, met)
+        if corrected is not None:
+            found.y, here = corrected, Kinematics(arc, corrected.copy())
+        arc.system.p.law_opens[:] = 0.0
         self._note_former(arc)
         if met is not None:
             self.also.add(met)
@@ -538,6 +535,20 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     }
     others = struck.difference(found)
     return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
+
+
+def _corrected_state(here: Kinematics, met: int | None) -> Floats | None:
+    """Return the state (size,) without errors of the step that ended there.
+
+    None where there is nothing to correct.
+
+    met : the number of the law whose mode has ended, or None.
+    """
+    if here.arc.system.p.law_opens.any():
+        return _raised_state(here)
+    if met is not None and _is_stopping(here, met):
+        return _straightened_state(here, met)
+    return None
 
 
 def _raised_state(here: Kinematics) -> Floats:

@@ -328,6 +328,10 @@ def test_several_rows_hold_within_all_of_their_static_limits():
     [
         "5 - 4*sign(x*abs(x_dot))", "if(x_dot*(x_dot - 1) > 0, 1, 5)",
         "5 - 4*min(1, ceil(abs(x_dot)))", "if(abs(x_dot - two) > 0, 1, 5)",
+        # Continuous, but as steep as a switch.
+        "max(1, 5*(1 - 1e20*abs(x_dot)))", "5 - 4*min(1, 1e14*abs(x_dot))",
+        "1 + 4*exp(-(1e16*x_dot)^2)", "1 + 4/(1 + steep*abs(x_dot))",
+        "if(abs(x_dot) > 0.1, 1, 2) + 4/(1 + steep*abs(x_dot))",
     ],
 )  # fmt: skip
 def test_a_switch_that_is_not_clear_is_refused(limit):
@@ -335,11 +339,27 @@ def test_a_switch_that_is_not_clear_is_refused(limit):
         "x", "x_dot^2/2", "0", {"rub": {"relation": "x_dot = 2", "limit": limit}}
         if "two" in limit
         else {"rub": {"relation": "x_dot = 0", "limit": limit}},
-        {"x": 0.1, "x_dot": 2}, parameters={"two": 2}, duration=1,
+        {"x": 0.1, "x_dot": 2}, parameters={"two": 2, "steep": 1e15},
+        duration=1,
     )  # fmt: skip
     with pytest.raises(InputError, match="switch at slip 0") as caught:
         lagsim.load(text)
     assert {p.code for p in caught.value.problems} == {"switch-at-rest"}
+
+
+@pytest.mark.parametrize("steep", [1e3, 1e6, 1e9, 1e11])
+@pytest.mark.parametrize(
+    "limit", ["max(1, 5*(1 - {}*abs(x_dot)))", "1 + 4*exp(-({}*x_dot)^2)"]
+)
+def test_a_bound_that_falls_less_steeply_is_taken_as_written(limit, steep):
+    """A push of 2 stops the slip in about 1/3 s, and then the limit of 5 holds it."""
+    law = {"relation": "x_dot = 0", "limit": limit.format(steep)}
+    found = play(scene(
+        "x", "x_dot^2/2", "0", {"rub": law}, {"x": 0, "x_dot": -1}, forces={"x": 2},
+        duration=1,
+    ))  # fmt: skip
+    assert found["x"][-1] == pytest.approx(-1 / 6, abs=1.0 / steep + GLOBAL)
+    assert found.times("stick") == pytest.approx([1 / 3], abs=1.0 / steep + GLOBAL)
 
 
 @pytest.mark.parametrize("part", ["abs(x_dot)", "abs(x_dot - y_dot)", "x_dot"])
