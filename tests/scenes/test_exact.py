@@ -19,18 +19,8 @@ def test_it_moves_as_it_must(name):
     check(SCENES[name])
 
 
-# Known failure: too many steps at a root beside a switch far from the origin.
-FAILING = {"8 balls touch by if, 1.5"}
-REWORDED = [
-    pytest.param(name, marks=pytest.mark.xfail(strict=True))
-    if name in FAILING
-    else name
-    for name in SCENES
-]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REWORDED)
+@pytest.mark.parametrize("name", SCENES)
 def test_it_does_so_in_other_words(name):
     for word in SCENES[name].words(name, WORDS):
         check(SCENES[name], word)

@@ -73,6 +73,7 @@ class Control(Output):
     potential: float  # at the start of the run
     lost_below: float  # the rows have lost rank where sigma is below this
     rounding_known: float  # directions by which it was bounded in this step
+    bounded_step: float  # the step for which it was bounded; 0 for a start
     balanced: float  # 1 where a component has no scale but that of forces that cancel
     balanced_alone: float  # 1: the roundoff of these alone counts
     sizes: Floats = array("size")  # the largest of y so far
@@ -136,8 +137,15 @@ def record_extents(s: Control) -> None:
         s.sizes[i] = max(s.sizes[i], abs(now))
         s.low[i] = min(s.low[i], now)
         s.high[i] = max(s.high[i], now)
+    forget_roundoff(s)
+
+
+def forget_roundoff(s: Control) -> None:
+    """Set the roundoff bounds to 0, to be computed anew where they are needed."""
+    for i in range(s.size):
         s.roundoff[i] = 0.0
     s.rounding_known = 0.0
+    s.bounded_step = 0.0
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
@@ -156,6 +164,8 @@ def set_tolerances(
     the component has no scale and is not controlled.
     """
     store_energies(s, t, new, p)
+    if SWITCHES and p.surfaces > 0 and h < SHORTER * s.bounded_step:
+        forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
     if s.atol >= 0.0:
         for i in range(size):
@@ -431,6 +441,10 @@ SILVER = 0.4142135623730951
 SCRAMBLED = 1e4
 # Directions in which a state is moved: in one alone some sum may cancel by chance.
 MOST_WAYS = 2.0
+# With switches, a roundoff bound does not hold for a step shorter than this part of its
+# own: a component that grows by a high power of the time is much smaller in the shorter
+# step, and an error of its size could lead it across its switch again and again.
+SHORTER = 0.5
 # A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which is below that of repeats of usual runs, rounding is
@@ -557,6 +571,7 @@ def bound_roundoff(
     for i in range(n, s.size):
         roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
+        s.bounded_step = h
         set_reach(s, p, y, k, h)
         perturb(s, p, t, y, k, PROBE, ways, s.far_before)
         s.evaluations += ways
@@ -574,10 +589,15 @@ def move_aside(
     """Write y moved by a part `change` of `sizes` (size,), in one of many directions.
 
     Components change by different parts: a common change of size or place of the whole
-    scene would not reveal cancellation.
+    scene would not reveal cancellation. In the second direction neighbours change by
+    parts from different halves, since their parts in the first one may be equal by
+    chance.
     """
     for i in range(size):
-        out[i] = y[i] + change * sizes[i] * (0.5 + scattered(i, way))
+        part = scattered(i, way)
+        if way > 0:
+            part = 0.5 * (part + (i + 1) % 2)
+        out[i] = y[i] + change * sizes[i] * (0.5 + part)
 
 
 def scattered(i: int, way: int) -> float:

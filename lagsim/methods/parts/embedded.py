@@ -215,15 +215,16 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
     # The error may be rounding alone.
-    doubtful = error >= 1.0
-    if SWITCHES:
-        doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
+    least = 1.0
+    if SWITCHES and error >= SHRINKING and control.hardly_moves(s, p, h, k):
+        least = SHRINKING
+    doubtful = error >= least
     if not doubtful and error >= SLOWING and s.balanced > 0.0:
         doubtful = True
         s.balanced_alone = 1.0
     while doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
         error = min(error, error_norm(s, h, errors))
-        doubtful = error >= 1.0
+        doubtful = error >= least
     if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
         constraints.note_directions(s, p, t + h, new)
         error = constraints.passable(s, error_on_constraints(s, p, h, errors))

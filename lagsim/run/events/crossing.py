@@ -132,7 +132,7 @@ def _rests(
     if moving:
         size = float(np.abs(by_q) @ arc.seen[positions])
         aside = SLOW * float(np.abs(J) @ arc.seen[arc.state.driven])
-    found = {}
+    found, pulls, fields, beside_k = {}, [], [], []
     for side, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
         beside = arc.y.copy()
         beside[arc.state.driven] -= speed / square * J
@@ -146,18 +146,66 @@ def _rests(
                 return False
             modes.put_clear(j, value)
         modes.write()
-        back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
+        field = modes.accelerations(beside)
+        back = -sign * float(J @ field - rows.b[k])
         way = 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
         short = speed * speed <= way or abs(speed) <= REACH * left * back
         if not (back > 0.0 and short):
             return False
         found[side] = modes.value.copy()
+        pulls.append(back)
+        fields.append(field)
+        beside_k.append(modes.rows(beside))
+    if _are_led_off(modes, beside_k, others, pulls, fields):
+        return False
     modes.value[:] = found[BELOW]
     for j in others:
         same = bool(found[BELOW][j] == found[ABOVE][j])
         modes.carry(j, Carried(k, float(found[ABOVE][j]), same, same))
     modes.put(k, levels[k], SLIDING)
     return True
+
+
+# Rate of an expression that leaves its level, relative to the rates of its terms.
+LEAVING = 1e-2
+
+
+def _are_led_off(
+    modes: Modes,
+    sides: Sequence[Rows],
+    others: Sequence[int],
+    pulls: Sequence[float],
+    fields: Sequence[Floats],
+) -> bool:
+    """Whether a surface leaves its level while the motion rests on another surface.
+
+    So does an expression of the time, or of another body that moves.
+
+    Parameters
+    ----------
+    sides : sequence of Rows
+        The rows of all surfaces, below and above the surface that the motion rests on.
+    others : sequence of int
+        The numbers of the surfaces that could leave their levels.
+    pulls : sequence of float
+        The rates that lead back, below and above.
+    fields : sequence of ndarray, shape (n + l,)
+        The accelerations, below and above.
+    """
+    arc = modes.arc
+    velocities, seen = arc.y[arc.state.driven], arc.seen[arc.state.driven]
+    resting = (pulls[1] * fields[0] + pulls[0] * fields[1]) / (pulls[0] + pulls[1])
+    largest = np.maximum(*np.abs(fields))
+    for rows in sides:
+        with np.errstate(invalid="ignore"):  # a slope may be unbounded
+            by_forces = rows.J @ resting - rows.b
+        sizes = np.abs(rows.J) @ largest + np.abs(rows.b)
+        timed = np.abs(rows.rates - rows.J @ velocities)
+        rates = np.where(modes.on_rates, by_forces, rows.rates)
+        sizes = np.where(modes.on_rates, sizes, np.abs(rows.J) @ seen + timed)
+        if any(abs(rates[j]) > LEAVING * sizes[j] for j in others):
+            return True
+    return False
 
 
 # Number of times ahead at which the forces on a state that has not moved are evaluated,
@@ -406,23 +454,36 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the side of surface k follows from the sides of the open surfaces.
 
-        On each side of these its expression may have another value, at a level or not.
+        On each side of these its expression may have another value, at a level or not,
+        and at another level.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)
-        signs = []
-        for side in (BELOW, ABOVE):
-            self._settle((side,) * len(self.open))
+        found = set()
+        for corner in self._corners():
+            self._settle(corner)
             modes.write()
-            level = self._level(k, float(modes.values(arc.t, arc.y)[k]))
-            if level is None:
-                continue
-            self.levels[k] = level
-            rows = modes.rows()
-            signs.append(np.sign(self._rate(rows, k)))
-            if not (signs[-1] or modes.keeps(k) or self._parallel(rows, k)):
-                return False
-        return signs not in ([-1.0, -1.0], [1.0, 1.0])
+            value = float(modes.values(arc.t, arc.y)[k])
+            level, sign = self._level(k, value), 0.0
+            if level is not None:
+                self.levels[k] = level
+                rows = modes.rows()
+                sign = float(np.sign(self._rate(rows, k)))
+                if not (sign or modes.keeps(k) or self._parallel(rows, k)):
+                    return False
+            found.add((level, sign))
+        # At one level, with one rate, its side does not depend on the open surfaces.
+        return len(found) > 1 or next(iter(found))[1] == 0.0
+
+    def _corners(self) -> list[tuple[int, ...]]:
+        """Return the sides of the open surfaces at which rates are compared.
+
+        Where many surfaces are open, these are only all lower and all upper sides.
+        """
+        count, sides = len(self.open), (BELOW, ABOVE)
+        if count > FEW_CORNERS:
+            return [(side,) * count for side in sides]
+        return list(product(sides, repeat=count))
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
         """Return the open surface with which k steps together, and the factor.
@@ -608,15 +669,13 @@ class Crossing:
             found = np.append(J @ a - b, others)
             return np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0)
 
-        count, sides = len(self.open), (BELOW, ABOVE)
-        scale, least = np.zeros((2, count))
+        scale, least = np.zeros((2, len(self.open)))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
-        ends = [(side,) * count for side in sides]
-        for corner in product(sides, repeat=count) if count <= FEW_CORNERS else ends:
+        for corner in self._corners():
             J, b, a, _ = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
             for aside in modes.asides(reach):
-                change = np.abs(rates(corner, aside) - rates(corner))[:count]
+                change = np.abs(rates(corner, aside) - rates(corner))[: len(scale)]
                 least = np.fmax(least, change)
         self.roundoff[self.open] = least
         cone = FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)

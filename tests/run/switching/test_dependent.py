@@ -468,3 +468,49 @@ def test_surfaces_of_velocities_are_watched_on_both_sides(name, method):
     rows = np.round(result.t / PIECE).astype(int)
     pushed = np.append(0.0, np.cumsum(PIECE * np.array(each)))[rows]
     assert result["w_dot"] == pytest.approx(pushed, abs=BOUND)
+
+
+# The slide along sign(x_dot) = 0 while q falls from 1 at the rate 1: on both sides
+# another function of S = sign(x_dot) and q jumps at one time, at another level or at
+# the same one. The place of x at t = 2.9.
+SLIDES = {
+    # -0.05, then -0.55 above; 0.95, then 0.45 below: both push back for ever.
+    "0.5*ceil(0.5*q - S) - 0.05": 0.0,
+    "0.5*floor(0.5*q - S) + 0.25": 0.0,
+    "-0.5*floor(S - 0.5*q) - 0.05": 0.0,
+    "0.5*mod(0.5*q - S, 8) - 2 - S*(3 - if(q > 0, 0, 1))": 0.0,
+    "-S + 0.5*sign(0.5*q - 0.01*S) + 0.2*if(q < 0.5*(1 + S) - 0.5*S - 0.5, 1, 0)": 0.0,
+    # Above, the force jumps from -0.9 to 0.1 - 0.5 (t - 1.5) at t = 1.5.
+    "0.5*mod(0.5*mod(S, 2) + q, 2) - 0.9*S": 0.05 * 0.4**2 - 0.4**3 / 12.0,
+    # From t = 1 on 0.45 below and 0.05 above, which both push up.
+    "-0.5*S + 0.25 - 0.5*floor(0.5*q + 0.5*abs(S) - 0.5)*heaviside(S)": (
+        0.125 * 1.9**2
+    ),
+}
+ON = {
+    "coordinate": ("x: {}, q: {}", "", "q: 1, q_dot: -1", "x_dot^2/2 + q_dot^2/2"),
+    "state": ("x: {}", "states: {q: {rate: -1}}", "q: 1", "x_dot^2/2"),
+    "definition": ("x: {}", "definitions: {q: 1 - t}", "", "x_dot^2/2"),
+}
+ALONG = """
+coordinates: {{{coordinates}}}
+{more}
+energy: {{kinetic: {kinetic}, potential: 0}}
+forces: {{x: "{force}"}}
+initial: {{x: 0, x_dot: 0, {initial}}}
+simulation: {{duration: 2.9, output_step: 0.1, {method}}}
+"""
+
+
+@pytest.mark.parametrize("force", one_quick(*SLIDES))
+@pytest.mark.parametrize("on", ON)
+@pytest.mark.parametrize("method", one_quick("dop853", "taylor", "radau", "rk4"))
+def test_a_slide_goes_on_where_steps_jump_on_both_of_its_sides(force, on, method):
+    coordinates, more, initial, kinetic = ON[on]
+    model = ALONG.format(
+        coordinates=coordinates, more=more, kinetic=kinetic, initial=initial,
+        force=force.replace("S", "sign(x_dot)"), method=METHODS[method],
+    )  # fmt: skip
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    assert result.complete, result.reason
+    assert result["x"][-1] == pytest.approx(SLIDES[force], abs=BOUND)

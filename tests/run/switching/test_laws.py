@@ -118,15 +118,8 @@ def test_a_ball_on_a_hertzian_contact(potential, force):
         assert found.drift < 1e-8
 
 
-# Of ten, the sixth moves by the least double at first, and its switch is met again and
-# again before the seventh moves: E507, since hurrying events end a run.
-TEN = pytest.param(10, marks=[
-    pytest.mark.slow,
-    pytest.mark.xfail(strict=True, reason="switches at the least double accumulate"),
-])  # fmt: skip
-
-
-@pytest.mark.parametrize("count", [*one_quick(5, 4), TEN])
+# Of ten, the sixth moves by the least double at first.
+@pytest.mark.parametrize("count", one_quick(5, 4, 10))
 def test_a_push_along_balls_that_touch(count):
     """They move with t, t^3.5, t^7.25, t^12.9, ... at first: powers have no scale."""
     q = [f"x{k}" for k in range(count)]
