@@ -89,6 +89,10 @@ if TYPE_CHECKING:
 
 # A coordinate with an error of less than this part of its scale is not at rest.
 RESOLVED_BY = 1e-6
+# Ratio of the range of a motion at rest to the rounding of a sum, at most: rounding
+# keeps the oscillations about a rest at a level that does not grow with the duration.
+# It was 1.5 for a string that hangs, over 30 s as over 300 s.
+NOISE = 4.0
 
 
 def _scales(
@@ -182,7 +186,7 @@ def compared(
         if equations.states:
             held[n:] = could_follow(equations, mine, held[:n])
         scales, still = _scales(sizes, moving, linked, largest, held)
-    rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
+    rounding = NOISE * SUM_ROUNDOFF * np.fmax(largest, held)
     parted = ""
     if run.outcome.complete and repeated.outcome.complete and not alike:
         parted = (
