@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import OPERATIONS, SMOOTH
 from lagsim.language.graph import memoized
 
 if TYPE_CHECKING:
@@ -60,6 +60,12 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
     return pulled(g, {node: g.one}, variables)
 
 
+def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
+    """Return `nodes` and the nodes below, without conditions of smooth selections."""
+    conditions = {g.args[n][0] for n in g.of((SMOOTH,))}
+    return [n for n in g.cone(nodes, conditions) if n not in conditions]
+
+
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
     """Return the slopes of the sum of nodes times `weights`, taken as constant."""
     return _Reverse(g, weights, variables).gradient(weights)
@@ -85,12 +91,10 @@ class _Reverse:
     def _selection(self, n: int) -> Gradient:
         g = self.g
         first, second = g.args[n][-2:]
-        branches = OPERATIONS[g.ops[n]].branches
-        assert branches is not None
-        condition = branches(g, g.args[n])
+        row, args = OPERATIONS[g.ops[n]], g.args[n]
         a, b = (self.gradient({branch: g.one}) for branch in (first, second))
         return {
-            v: g.call("if", condition, a.get(v, g.zero), b.get(v, g.zero))
+            v: row.chosen(g, args, a.get(v, g.zero), b.get(v, g.zero))
             for v in sorted(a.keys() | b.keys())
         }
 
@@ -171,7 +175,7 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
         return g.zero
     if row.branches:
         moving = [rates.get(a, g.zero) for a in args]
-        return g.call("if", row.branches(g, args), moving[-2], moving[-1])
+        return row.chosen(g, args, moving[-2], moving[-1])
     moved = [(slope, rates.get(a, g.zero)) for a, slope in local_slopes(g, n)]
     return g.product_sum((slope, rate) for slope, rate in moved if rate != g.zero)
 

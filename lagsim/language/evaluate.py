@@ -226,7 +226,7 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
     if row.step or row.condition:
         return g.zero
     if row.branches:
-        return g.call("if", row.branches(g, args), errors[-2], errors[-1])
+        return row.chosen(g, args, errors[-2], errors[-1])
     fresh = g.call("abs", n)
     if op == "sqrt":
         return g.call("add", fresh, _of_root(g, n, errors[0]))

@@ -46,7 +46,7 @@ class Function(NamedTuple):
         Whether the value is a truth value.
     native
         LLVM IR, one instruction per line, the last one the value. `{0}`, `{1}` are the
-        operands, `{a}`, `{b}` fresh names, `{c0}` a condition.
+        operands, `{a}` to `{f}` fresh names.
     declares
         External symbols that `native` needs, as LLVM declarations.
     sympy
@@ -106,6 +106,15 @@ class Function(NamedTuple):
     data: int = 0
     binds: int = 0
     sign: str = ""
+
+    def chosen(self, g: Builder, a: Arguments, x: int, y: int) -> int:
+        """Return the selection of node x or y as this function selects one of `a`.
+
+        A smooth selection remains one.
+        """
+        assert self.branches is not None
+        kept = self.name if self.name == SMOOTH else "if"
+        return g.call(kept, self.branches(g, a), x, y)
 
     def __call__(self, *arguments: Any) -> Any:
         """Return the value at float `arguments`, as IEEE 754 has it."""
@@ -250,6 +259,39 @@ CORNERS = (
 )  # fmt: skip
 
 
+# A selection at a removable singularity: its two branches agree to all orders where
+# its condition changes, so that it is smooth. Derivatives and series select among those
+# of the branches, and nothing is located. People see its last branch, an expression
+# that may be undefined at single points. The name has a point: no file can use it.
+SMOOTH = "smooth.if"
+REMOVABLE = (
+    Function(
+        name=SMOOTH, arity=3, value=lambda c, x, y: x if c else y,
+        branches=lambda g, a: a[0], simpler=simpler.choice,
+        native="select i1 {0}, double {1}, double {2}",
+        sympy=lambda _, condition, x, y: y,
+        python="{1} if {0} else {2}", interval=lambda r: r.smooth_choice,
+    ),
+    Function(
+        name="sinc", arity=1, value=lambda x: math.sin(x) / x if x else 1.0,
+        simpler=simpler.cardinal_sine,  # the graph has a smooth selection
+    ),
+    Function(
+        name="smooth.sinc", arity=1, value=lambda x: _quotient(math.sin(x), x),
+        partials=lambda g, a, f: (
+            g.call("div", g.call("sub", g.call("cos", a[0]), f), a[0]),
+        ),
+        native="{a} = call double @llvm.sin.f64(double {0})\nfdiv double {a}, {0}",
+        declares=("declare double @llvm.sin.f64(double)",),
+        sympy=lambda s, x: s.sinc(x), text="sinc", cost=TRANSCENDENTAL + 4, steep=True,
+        python="np.sin({0}) / {0}",
+        interval=lambda r: r.over_argument(
+            r.wave(r.np.sin, math.pi / 2, -math.pi / 2)
+        ),
+    ),
+)  # fmt: skip
+
+
 def _quotient(x: float, y: float) -> float:
     try:
         return x / y
@@ -278,7 +320,7 @@ def _power_partials(g: Builder, a: tuple[int, ...], itself: int) -> tuple[int, .
     # x^y log(x) tends to 0 with x for every y > 0.
     zero = g.call("le", g.call("abs", itself), g.zero)
     log = g.call("mul", itself, g.call("log", x))
-    return slope, g.call("if", zero, g.zero, log)
+    return slope, g.call(SMOOTH, zero, g.zero, log)
 
 
 def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
@@ -581,14 +623,17 @@ _ROWS = (
     *NUMBERS, *CONDITIONS, *TRIGONOMETRIC, *HYPERBOLIC, *POWERS, *CORNERS, *JUMPS,
     *REMAINDERS,
     *TABLES,
+    *REMOVABLE,
 )  # fmt: skip
 OPERATIONS = {row.name: row for row in _ROWS}
 FUNCTIONS = {
-    name: row for name, row in OPERATIONS.items() if not (row.sign or row.data)
+    name: row for name, row in OPERATIONS.items() if not row.sign and "." not in name
 }
 # Operators that join conditions, and are words.
 JOINING = tuple(name for name, row in OPERATIONS.items() if row.sign.strip() == name)
-# Functions that select among their arguments.
-CHOOSING = frozenset(name for name, row in OPERATIONS.items() if row.branches)
+# Functions that select among their arguments, with a corner or a jump.
+CHOOSING = frozenset(
+    name for name, row in OPERATIONS.items() if row.branches and row.switch
+)
 # Functions that are constant between jumps.
 STEPS = frozenset(name for name, row in OPERATIONS.items() if row.step)

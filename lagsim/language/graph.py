@@ -78,7 +78,7 @@ def _degrees_of(
         return Degrees(*map(operator.add, *known))
     if op == "div" and known[1] in (FLAT, NOTHING):
         return known[0]
-    if op == "if" and known[0] in (FLAT, NOTHING):
+    if op in ("if", "smooth.if") and known[0] in (FLAT, NOTHING):
         return known[1] | known[2]
     if exponent in (2.0, 3.0, 4.0, 5.0, 6.0):
         return Degrees(*(int(exponent) * d for d in known[0]))

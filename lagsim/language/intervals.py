@@ -205,6 +205,11 @@ def div(x: Interval, y: Interval) -> Interval:
     return interval(*_but(pole, math.inf, *bounds), partial, pole)
 
 
+def over_argument(rule: Callable[[Interval], Interval]) -> Callable[..., Interval]:
+    """Return the rule of f(x)/x from that of f."""
+    return lambda x: div(rule(x), x)
+
+
 def power(x: Interval, y: Interval) -> Interval:
     """Enclose x^y."""
     whole = (y.lo == y.hi) & (np.floor(y.lo) == y.lo) & np.isfinite(y.lo)
@@ -300,6 +305,13 @@ def choice(c: Interval, x: Interval, y: Interval) -> Interval:
         jumps=True,
     )
     return select(c.lo == 1.0, x, select(c.hi == 0.0, y, hull))
+
+
+def smooth_choice(c: Interval, x: Interval, y: Interval) -> Interval:
+    """Enclose a smooth selection, which has a value and no jump where c changes."""
+    found = choice(c, x, y)
+    decided = (c.lo == 1.0) | (c.hi == 0.0)
+    return found._replace(partial=found.partial & decided, jumps=found.jumps & decided)
 
 
 # ------------------------------------------------------------------- functions

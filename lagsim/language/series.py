@@ -169,7 +169,7 @@ class Coefficients:
             return g.call(op, *map(self, args))
         if row.branches is not None:
             first, second = (self(a) for a in args[-2:])
-            return g.call("if", row.branches(g, args), first, second)
+            return row.chosen(g, args, first, second)
         # A divisor that may overflow has a logarithm that does not.
         if op not in RECURRENCES or (op == "div" and log_slopes(g, args[1])):
             slopes = local_slopes(g, n)  # f' is the sum of slope times argument'

@@ -40,7 +40,7 @@ SMALL = 12
 LEAST_PART = 0.02
 
 SAME = frozenset(("neg", "abs", "floor", "ceil"))
-ALIKE = frozenset(("add", "sub", "min", "max", "hypot", "if"))
+ALIKE = frozenset(("add", "sub", "min", "max", "hypot", "if", "smooth.if"))
 _ROOTS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0}
 
 

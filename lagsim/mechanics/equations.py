@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.columns import ACTION, MULTIPLIER
-from lagsim.language.derivatives import gradient, slopes, tangent
+from lagsim.language.derivatives import deciding_cone, gradient, slopes, tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import OPERATIONS
@@ -879,7 +879,7 @@ def may_strike(e: Equations, row: Row) -> bool:
 
 def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
     """Whether a node may jump: by a switch, or by a mode of the file."""
-    g, cone = e.graph, e.graph.cone(nodes)
+    g, cone = e.graph, deciding_cone(e.graph, nodes)
     if not e.model.modes.isdisjoint(g.depends(nodes)):
         return True
     return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)

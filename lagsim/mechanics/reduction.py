@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.language.columns import MULTIPLIER
-from lagsim.language.derivatives import local_slopes, tangent
+from lagsim.language.derivatives import deciding_cone, local_slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
@@ -214,7 +214,7 @@ def usable(
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
     coordinates would rebound.
     """
-    cone = g.cone([row.residual])
+    cone = deciding_cone(g, [row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)
     if not row.holonomic or any(x and (x.switch or x.condition) for x in rows):
         return False

@@ -32,7 +32,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
+from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, SMOOTH, STEPS
 from lagsim.language.graph import memoized
 from lagsim.language.tables import cell_of, continuous, highest_orders, written
 from lagsim.mechanics.surfaces import (
@@ -65,7 +65,7 @@ def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
     stack = [branch]
     while stack:
         n = stack.pop()
-        if n in seen or g.ops[n] == "if":
+        if n in seen or g.ops[n] in ("if", SMOOTH):
             continue
         seen.add(n)
         stack += g.args[n]
@@ -663,11 +663,13 @@ class _Finder:
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)
+        if op == SMOOTH:
+            return args[1:]
         rooted = op == "cbrt" and args[0] in self.fast
         if row is None or not (row.switch or row.condition or rooted):
             return args
         if op == "if":
-            return args[1:] if _is_guard(g, n) else args
+            return args
         plain, timed = row.condition or op in STEPS, n in self.timed
         if not timed and (n not in self.moving or op in JOINING):
             return args
@@ -686,24 +688,6 @@ class _Finder:
             else:
                 self.state[discrete] = f"{op}({expression_text(g, *args)})"
         return args
-
-
-def _is_guard(g: Graph, n: int) -> bool:
-    """Whether `n` is x^y log(x), with its limit 0 where x^y is 0.
-
-    Differentiation yields such nodes. The condition replaces the value at one point
-    only, so that `n` is no switch.
-    """
-    condition, limit, product = g.args[n]
-    if g.ops[condition] != "le" or limit != g.zero or g.ops[product] != "mul":
-        return False
-    size, zero = g.args[condition]
-    return (
-        zero == g.zero
-        and g.ops[size] == "abs"
-        and g.ops[g.args[size][0]] == "pow"
-        and g.args[size][0] in g.args[product]
-    )
 
 
 def model_switches(equations: Equations, *, located: bool = True) -> Switches:

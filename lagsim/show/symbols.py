@@ -303,20 +303,10 @@ class Translation:
         return wanted
 
     def _value(self, node: int) -> Any:
-        twins = {**TWINS, "if": self._choice}
         try:
-            return to_sympy(self.g, [node], known=self.known, twins=twins)[0]
+            return to_sympy(self.g, [node], known=self.known)[0]
         except TypeError as fault:  # it compares what is not real
             raise not_finite() from fault
-
-    def _choice(self, asked: Any, then: Any, other: Any) -> Any:
-        """Give a choice; that of the slope of x^y, 0 where x^y = 0, is for moving x."""
-        if then == 0 and isinstance(asked, sp.Le):
-            absolute = getattr(asked.lhs, "spelled", "") == "abs"
-            power = asked.lhs.args[0] if absolute else then
-            if power.is_Pow and power.base.free_symbols <= self._parameters:
-                return other
-        return TWINS["if"](asked, then, other)
 
     def free(self, e: Any) -> set[Any]:
         """Give the symbols in `e`, those behind names of definitions too."""

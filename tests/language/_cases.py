@@ -70,4 +70,9 @@ CASES: dict[str, Case] = {
     ),
     "min": Case(min, (EVERYWHERE, EVERYWHERE), smooth=False),
     "max": Case(max, (EVERYWHERE, EVERYWHERE), smooth=False),
+    "sinc": Case(lambda x: mp.sin(x) / x if x else mp.mpf(1), (EVERYWHERE,)),
+    # The branch of `sinc` away from 0, used for |x| >= 1 only.
+    "smooth.sinc": Case(
+        lambda x: mp.sin(x) / x if abs(x) > 0.5 else mp.nan, ((0.5, 10.0),)
+    ),
 }

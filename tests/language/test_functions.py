@@ -14,7 +14,7 @@ import sympy as sp
 
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import FUNCTIONS, OPERATIONS
+from lagsim.language.functions import FUNCTIONS, OPERATIONS, SMOOTH
 from lagsim.language.graph import Graph
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
@@ -37,8 +37,8 @@ SPECIAL = (
 def call(g: Graph, name: str) -> int:
     """Give `name` of x, y; conditions as 1 or 0."""
     x, y, z = map(g.variable, NAMES)
-    if name == "if":
-        return g.call("if", g.call("gt", x, g.zero), y, z)
+    if name in ("if", SMOOTH):
+        return g.call(name, g.call("gt", x, g.zero), y, z)
     if name not in CONDITIONS:
         return g.call(name, *(x, y)[: OPERATIONS[name].arity])
     args = (x, y)
@@ -59,7 +59,7 @@ def at(args: tuple[float, ...]) -> dict[str, float]:
 
 
 def test_every_row_is_tried() -> None:
-    assert set(CASES) | CONDITIONS | {"if"} == {
+    assert set(CASES) | CONDITIONS | {"if", SMOOTH} == {
         x for x, row in OPERATIONS.items() if not row.data
     }
 

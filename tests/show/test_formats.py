@@ -37,7 +37,7 @@ energy:
     + sinh(x)*cosh(y)*tanh(x) + asinh(x)*acosh(9 + y) + atanh(x/9) + exp(a*x) + log(y)
     + log10(x + 9) + sqrt(x)*cbrt(y) + abs(x - 3)^3 + sign(x - 3)*y + min(x, y)*y
     + mod(x, y)*x + max(x, 2*y)^2 + hypot(x, y) + floor(x)*y + ceil(y)*x
-    + heaviside(x - 9)*x
+    + heaviside(x - 9)*x + sinc(x - 3)*y
     + if(x < y and not (x > 2 or y <= 0.1), x^2, y^a) + 2^x + x^1.5 + 1e-9*x + pi*y/3
 initial: {x: 0.4, y: 1.2}
 """

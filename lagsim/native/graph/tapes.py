@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.language.functions import JOINING, OPERATIONS
+from lagsim.language.functions import JOINING, OPERATIONS, SMOOTH
 from lagsim.language.graph import DATA, VARIABLE
 from lagsim.native.graph.lines import (
     CIRCULAR,
@@ -395,7 +395,7 @@ class Interpreter(Lines):
                 other = self._load("p", at, fields)
                 value = self.operation("mul", None, [value, other])
                 fields += 1
-            if kind.op in JOINING or (kind.op == "if" and place == 0):
+            if kind.op in JOINING or (kind.op in ("if", SMOOTH) and place == 0):
                 value = self.line(f"fcmp one double {value}, 0.0")
             operands.append(value)
         value = self.operation(kind.op, kind.exponent, operands)
