@@ -17,7 +17,7 @@ from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from lagsim.program.system import FUNCTION
-from lagsim.studies.bench import Solved
+from lagsim.studies.bench import solved
 
 FORMS = ("GGL", "index 1")
 # Multipliers are not controlled, as SUNDIALS recommends for index 2.
@@ -157,5 +157,4 @@ class Ida:
         rows = None
         if found.success:
             rows = np.column_stack([found.t, found.y[:, : 2 * problem.n]])
-        outcome = "done" if found.success else "failed"
-        return Solved(rows, seconds, problem.evaluations, outcome, found.message)
+        return solved(rows, seconds, problem.evaluations, found.message)

@@ -12,7 +12,7 @@ import numpy as np
 from by_textbook import Compiled
 from scipy.integrate import odeint, solve_ivp
 
-from lagsim.studies.bench import LEAST_RTOL, Solved
+from lagsim.studies.bench import LEAST_RTOL, solved
 
 
 class Scipy:
@@ -32,9 +32,9 @@ class Scipy:
             states = (self._odeint if self.by_odeint else self._dop853)(start)
             seconds = time.perf_counter() - began
         if states is None:
-            return Solved(None, seconds, self.f.evaluations, "failed")
+            return solved(None, seconds, self.f.evaluations)
         rows = np.column_stack([self.times, states])
-        return Solved(rows, seconds, self.f.evaluations, "done")
+        return solved(rows, seconds, self.f.evaluations)
 
     def _dop853(self, start):
         span = (self.times[0], self.times[-1])

@@ -13,7 +13,7 @@ from importlib.metadata import distribution
 import numpy as np
 from by_textbook import Compiled
 
-from lagsim.studies.bench import Solved
+from lagsim.studies.bench import solved
 
 ADAMS, NORMAL = 1, 1
 MOST_STEPS = 200_000  # between two rows
@@ -147,10 +147,10 @@ class Cvode:
         count = ctypes.c_long()
         _good(self.library.evaluations(self.memory, ctypes.byref(count)))
         if code:
-            return Solved(None, seconds, count.value, "failed", f"CVode: {code}")
+            return solved(None, seconds, count.value, f"CVode: {code}")
         states = np.vstack([start, self.out])
         rows = np.column_stack([self.times, states])
-        return Solved(rows, seconds, count.value, "done")
+        return solved(rows, seconds, count.value)
 
 
 def _good(code):

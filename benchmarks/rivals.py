@@ -119,7 +119,8 @@ class Scene:
 
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case
-        from lagsim.studies.bench import Own, Patience, state_sizes
+        from lagsim.studies.bench import Own, state_sizes
+        from lagsim.studies.trials import Patience
 
         self.case, self.method, self.patience = case, method, Patience(60.0)
         model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
@@ -271,9 +272,9 @@ def first_round(scene, solve, about):
     timed = Timed(solve, about, [], [])
     for k, start in enumerate(scene.starts):
         solved = solve(start)
-        timed.failed |= solved.rows is None
+        timed.failed |= not len(solved.rows)
         timed.best.append(solved.seconds)
-        good = solved.rows is not None
+        good = len(solved.rows) > 0
         timed.errors.append(scene.judge.error(solved.rows, k) if good else 1.0)
     return timed
 

@@ -35,8 +35,8 @@ from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import Clock, StartError, open_case, wanted
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
-from lagsim.studies.moments import rows_at
 from lagsim.studies.spectrum import Spectrum, spectrum
+from lagsim.studies.trials import tried
 from lagsim.tolerances import SAME_INSTANT
 
 if TYPE_CHECKING:
@@ -417,7 +417,7 @@ class Result:
         if outside.any():
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
-        rows = rows_at(self._made.session, self._instants(times.ravel()))
+        rows = tried(self._made.session, self._instants(times.ravel())).rows
         columns = zip(self.columns, rows.T, strict=False)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns}

@@ -49,6 +49,7 @@ from lagsim.studies.golden import (
     store,
     summary,
 )
+from lagsim.studies.trials import Compiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -212,10 +213,11 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
 
 def _store(case: Case, folder: Path) -> _Answer:
     model = case.model
-    golden, base = measure(case)
+    compiled = Compiled()
+    golden, base = measure(case, compiled)
     found: Document = {"model": model.name, "file": model.file}
-    if not base.trajectory.outcome.complete:
-        text = f"no golden of {model.name}: {base.trajectory.reason}"
+    if not base.trial.complete:
+        text = f"no golden of {model.name}: {base.trial.reason}"
         failed = failure("incomplete")
         complain(f"lagsim: {text} [{failed['number']}]")
         found |= {"pass": False, "failure": failed}
@@ -224,7 +226,7 @@ def _store(case: Case, folder: Path) -> _Answer:
         )
     from lagsim.studies.responses import responses
 
-    changes = responses(case, golden, base)
+    changes = responses(case, golden, base, compiled)
     golden = replace(golden, about=golden.about | {CHANGES: changes})
     known = summary(golden)
     assert known is not None

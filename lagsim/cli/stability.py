@@ -33,7 +33,7 @@ from lagsim.errors import Problems, counted, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
-from lagsim.run.session import Case, StartError, open_case, wanted
+from lagsim.run.session import open_case, wanted
 from lagsim.studies.bench import stability
 from lagsim.studies.bench.stability import Wish
 from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
@@ -78,18 +78,10 @@ def command(
     usual = open_case(read, settings)
     stability.methods_for(usual, wish)
 
-    def case(value: float | None) -> Case:
-        if value is None:
-            return usual
-        assert wish.name is not None
-        try:
-            return usual.bind({wish.name: value})
-        except StartError:
-            text = "the start is not admissible"
-            raise unusable("inadmissible", text) from None
-
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
-        document = stability.measure(case, wish, interrupt=interrupt, progress=progress)
+        document = stability.measure(
+            usual, wish, interrupt=interrupt, progress=progress
+        )
 
         def draw() -> bytes:
             from lagsim.studies.bench import chart

@@ -48,6 +48,7 @@ from lagsim.studies.motions import (
     variants,
 )
 from lagsim.studies.tables import read_table
+from lagsim.studies.trials import Compiled
 from lagsim.tolerances import SAME_ROW, UNIT_ROUNDOFF, VALUE_ROUNDOFF
 from lagsim.version import __version__
 
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
-    from lagsim.run.session import Case, Session
+    from lagsim.run.session import Case
 
     Document = dict[str, Any]
 
@@ -164,30 +165,36 @@ class Golden:
         return np.asarray(bounds[np.maximum(place, 0)])
 
 
-def measure(case: Case) -> tuple[Golden, Motion]:
-    """Return the golden of a case, and the motion that the golden was made from."""
-    spacing = case.settings.output_step
+def measure(case: Case, compiled: Compiled | None = None) -> tuple[Golden, Motion]:
+    """Return the golden of a case, and the motion that the golden was made from.
+
+    Parameters
+    ----------
+    compiled : Compiled, optional
+        Compiled functions of the model, which are used if they fit.
+    """
+    spacing, compiled = case.settings.output_step, compiled or Compiled()
     stride = _stride(
-        int(case.settings.duration / spacing) + 2, case.ready().system.columns.table
+        int(case.settings.duration / spacing) + 2, compiled.session(case).columns.table
     )
     while True:
-        base = motion_of(case, stride)
+        base = motion_of(case, stride, compiled)
         if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
-            stride = _stride(base.trajectory.rows, len(base.columns))
-            base = motion_of(case, stride)
-        golden = _measured(case, base, stride)
+            stride = _stride(base.count, len(base.columns))
+            base = motion_of(case, stride, compiled)
+        golden = _measured(case, base, stride, compiled)
         if stride == 1 or len(golden.rows) >= LEAST_ROWS:
             return golden, base
         # The horizon is early: closer rows before it.
         stride = max(1, len(golden.rows) * stride // (LEAST_ROWS + 2))
 
 
-def _measured(case: Case, base: Motion, stride: int) -> Golden:
+def _measured(case: Case, base: Motion, stride: int, compiled: Compiled) -> Golden:
     spacing = case.settings.output_step
-    others = [*variants(case, base, stride)]
+    others = [*variants(case, base, stride, compiled)]
     periodic = [x.name for x in case.model.events if x.at is None]
     near = kept_rows(base, others, case.settings, periodic)
-    rows, wide = base.rows[near.rows], jumps(case, base, near)
+    rows, wide = base.rows[near.rows], jumps(case, base, near, compiled)
     alike = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
         same = SAME_ROW * spacing
@@ -486,10 +493,10 @@ def _about(case: Case, golden: Golden, base: Motion) -> Document:
         "atol": plan.atol,
         "step": plan.step,
         "start": case.settings.start,
-        "end": base.trajectory.end,
-        "outcome": base.trajectory.outcome.word,
+        "end": base.trial.end,
+        "outcome": base.trial.outcome,
         "output_step": case.settings.output_step,
-        "run_rows": base.trajectory.rows,
+        "run_rows": base.count,
         "stride": golden.stride,
         "horizon": golden.horizon,
         "invariants": {k: x._asdict() for k, x in golden.invariants.items()},
@@ -594,19 +601,19 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-def run(case: Case, golden: Golden, alike: Session | None = None) -> Motion:
+def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Motion:
     """Return the motion of a case with rows at the times of the golden.
 
     Parameters
     ----------
-    alike : Session, optional
-        A session of the same equations. Its compiled functions are used if they fit.
+    compiled : Compiled, optional
+        Compiled functions of the model, which are used if they fit.
     """
     spacing = float(golden.about["output_step"])
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
     other = case.asking(output_step=spacing, step=step)
-    return motion_of(other, golden.stride, alike)
+    return motion_of(other, golden.stride, compiled)
 
 
 def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
@@ -690,11 +697,11 @@ def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pa
 
 
 def _faults(motion: Motion, about: Document) -> Iterator[str]:
-    outcome = motion.trajectory.outcome
-    if not outcome.complete:
-        yield f"the run does not finish: {motion.trajectory.reason}"
-    elif outcome.word != (was := about.get("outcome", outcome.word)):
-        yield f"the run ends by `{outcome.word}`, the golden by `{was}`"
+    trial = motion.trial
+    if not trial.complete:
+        yield f"the run does not finish: {trial.reason}"
+    elif trial.outcome != (was := about.get("outcome", trial.outcome)):
+        yield f"the run ends by `{trial.outcome}`, the golden by `{was}`"
 
 
 def _notes(
@@ -718,7 +725,7 @@ def _notes(
     spacing, end = float(about["output_step"]), float(about["end"])
     if case.settings.output_step != spacing:
         yield f"rows every {about['output_step']!r}, as in the golden"
-    reached = motion.trajectory.end
+    reached = motion.trial.end
     if abs(reached - end) > SAME_ROW * spacing:
         yield f"the run ends at t = {reached!r}, the golden's at {end!r}"
 

@@ -19,9 +19,9 @@ from lagsim.errors import InputError
 from lagsim.language.columns import RESIDUAL
 from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import moved, nearest, partners
+from lagsim.studies.trials import NO_ROWS, Compiled, tried
 from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
-    from lagsim.run.session import Case, Session
-    from lagsim.run.trajectory import Trajectory
+    from lagsim.run.session import Case
+    from lagsim.studies.trials import Trial
 
 # Factors of the tolerance of variants, the number of variants with perturbed start and
 # parameters, and the methods of further variants. A run at a larger tolerance is one
@@ -54,12 +54,17 @@ class Motion:
     rows : ndarray, shape (k, columns)
     scales : dict of str to float
         The largest scale of each residual, by column.
+    count : int
+        The number of all rows of the run.
+    trial : Trial
+        The run, without its rows.
     """
 
     columns: tuple[str, ...]
     rows: Floats
     scales: dict[str, float]
-    trajectory: Trajectory
+    count: int
+    trial: Trial
     plan: Plan
 
     def at(self, times: Floats, near: float, *, ends: bool) -> Floats:
@@ -135,43 +140,42 @@ def perturbed(case: Case, seed: int) -> Case:
     return case._replace(equations=equations).at(state)
 
 
-def motion_of(case: Case, stride: int, alike: Session | None = None) -> Motion:
+def motion_of(case: Case, stride: int, compiled: Compiled | None = None) -> Motion:
     """Return the motion of a case: one of `stride` output times, impacts and the end.
 
     Parameters
     ----------
-    alike : Session, optional
-        A session of the same equations. Its compiled functions are used if they fit.
+    compiled : Compiled, optional
+        Compiled functions of the model, which are used if they fit.
 
     Raises
     ------
     InputError
         If the method cannot handle the case.
     """
-    bound = (
-        alike.bound(case)
-        if alike and alike.case.model.graph is case.model.graph
-        else None
-    )
-    session, settings = bound or case.ready(), case.settings
+    session, settings = (compiled or Compiled()).session(case), case.settings
+    trial = tried(session)
+    residuals = ResidualMonitor(trial.columns)
+    residuals.add(trial.rows)
     columns = session.columns
-    kept, residuals = Keep(columns.table), ResidualMonitor(columns.names)
-    trajectory = session.run([kept, residuals])
-    rows = kept.table
+    rows = np.ascontiguousarray(trial.rows[:, : columns.table])
     t = rows[:, 0]
     places = numbers(t, settings.start, settings.output_step)
     wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
     sizes = {RESIDUAL.of(name): scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
-    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
+    made = trial._replace(rows=NO_ROWS)
+    return Motion(names, rows[wanted], sizes, len(rows), made, session.plan)
 
 
-def variants(case: Case, base: Motion, stride: int) -> Iterator[Motion]:
+def variants(
+    case: Case, base: Motion, stride: int, compiled: Compiled
+) -> Iterator[Motion]:
     """Return the variants of the golden run that reach its end."""
     for other in _asked(case, base.plan):
         with contextlib.suppress(InputError):
-            found = motion_of(other, stride)
-            if found.trajectory.outcome is base.trajectory.outcome:
+            found = motion_of(other, stride, compiled)
+            if found.trial.outcome == base.trial.outcome:
                 yield found
 
 
@@ -248,13 +252,13 @@ def kept_rows(
     holds the values after the event in each run.
     """
     t, spacing = base.rows[:, 0], settings.output_step
-    events = [e for e in base.trajectory.events if e.kind != "until"]
+    events = [e for e in base.trial.events if e.kind != "until"]
     events = [e for e in events if e.name not in periodic]
     times = np.unique([e.time for e in events])
     late = np.full(len(times), BESIDE * spacing)
     common = t[before_impacts(t)]
     for other in others:
-        pairs = moved(events, other.trajectory.events)
+        pairs = moved(events, other.trial.events)
         by = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
         np.maximum.at(late, np.searchsorted(times, pairs[:, 0]), by)
         theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
@@ -280,21 +284,19 @@ def kept_rows(
     return Near(rows.tolist(), beside)
 
 
-def jumps(case: Case, base: Motion, near: Near) -> Floats:
+def jumps(case: Case, base: Motion, near: Near, compiled: Compiled) -> Floats:
     """Return the jumps of all columns near each stored row, shape (rows, columns).
 
     A jump is the difference across an event, less the change that the slopes on both
     sides explain, so that a kink is no jump.
     """
-    # Only goldens that are stored anew need it.
-    from lagsim.studies.moments import rows_at
-
     found = np.zeros((len(near.rows), len(base.columns)))
     if near.events:
         places, times, late = (np.array(x) for x in zip(*near.events, strict=True))
         sides = times + np.outer((-2.0, -1.0, 1.0, 2.0), late)
         sides = np.clip(sides, *base.rows[[0, -1], 0])
-        rows = rows_at(case.ready(), sides.ravel())[:, : len(base.columns)]
+        session = compiled.session(case)
+        rows = tried(session, sides.ravel()).rows[:, : len(base.columns)]
         with np.errstate(invalid="ignore"):
             before, across, after = np.abs(
                 np.diff(rows.reshape(4, len(times), -1), axis=0)

@@ -21,6 +21,7 @@ from lagsim.run.session import examined, open_case
 from lagsim.studies.comparison import on_grid, scales
 from lagsim.studies.golden import SAFETY, Golden, judge, run
 from lagsim.studies.motions import SEEDS, motion_of, perturbed
+from lagsim.studies.trials import Compiled
 from lagsim.tolerances import TIGHTEST_RTOL, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -90,7 +91,9 @@ class Response(NamedTuple):
         return found
 
 
-def responses(case: Case, golden: Golden, base: Motion) -> Document:
+def responses(
+    case: Case, golden: Golden, base: Motion, compiled: Compiled | None = None
+) -> Document:
     """Return the responses to all changes, under `parameters`, `initial` and `tables`.
 
     If there are too many numbers, `untried` has the count of numbers left out for each.
@@ -99,14 +102,16 @@ def responses(case: Case, golden: Golden, base: Motion) -> Document:
     ----------
     base : Motion
         The motion that the golden was made from.
+    compiled : Compiled, optional
+        Compiled functions of the model, which are used if they fit.
     """
-    trial = _Trial(case, golden, base)
+    changes = _Changes(case, golden, base, compiled or Compiled())
     model = case.model
     found: Document = {}
     untried = {}
     for section, numbers, response in (
-        ("parameters", [*_parameters(model)], trial.of_parameter),
-        ("initial", [*_starts(case, base)], trial.of_start),
+        ("parameters", [*_parameters(model)], changes.of_parameter),
+        ("initial", [*_starts(case, base)], changes.of_start),
     ):
         some = _evenly(len(numbers), MOST_NUMBERS)
         found[section] = {
@@ -116,7 +121,7 @@ def responses(case: Case, golden: Golden, base: Motion) -> Document:
         if len(some) < len(numbers):
             untried[section] = len(numbers) - len(some)
     if model.tables:
-        found["tables"] = {table.name: _table(trial, table) for table in model.tables}
+        found["tables"] = {table.name: _table(changes, table) for table in model.tables}
     return found | ({"untried": untried} if untried else {})
 
 
@@ -156,7 +161,7 @@ def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
             yield x.name, abs(x.value) or float(sizes.get(x.name, 0.0)) or 1.0
 
 
-def _table(trial: _Trial, table: Table) -> Document:
+def _table(changes: _Changes, table: Table) -> Document:
     """Return the entry of a table in the JSON of a golden.
 
     It has the number of points, the least ratio of changes that fail the comparison,
@@ -164,7 +169,7 @@ def _table(trial: _Trial, table: Table) -> Document:
     """
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)
-    found = {k: trial.of_point(table.name, k) for k in points}
+    found = {k: changes.of_point(table.name, k) for k in points}
     seen = {k: r for k, r in found.items() if r.seen}
     least = min(seen, key=lambda k: seen[k].ratio, default=None)
     entry: Document = {"points": count, "changed": len(found)}
@@ -181,12 +186,14 @@ def _table(trial: _Trial, table: Table) -> Document:
     return entry
 
 
-class _Trial:
+class _Changes:
     """Runs of changed models, each compared with a golden."""
 
-    def __init__(self, case: Case, golden: Golden, base: Motion) -> None:
+    def __init__(
+        self, case: Case, golden: Golden, base: Motion, compiled: Compiled
+    ) -> None:
         self.case, self.golden, self.base = case, golden, base
-        self.session = case.ready()
+        self.compiled = compiled
         self._exact: tuple[Floats, Floats] | None = None
 
     def of_parameter(self, name: str, size: float) -> Response:
@@ -224,7 +231,7 @@ class _Trial:
     def _of(self, changed: Callable[[float], Model], by: float) -> Response:
         try:
             case = self._opened(changed(by))
-            motion = run(case, self.golden, self.session)
+            motion = run(case, self.golden, self.compiled)
         except LagsimError as error:
             return Response(by, math.inf, error.code)
         verdict = judge(case, motion, self.golden)
@@ -275,7 +282,7 @@ class _Trial:
             case = case.asking(step=plan.step)
         closer = max(settings.output_step / CLOSER, settings.duration / MOST_ROWS)
         case = case.asking(output_step=closer)
-        motion = motion_of(case, 1, self.session)
+        motion = motion_of(case, 1, self.compiled)
         return on_grid(motion.rows, case.settings)
 
 

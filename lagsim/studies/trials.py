@@ -54,7 +54,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
     from lagsim.notes import Event
-    from lagsim.run.session import Session
+    from lagsim.plan.plan import Plan
+    from lagsim.run.session import Case, Session
     from lagsim.studies.workers import Hired
 
     # Values of names as expressions; the pickled model, options and the command.
@@ -62,9 +63,10 @@ if TYPE_CHECKING:
     Key = tuple[bytes, tuple[tuple[str, float | str], ...], str]
 
 # Outcomes of trials besides the outcomes of runs.
-INADMISSIBLE, UNUSABLE, GIVEN_UP = "inadmissible", "unusable", "given up"
+INADMISSIBLE, UNUSABLE, TOO_SLOW = "inadmissible", "unusable", "too slow"
 DIED = "died"
 COMPLETE = tuple(x.word for x in Outcome if x.complete)
+NO_ROWS = np.empty((0, 0))
 # The largest number of compiled forms of a model; the least recently used is dropped.
 MOST_FORMS = 16
 
@@ -101,9 +103,9 @@ class Trial(NamedTuple):
     ----------
     outcome : str
         The outcome of the run (`done`, `until`, `failed`, `interrupted`), or
-        `inadmissible`, `unusable`, `given up`, `died` for a run without a result.
+        `inadmissible`, `unusable`, `too slow`, `died` for a run without a result.
     reason : str
-        The reason of an outcome that is not complete.
+        The reason of the end.
     code : str
         The code of a failure or of an error, see `lagsim.codes`.
     columns : tuple of str
@@ -123,7 +125,7 @@ class Trial(NamedTuple):
     reason: str = ""
     code: str = ""
     columns: tuple[str, ...] = ()
-    rows: Floats = np.empty((0, 0))
+    rows: Floats = NO_ROWS
     events: Sequence[Event] = ()
     statistics: Statistics = Statistics()
     end: float = math.nan
@@ -133,6 +135,11 @@ class Trial(NamedTuple):
     def complete(self) -> bool:
         """Whether the run reached its end, or the last of the times of its variant."""
         return self.outcome in COMPLETE
+
+    @property
+    def evaluations(self) -> int:
+        """The number of evaluations of the right-hand side."""
+        return self.statistics.evaluations
 
     def column(self, name: str) -> Floats:
         """Return the column with a name, shape (k,)."""
@@ -178,7 +185,7 @@ class Patience:
 
     def given_up(self) -> Trial:
         """Return the result of a run that has exceeded its limit."""
-        return Trial(GIVEN_UP, f"given up after {self.seconds:.2g} s")
+        return Trial(TOO_SLOW, f"given up after {self.seconds:.2g} s")
 
 
 class _Ended(Interrupt):
@@ -215,12 +222,15 @@ def tried(
     progress : callable, optional
         Called with the fraction of the run that is done.
     """
+    names = session.columns.names
+    if times is not None and not len(times):
+        return Trial(Outcome.DONE.word, columns=names, rows=np.empty((0, len(names))))
     kept: Keep | Moments = Keep()
     places, wish = None, interrupt
     if times is not None:
         different, places = np.unique(times, return_inverse=True)
         wish = _Ended(interrupt)
-        kept = Moments(different, len(session.columns.names), wish)
+        kept = Moments(different, len(names), wish)
         session = session.asking(moments=tuple(different.tolist()))
     if patience is not None:
         patience.begin()
@@ -238,9 +248,8 @@ def tried(
         # The run has ended after the last of the times.
         outcome, reason = Outcome.DONE, ""
     return Trial(
-        outcome.word, "" if outcome.complete else reason,
-        str(outcome.value) if failed else "", session.columns.names, rows,
-        found.events, found.statistics, found.end, seconds,
+        outcome.word, reason, str(outcome.value) if failed else "",
+        names, rows, found.events, found.statistics, found.end, seconds,
     )  # fmt: skip
 
 
@@ -254,8 +263,51 @@ def refused(error: LagsimError) -> Trial:
     return Trial(UNUSABLE, reason, error.code)
 
 
+class Compiled:
+    """Sessions compiled for cases of one model: one for each form of its functions."""
+
+    def __init__(self) -> None:
+        self.known: list[Session] = []
+
+    def fitting(self, case: Case, plan: Plan) -> Session | None:
+        """Return a session of `case` with functions compiled before; None if none fit.
+
+        Parameters
+        ----------
+        plan : Plan
+            The plan of the case.
+        """
+        for session in self.known:
+            if session.case.model.graph is case.model.graph:
+                found = session.bound(case, plan)
+                if found is not None:
+                    return found
+        return None
+
+    def compile(self, case: Case, plan: Plan) -> Session:
+        """Compile a case by its plan, for later cases, too."""
+        self.known.append(case.ready(plan))
+        return self.known[-1]
+
+    def session(self, case: Case, plan: Plan | None = None) -> Session:
+        """Return the session of a case, compiled if no functions compiled before fit.
+
+        Parameters
+        ----------
+        plan : Plan, optional
+            The plan of the case, by default its own.
+
+        Raises
+        ------
+        InputError
+            If the requested method or formulation cannot handle the model.
+        """
+        plan = plan or case.plan()
+        return self.fitting(case, plan) or self.compile(case, plan)
+
+
 class Form:
-    """Model derived once, with the sessions compiled for it.
+    """Model derived once, with the sessions compiled for its values and settings.
 
     Attributes
     ----------
@@ -271,8 +323,8 @@ class Form:
         self.model = model.bind(**self.structure) if self.structure else model
         self.equations = equations_of_motion(self.model)
         self._options, self._who = options, who
-        self.sessions: list[Session] = []
-        self._compiled: list[Mapping[str, Any]] = []
+        self.compiled = Compiled()
+        self._tried: list[Mapping[str, Any]] = []
 
     def session(self, texts: Texts, settings: Mapping[str, Any]) -> Session | None:
         """Return the session of a variant; None if it needs another form.
@@ -288,14 +340,11 @@ class Form:
         asked = wanted(model, self._who, self._options)._replace(**settings)
         case = examined(self.equations, model, asked)
         plan = case.plan()
-        for session in self.sessions:
-            if (found := session.bound(case, plan)) is not None:
-                return found
-        if settings in self._compiled:
-            return None
-        self._compiled.append(settings)
-        self.sessions.append(case.ready(plan))
-        return self.sessions[-1]
+        found = self.compiled.fitting(case, plan)
+        if found is None and settings not in self._tried:
+            self._tried.append(settings)
+            found = self.compiled.compile(case, plan)
+        return found
 
 
 def structure(model: Model, texts: Texts) -> dict[str, str]:

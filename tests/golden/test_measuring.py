@@ -53,7 +53,7 @@ def measured(pendulum, monkeypatch):
     """
 
     def measured(*invented):
-        def variants(_scene, base, _stride):
+        def variants(_scene, base, *_):
             for column, off in invented:
                 t = base.rows[:, 0]
                 values = base.rows[:, base.columns.index(column)] + off(t)
@@ -150,10 +150,9 @@ def test_without_any_spread_a_bound_is_tolerance_and_rounding(measured):
 def test_rows_beside_events_at_which_nothing_jumps_are_as_others(measured, monkeypatch):
     event, end = Event(5.0 + 1e-5, "switch"), Event(3.0, "until")
 
-    def with_events(case, stride):
-        base = motion_of(case, stride)
-        told = base.trajectory._replace(events=(event, end))
-        return replace(base, trajectory=told)
+    def with_events(case, stride, compiled):
+        base = motion_of(case, stride, compiled)
+        return replace(base, trial=base.trial._replace(events=(event, end)))
 
     usual, _ = measured()
     monkeypatch.setattr("lagsim.studies.golden.motion_of", with_events)
@@ -395,7 +394,7 @@ def test_laws_of_every_kind_are_the_same_again(text):
     case = open_case(read(text, "m.yaml"))
     golden, base = measure(case)
     assert golden.horizon is None
-    about = {"output_step": case.settings.output_step, "end": base.trajectory.end}
+    about = {"output_step": case.settings.output_step, "end": base.trial.end}
     found = judge(case, base, replace(golden, about=about))
     assert found.passed
     # What slides has no residual that stays zero; the gap stays above it.

@@ -8,8 +8,8 @@ from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Case
 from lagsim.studies.trials import (
-    GIVEN_UP,
     INADMISSIBLE,
+    TOO_SLOW,
     UNUSABLE,
     Patience,
     Trials,
@@ -125,7 +125,7 @@ def test_a_run_beyond_its_time_is_given_up():
     patience = Patience(0.0)
     some = trials(SPRING, method="euler", step=1e-5)
     found = some.run(patience=patience)
-    assert (found.outcome, found.complete) == (GIVEN_UP, False)
+    assert (found.outcome, found.complete) == (TOO_SLOW, False)
     assert len(found.rows) == 0
 
 

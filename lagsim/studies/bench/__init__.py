@@ -10,9 +10,7 @@ scipy; the right-hand side is native.
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import math
 import os
 import platform
 import time
@@ -20,21 +18,28 @@ import warnings
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
 from lagsim.program.system import FUNCTION
-from lagsim.run.observers import Keep
+from lagsim.run.trajectory import Statistics
 from lagsim.studies.comparison import on_grid
+from lagsim.studies.trials import (
+    NO_ROWS,
+    TOO_SLOW,
+    GivenUpError,
+    Patience,
+    Trial,
+    tried,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.notes import Event
     from lagsim.run.session import Case
 
 
@@ -47,64 +52,6 @@ FORMULATIONS = ("auto", "full", "ignorable")
 # Rows that leave the constraints: no answer that `auto` might give.
 DRIFT = "drift"
 OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
-
-
-class GivenUpError(Exception):
-    """A solve has exceeded its time limit."""
-
-
-class Patience:
-    """Time limits of solves.
-
-    Attributes
-    ----------
-    seconds : float
-        The limit of one solve, in s.
-    until : float
-        The time of `time.perf_counter` at which every solve ends.
-    """
-
-    def __init__(self, seconds: float) -> None:
-        self.seconds, self.until = seconds, math.inf
-        self.begin()
-
-    def begin(self) -> None:
-        """Start the clock of a solve."""
-        self._end = min(time.perf_counter() + self.seconds, self.until)
-
-    @property
-    def over(self) -> bool:
-        """Whether the time for all solves has passed."""
-        return time.perf_counter() > self.until
-
-    def check(self, _fraction: float = 0.0) -> None:
-        """Raise GivenUpError if a time limit has passed."""
-        if time.perf_counter() > self._end:
-            raise GivenUpError
-
-
-class Solved(NamedTuple):
-    """Result of one solve.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (k, columns), or None
-        Rows at the output times, and the last one; None if the solve failed.
-    seconds : float
-    evaluations : int
-    outcome : str
-        The outcome as for a run.
-    reason : str
-        The reason of a failure.
-    events : sequence of Event
-    """
-
-    rows: Floats | None
-    seconds: float
-    evaluations: int
-    outcome: str
-    reason: str = ""
-    events: Sequence[Event] = ()
 
 
 def asking(
@@ -154,29 +101,21 @@ class Own:
         self.setting = "rtol" if adaptive else "step"
         self.names = self.system.columns.names
 
-    def solve(self, value: float, patience: Patience) -> Solved:
+    def solve(self, value: float, patience: Patience) -> Trial:
         """Solve once with the tolerance or the step `value`.
 
-        Raises
-        ------
-        GivenUpError
-            If the solve exceeds its time limit.
+        The result has the rows at the output times, and the last one; no rows if the
+        solve fails, exceeds its time limit, or has values that are not finite.
         """
         rtol, step = (value, None) if self.setting == "rtol" else (None, value)
         plan = replace(self.plan, rtol=rtol, atol=None, step=step)
-        kept = Keep()
-        patience.begin()
-        began = time.perf_counter()
-        trajectory = self.session.by(plan).run([kept], progress=patience.check)
-        seconds = time.perf_counter() - began
-        rows, reason = None, trajectory.reason
-        if trajectory.outcome.complete:
-            found = on_grid(kept.table, self.case.settings)
-            if np.all(np.isfinite(found)):
-                rows, reason = found, ""
-        evaluations = trajectory.statistics.evaluations
-        outcome, events = trajectory.outcome.word, trajectory.events
-        return Solved(rows, seconds, evaluations, outcome, reason, events)
+        found = tried(self.session.by(plan), patience=patience)
+        rows = found.rows
+        if found.complete:
+            rows = on_grid(rows, self.case.settings)
+        if not found.complete or not np.all(np.isfinite(rows)):
+            return found._replace(rows=NO_ROWS)
+        return found._replace(rows=rows, reason="")
 
 
 def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
@@ -198,18 +137,33 @@ def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
     return list(found.values()), refused
 
 
-def least(solve: Callable[[], Solved]) -> Solved:
+def least(solve: Callable[[], Trial]) -> Trial:
     """Repeat a solve, and return the result with the least time."""
     best = solve()
     spent = best.seconds
-    with contextlib.suppress(GivenUpError):
-        for _ in range(1, MOST_REPEATS):
-            if best.rows is None or spent + best.seconds >= REPEATING_SECONDS:
-                break
-            again = solve()
-            spent += again.seconds
-            best = min(best, again, key=lambda solved: solved.seconds)
+    for _ in range(1, MOST_REPEATS):
+        if not len(best.rows) or spent + best.seconds >= REPEATING_SECONDS:
+            break
+        again = solve()
+        if again.outcome == TOO_SLOW:
+            break
+        spent += again.seconds
+        best = min(best, again, key=lambda solved: solved.seconds)
     return best
+
+
+def solved(
+    rows: Floats | None, seconds: float, evaluations: int, reason: str = ""
+) -> Trial:
+    """Return the result of a solver of another package; `rows` is None if it failed.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (k, columns), or None
+    """
+    outcome, rows = ("failed", NO_ROWS) if rows is None else ("done", rows)
+    counts = Statistics(evaluations=evaluations)
+    return Trial(outcome, reason, rows=rows, statistics=counts, seconds=seconds)
 
 
 PREFIX = "scipy:"
@@ -296,8 +250,8 @@ class Scipy:
 
         return derivative
 
-    def solve(self, value: float, patience: Patience) -> Solved:
-        """Solve once with the tolerance `value`."""
+    def solve(self, value: float, patience: Patience) -> Trial:
+        """Solve once with the tolerance `value`; no rows if that fails."""
         from scipy.integrate import solve_ivp
 
         y = self.own.system.begin(self.own.case.start)
@@ -321,12 +275,13 @@ class Scipy:
                 reason = result.message
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as fault:
                 result, reason = None, str(fault)
+            except GivenUpError:
+                return patience.given_up()
             seconds = time.perf_counter() - began
         if result is not None and result.status == 0:
             states = np.column_stack([result.t, result.y.T])
             rows, reason = self.own.system.link(self.own.method).tabulate(states), ""
-        outcome = "failed" if rows is None else "done"
-        return Solved(rows, seconds, self.evaluations, outcome, reason)
+        return solved(rows, seconds, self.evaluations, reason)
 
 
 Solver: TypeAlias = Own | Scipy

@@ -26,23 +26,21 @@ from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.plan.plan import method_refusal, structure
-from lagsim.program.system import System
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor
-from lagsim.run.session import Case, Session
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
 from lagsim.studies.bench import asking
 from lagsim.studies.step_bounds import predicted
+from lagsim.studies.trials import Compiled, Trial, refused, tried
 from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.run.session import Case
 
-    CaseAt = Callable[[float | None], Case]
     Progress = Callable[[float], None] | None
 
     Document = dict[str, Any]
@@ -50,6 +48,8 @@ if TYPE_CHECKING:
 HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
 VERDICTS = (HOLDS, DECAYS, GROWS, DIVERGES, BREAKS, FAILS)
+# Verdicts on failed runs; others fail.
+LOST = {Outcome.PROJECTION_FAILED.value: BREAKS, Outcome.NOT_FINITE.value: DIVERGES}
 
 # A change smaller than this part of the range of an oscillating quantity is not
 # detected.
@@ -75,8 +75,8 @@ TRUSTED_STEPS = 300_000
 ADAPTIVE_STEPS = 300_000
 
 
-class Trial(NamedTuple):
-    """Result of one run.
+class Cell(NamedTuple):
+    """Verdict on one run: a cell of the map.
 
     Attributes
     ----------
@@ -123,18 +123,24 @@ class Subject:
         event.
     unknown : str
         The reason why there are no eigenvalues, or "".
-    systems : dict of str to System
-        Compiled systems by method.
+    costs : dict of str to float
+        The cost of an evaluation in operations, by method, known after a run.
     """
 
-    def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        interrupt: Interrupt | None = None,
+        compiled: Compiled | None = None,
+    ) -> None:
         self.case, self.interrupt = case, interrupt
+        self.compiled = compiled or Compiled()
         self.equations = e = case.equations
         self.endless = case._replace(equations=e.of(replace(e.model, until=None)))
         self.span = case.settings.duration
         periods = (x.every for x in e.model.events if x.at is None)
         self.period = min(periods, default=math.inf)
-        self.systems: dict[str, System] = {}
+        self.costs: dict[str, float] = {}
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
         values: dict[str, Any] = e.model.parameter_values
@@ -157,14 +163,12 @@ class Subject:
     def _trusted(self) -> Floats:
         """Return rows (t, q, q', s) of the motion, by the method that `auto` takes."""
         trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
-        session = trusted.ready()._replace(most_steps=TRUSTED_STEPS)
+        session = self.compiled.session(trusted)._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
-        places = self.equations.state_columns
-        kept = Keep(columns=places[-1] + 1)
-        trajectory = session.run([kept], interrupt=self.interrupt)
-        ends = [event.kind in ("switch", "event") for event in trajectory.events]
+        trial = tried(session, interrupt=self.interrupt)
+        ends = [event.kind in ("switch", "event") for event in trial.events]
         self.arcs = sum(ends) / self.span
-        rows = kept.table[:, places]
+        rows = trial.rows[:, self.equations.state_columns]
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
@@ -198,7 +202,7 @@ class Subject:
             Instant(start.t, start.q, start.v + change, start.s)
         )
 
-    def run(self, name: str, step: float | None, steps: int = 0) -> Trial:
+    def run(self, name: str, step: float | None, steps: int = 0) -> Cell:
         """Run a number of steps of a method, and judge the run.
 
         With `step` None the method chooses its steps, and the run has the duration of
@@ -214,38 +218,32 @@ class Subject:
             end = case.settings.start + steps * step
             case = case.asking(output_step=step, end=end, rtol=None, atol=None)
             most = 2 * (steps + math.ceil(self.arcs * steps * step)) + 1000
-        plan = replace(case.plan(), step=step)
-        system = self.systems.get(name)
-        if system is None or not system.fits(plan):
-            system = self.systems[name] = System(case.equations, plan)
-        kept, session = Keep(), Session(case, plan, system, most_steps=most)
-        trajectory = session.run([kept], interrupt=self.interrupt)
+        session = self.compiled.session(case, replace(case.plan(), step=step))
+        self.costs[name] = cost(session.system, name)
+        trial = tried(session._replace(most_steps=most), interrupt=self.interrupt)
         with np.errstate(all="ignore"):
-            found = self._verdict(system, kept.table, trajectory.outcome)
-        counts = trajectory.statistics
-        reason = "" if trajectory.outcome.complete else trajectory.reason
-        return Trial(
+            found = self._verdict(trial)
+        counts = trial.statistics
+        return Cell(
             *found, counts.evaluations, counts.rejections, counts.smallest_step,
-            trajectory.end - trajectory.start, reason,
+            trial.end - case.settings.start, "" if trial.complete else trial.reason,
         )  # fmt: skip
 
-    def _verdict(
-        self, system: System, rows: Floats, outcome: Outcome
-    ) -> tuple[str, float | None]:
-        """Return the verdict on rows, and the growth rate of the unexplained energy."""
-        columns = system.columns.names
+    def _verdict(self, trial: Trial) -> tuple[str, float | None]:
+        """Return the verdict on a run, and the growth rate of its balance of energy."""
+        columns, rows = trial.columns, trial.rows
         works = "work" in columns
         t, energy = rows[:, 0], rows[:, columns.index("energy")]
         balance = energy - (rows[:, columns.index("work")] if works else 0.0)
         residuals = ResidualMonitor(columns)
         residuals.add(rows)
-        lost = {Outcome.PROJECTION_FAILED: BREAKS, Outcome.NOT_FINITE: DIVERGES}
+        lost = LOST.get(trial.code, FAILS)
         # The last row of a failed run may be nan.
         known = np.isfinite(energy) & np.isfinite(balance)
         count = int(np.argmin(known)) if not known.all() else len(t)
         t, energy, balance = t[:count], energy[:count], balance[:count]
         if count < 2:
-            return lost.get(outcome, FAILS), None
+            return lost, None
         energy, balance = energy / self.energy, (balance - balance[0]) / self.energy
         growth = _rate(t, balance)
         changes = np.abs(energy - energy[0]), np.abs(balance)
@@ -253,8 +251,8 @@ class Subject:
         gone |= count < len(known)
         if residuals.constraint_residual > BROKEN_CONSTRAINT and not gone:
             return BREAKS, growth
-        if gone or not outcome.complete:
-            return (DIVERGES if gone else lost.get(outcome, FAILS)), growth
+        if gone or not trial.complete:
+            return (DIVERGES if gone else lost), growth
         ceiling = self.highest / self.energy if works else -math.inf
         return _trend(energy, balance, ceiling), growth
 
@@ -370,7 +368,7 @@ class Wish(NamedTuple):
 def columns(name: str | None) -> list[str]:
     """Return the columns of stability.csv; `name` is the varied parameter or None."""
     varied = [] if name is None else [name]
-    return ["method", "step", *varied, *Trial._fields[:-1]]
+    return ["method", "step", *varied, *Cell._fields[:-1]]
 
 
 def methods_for(
@@ -422,7 +420,7 @@ def spaced(between: tuple[float, float], count: int) -> list[float]:
 
 
 def measure(
-    case_at: CaseAt,
+    case: Case,
     wish: Wish,
     *,
     interrupt: Interrupt | None = None,
@@ -432,8 +430,8 @@ def measure(
 
     Parameters
     ----------
-    case_at : callable
-        Returns the case at a value of the parameter; with None that of the file.
+    case : Case
+        The case of the file; of other values of the parameter it is bound.
 
     Returns
     -------
@@ -448,7 +446,7 @@ def measure(
     """
     interrupt = interrupt or Interrupt()
     with interrupt.raised():  # there is nothing yet to be kept
-        made = _Map(case_at, wish, interrupt, progress)
+        made = _Map(case, wish, interrupt, progress)
     complete = interrupt.cut(made.run)
     return made.document(complete=complete)
 
@@ -469,10 +467,10 @@ class _Map:
     """
 
     def __init__(
-        self, case_at: CaseAt, wish: Wish, interrupt: Interrupt, progress: Progress
+        self, case: Case, wish: Wish, interrupt: Interrupt, progress: Progress
     ) -> None:
-        self.case_at, self.wish, self.interrupt = case_at, wish, interrupt
-        self.progress, case = progress or (lambda _part: None), case_at(None)
+        self.wish, self.interrupt = wish, interrupt
+        self.progress = progress or (lambda _part: None)
         self.subject = Subject(case, interrupt)
         self.fixed, self.adaptive, self.refused = methods_for(case, wish)
         self.values: list[float | None] = [None]
@@ -491,12 +489,17 @@ class _Map:
         for value in (self.values[0], self.values[-1]):
             if value is not None:
                 with contextlib.suppress(LagsimError):
-                    subjects.append(Subject(self.case_at(value), self.interrupt))
+                    subjects.append(self._at(value))
         lows, highs = zip(*(_range(x, self.fixed) for x in subjects), strict=True)
         high = max(highs)
         between = self.wish.steps or (max(min(lows), high / WIDEST), high)
         count = self.wish.strip if self.wish.name is None else self.wish.map[0]
         return spaced(between, count) if self.fixed else []
+
+    def _at(self, value: float) -> Subject:
+        """Return the model at a value of the parameter, with the functions compiled."""
+        case = self.subject.case.bind({str(self.wish.name): value})
+        return Subject(case, self.interrupt, self.subject.compiled)
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
         """Return the least and the largest number of steps, for `count` runs."""
@@ -505,7 +508,7 @@ class _Map:
         evaluations = (pilot.evaluations or PILOT) / PILOT
         explicit = method_named(name).NEEDS in ((), ("power",))
         solving = 0 if explicit else (2 * len(subject.equations.q)) ** 3
-        price = evaluations * cost(subject.systems[name], name) + OVERHEAD + solving
+        price = evaluations * subject.costs[name] + OVERHEAD + solving
         price += SWITCHING * subject.switches + ARC * subject.arcs * steps[-1]
         affordable = int(BUDGET / (count * price))
         least, most = min(STEPS, affordable), min(MOST_STEPS, affordable)
@@ -522,14 +525,14 @@ class _Map:
         subject: Subject | str = self.subject
         for done, (value, name) in enumerate(places):
             varied = {} if value is None else {str(self.wish.name): value}
-            if varied and name == next(iter(self.cells)):
+            if value is not None and name == next(iter(self.cells)):
                 try:
-                    subject = Subject(self.case_at(value), self.interrupt)
+                    subject = self._at(value)
                 except LagsimError as error:
-                    subject = _reason(error)
+                    subject = refused(error).reason
             trial = partial(self._trial, subject, name)
             steps = self.steps if name in self.fixed else [None]
-            strip = dict[Any, Trial]()
+            strip = dict[Any, Cell]()
             for part, h in enumerate(steps):
                 self.progress((done + part / len(steps)) / len(places))
                 strip[h] = trial(h)
@@ -542,15 +545,15 @@ class _Map:
                 self.borders[name].append(varied | border)
         self.progress(1.0)
 
-    def _trial(self, subject: Subject | str, name: str, step: float | None) -> Trial:
+    def _trial(self, subject: Subject | str, name: str, step: float | None) -> Cell:
         if isinstance(subject, str):
-            return Trial(FAILS, reason=subject)
+            return Cell(FAILS, reason=subject)
         try:
             found = subject.run(
                 name, step, 0 if step is None else self.length(name, step)
             )
         except InputError as error:
-            found = Trial(FAILS, reason=_reason(error))
+            found = Cell(FAILS, reason=refused(error).reason)
         with self.interrupt.raised():
             return found
 
@@ -558,8 +561,8 @@ class _Map:
         self,
         subject: Subject | str,
         name: str,
-        strip: Mapping[float, Trial],
-        trial: Callable[[float], Trial],
+        strip: Mapping[float, Cell],
+        trial: Callable[[float], Cell],
     ) -> Document:
         """Return the stability border of a method, by runs and by eigenvalues."""
         start = along = found = None
@@ -645,8 +648,8 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
 
 
 def _found(
-    strip: Mapping[float, Trial],
-    trial: Callable[[float], Trial],
+    strip: Mapping[float, Cell],
+    trial: Callable[[float], Cell],
     expected: Sequence[float | None],
 ) -> tuple[float | None, str]:
     """Locate the stability border by bisection before the first unstable step.
@@ -675,10 +678,6 @@ def _found(
                     high = middle
             return high, ""
     return None, f"all steps hold, up to {last:.3g} s"
-
-
-def _reason(fault: LagsimError) -> str:
-    return fault.problems[0].text if isinstance(fault, InputError) else str(fault)
 
 
 def _pairs(values: Any) -> list[list[float]]:

@@ -34,9 +34,7 @@ from lagsim.studies.bench import (
     LEAST_RTOL,
     PREFIX,
     SCIPY,
-    GivenUpError,
     Own,
-    Patience,
     Scipy,
     Solver,
     asking,
@@ -48,6 +46,7 @@ from lagsim.studies.bench import (
     today,
 )
 from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
+from lagsim.studies.trials import TOO_SLOW, Patience
 from lagsim.tolerances import COMPUTED_ZERO, SAME_STEP
 
 if TYPE_CHECKING:
@@ -110,14 +109,12 @@ def _solved(
     """Yield the solution at the tightest possible tolerance, or one for each step."""
     fixed, left = solver.setting == "step", iter(values)
     for value in left:
-        try:
-            solved = solver.solve(value, patience)
-        except GivenUpError:
+        solved = solver.solve(value, patience)
+        if solved.outcome == TOO_SLOW:
             if fixed:
                 return
             next(left, None)  # a little looser takes as long
-            continue
-        if solved.rows is not None:
+        elif len(solved.rows):
             how = f"{solver.method} at {solver.setting} {value:.3g}"
             yield Solution(
                 how, solver.method, value, solver.names, solved.rows, solved.events
@@ -403,7 +400,7 @@ STALLED = 1e-6
 # Steps that are too long for a model can take the longest time. This number of slow
 # solves ends a curve without an answer.
 GIVE_UPS = 4
-TOO_SLOW, OUT_OF_TIME = "too slow", "out of time"
+OUT_OF_TIME = "out of time"
 # Of the seconds for everything the part that the reference may take, how many times
 # the share of another curve one that `auto` takes has, the least for a curve and the
 # part for a solve.
@@ -505,8 +502,9 @@ def longest(case: Case, rtol: float) -> float:
     own, seconds = Own(case, "auto", "auto", rtol), PATIENCE_SECONDS
     value = own.plan.rtol if own.plan.step is None else own.plan.step
     assert value is not None
-    with contextlib.suppress(GivenUpError):
-        seconds = own.solve(value, Patience(10 * PATIENCE_SECONDS)).seconds
+    solved = own.solve(value, Patience(10 * PATIENCE_SECONDS))
+    if solved.outcome != TOO_SLOW:
+        seconds = solved.seconds
     return max(PATIENCE_SECONDS, PATIENCE_TIMES * seconds)
 
 
@@ -602,16 +600,16 @@ class Curve:
         row |= {"method": solver.method, "formulation": solver.formulation}
         row |= {"setting": solver.setting, "value": value, "reason": ""}
         row["chosen"] = value in self.chosen
-        try:
-            solved = least(lambda: solver.solve(value, patience))
-        except GivenUpError:
+        solved = least(lambda: solver.solve(value, patience))
+        row |= {"outcome": solved.outcome, "reason": solved.reason}
+        if solved.outcome == TOO_SLOW:
             self.given_up += 1
-            outcome, reason = TOO_SLOW, f"given up after {patience.seconds:.2g} s"
             if patience.over:
-                outcome, reason = OUT_OF_TIME, "its share of the time was used up"
-            return row | {"outcome": outcome, "reason": reason}
-        row |= {key: getattr(solved, key) for key in (*COSTS, "outcome", "reason")}
-        if solved.rows is None:
+                reason = "its share of the time was used up"
+                row |= {"outcome": OUT_OF_TIME, "reason": reason}
+            return row
+        row |= {key: getattr(solved, key) for key in COSTS}
+        if not len(solved.rows):
             return row
         error, of_lambda = self.reference.errors(solved.rows, solved.events)
         if not math.isfinite(error):

@@ -420,7 +420,7 @@ class Runs:
     def units(self) -> dict[str, str]:
         """Return the units of the columns; {} before the first compilation."""
         for form in self._forms.known:
-            for session in form.sessions[:1]:
+            for session in form.compiled.known[:1]:
                 return of_table(session.equations, self.columns)
         return {}
 

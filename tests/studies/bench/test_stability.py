@@ -50,12 +50,7 @@ LIMITS |= {name: method(name).IMAGINARY_LIMIT for name in ("kahan-li6", "kahan-l
 
 def looked_at(text, *methods, steps, strip=6, **more):
     wish = Wish(methods, steps, strip=strip, **more)
-
-    def case(value):
-        overrides = None if value is None else {wish.name: f"{value!r}"}
-        return open_case(read(text, "model.yaml", overrides))
-
-    return measure(case, wish)
+    return measure(open_case(read(text, "model.yaml")), wish)
 
 
 @pytest.mark.parametrize(
@@ -161,10 +156,7 @@ def test_a_parameter_that_spoils_the_start():
 
 @pytest.mark.slow
 def test_an_interrupt_ends_it():
-    interrupt = Interrupt()
-
-    def case(_value):
-        return open_case(read(DAMPED, "model.yaml"))
+    interrupt, case = Interrupt(), open_case(read(DAMPED, "model.yaml"))
 
     def pressed(_fraction):
         interrupt.signal = 2
@@ -203,7 +195,7 @@ def rest(text, **overrides):
     """Give the record of a map of one run, for its equilibrium and modes."""
     model = read(text, "model.yaml", overrides)
     wish = Wish(("rk4",), (0.01, 0.01), strip=1)
-    return measure(lambda _: open_case(model), wish)
+    return measure(open_case(model), wish)
 
 
 # Text, overrides, the equilibrium, and of each mode frequency (1/s) and damping ratio.

@@ -15,7 +15,7 @@ from lagsim.model.reader import read, read_file
 from lagsim.notes import Event
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench import Own, Patience
+from lagsim.studies.bench import Own
 from lagsim.studies.bench.work_precision import (
     OF_REFERENCE,
     Reference,
@@ -29,6 +29,7 @@ from lagsim.studies.bench.work_precision import (
     pareto,
     unverified,
 )
+from lagsim.studies.trials import Patience
 from tests.scenes.contact import scenes
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS
