@@ -33,6 +33,9 @@ from tests.hunt.series import (
 )
 from tests.hunt.trees import CONTINUOUS, HALVES, KINDS, TIE, Reading, Tree
 
+# The most cells and modes that are tried at one instant.
+MOST_CHOICES = 1000
+
 
 @dataclass(eq=False)
 class Law:
@@ -248,6 +251,7 @@ class Flights:
         # What has no jump but makes one in a force.
         self.kinks = {x for tree in model.potentials for x in tree.nodes()}
         self.tied: list[Tree] = []
+        self._left = MOST_CHOICES
         self.slides = 0
 
     # What a model leaves open
@@ -277,10 +281,11 @@ class Flights:
     def either(self, t):
         """Return a choice of cells at an instant t where either side may be meant."""
 
-        def choose(_reading, tree, _point, low, high):
-            cells = [high, low, 0] if tree.kind in HALVES else [high, low]
+        def choose(reading, tree, point, low, high):
+            cells = [0, high, low] if tree.kind in HALVES else [high, low]
             why = f"a value at a point of {tree.kind}"
-            return cells[self.fork((tree, t), len(cells), why)]
+            rests = first_sign(reading.arguments[tree] - constant(point)) == 0
+            return cells[self.fork((tree, None if rests else t), len(cells), why)]
 
         return choose
 
@@ -458,7 +463,7 @@ class Flights:
 
     def choose(self, t, y, modes):
         """Return the arc whose series leads into its own cells and modes."""
-        self.tied = []
+        self.tied, self._left = [], MOST_CHOICES
         try:
             found = self._ways(t, y, modes, loose=False)
         except HeldError as held:
@@ -491,6 +496,9 @@ class Flights:
         """
         found, script = [], Script()
         while script is not None:
+            self._left -= 1
+            if self._left < 0:
+                raise UndecidedError("too many choices")
             script.asked = 0
             arc = self._tried(t, y, modes, script, slide, loose=loose)
             if arc is not None:
@@ -608,7 +616,7 @@ class Flights:
         if mode == "closed":
             return first_sign(p) >= 0
         if mode == "open" and law.touches(r):
-            return first_sign(law.gap(r)) > 0
+            return law.rate(r)[0] > TIE or first_sign(law.gap(r)) > 0
         return True
 
     # What ends an arc

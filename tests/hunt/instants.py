@@ -512,7 +512,7 @@ def _sections(k, model):
             line = k.line()
         else:
             line = plus(k.argument(2), number(k.some(-1, 1)))
-        if not {x.data[0] for x in line.nodes() if x.kind == "var"} & set("qvzu"):
+        if not {x.data[0] for x in line.nodes() if x.kind == "var"} & set("qvz"):
             line = plus(line, var("q1"))
         side = r.choice(["up", "down", "both"])
         model.sections.append(Section(f"s{j}", at=line, direction=side))

@@ -29,7 +29,7 @@ from tests.hunt.trees import HALVES, KINDS, TIE
 ONE_INSTANT, NEAR = 1e-12, 1e-8
 # Speeds after an impact below this are rest on the contact that pushes back.
 SPENT = 1e-7
-LONGEST_STEP, MOST_INSTANTS, LARGEST = 0.5, 300, 1e4
+LONGEST_STEP, MOST_INSTANTS, LARGEST = 0.5, 300, 1e6
 
 
 class ChatterError(Exception):
@@ -124,6 +124,7 @@ class Run:
         made = self.flights.solved(
             t, y, arc.modes, cells, arc.law_modes, given, Script(), arc.slide
         )
+        made.held = arc.held
         return self.flights.observed(made)
 
     def _first(self, arc, h, at_clock):
@@ -201,9 +202,12 @@ class Run:
                 raise UndecidedError("the start is not admissible")
             arc = self.flights.choose(t, y, modes)
             now.jumped = now.struck or modes != now.before.modes
-            fired = due | self._fired(now, arc)
             over = arc.truths.get("until", False) and not self._was.get("until", True)
             self.done |= over
+            if now.start and due:
+                modes, due = self._act(now, due, arc, modes), set()
+                continue
+            fired = due | self._fired(now, arc)
             if not fired:
                 self._was |= arc.truths
                 return arc
@@ -215,9 +219,16 @@ class Run:
         """Return the located events that act now."""
         found = {k for k, true in arc.truths.items()
                  if true and not self._was[k] and k != "until"}  # fmt: skip
+        at = self.flights.reading(arc.series, {}, _at_point)
         for e in self.m.events:
             if e.equal is not None and self._crossed(e.name, now, arc) is not None:
                 found.add(e.name)
+            if e.at is None or e.name in now.acted:
+                continue
+            if not self._was[e.name] and not arc.truths[e.name]:
+                why = "a condition is true at one instant alone"
+                if at.value(e.at) and self.flights.fork((e.name, now.t), 2, why):
+                    found.add(e.name)
         return found - self._spent
 
     def _in_order(self, fired, arc):
@@ -296,7 +307,7 @@ class Run:
         A = np.array([law.at(r) for law, _ in rows])
         aims = np.array([aim for _, aim in rows])
         # What hardly leaves is at rest, as what hardly strikes.
-        kinds = ["rest" if 0.0 < x < SPENT else law.kind
+        kinds = ["rest" if TIE < x < SPENT else law.kind
                  for x, (law, _) in zip(rates, rows, strict=True)]  # fmt: skip
         p = _impulses(A, m.masses, aims - rates, kinds)
         y = y.copy()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.hunt.flights import Event, Law, Model, Section
+from tests.hunt.flights import Event, Law, Model, Script, Section
 from tests.hunt.instants import var
 from tests.hunt.instants_run import Run
 from tests.hunt.series import UndecidedError, constant, first_root
@@ -115,3 +115,41 @@ def test_what_rounding_decides_is_undecided():
     with pytest.raises(UndecidedError, match="3 ways"):
         # Both sides lead away from q = 0, and rest is possible, too.
         Run(model(Tree("sign", (Q,)), v=0.0), 0.5).made()
+
+
+def test_a_mass_rests_in_a_kink_of_the_potential_and_on_a_jump_of_the_force():
+    kink = model(number(0.3), v=0.0, duration=2.0, potentials=[Tree("abs", (Q,))])
+    down = model(product(number(-1.0), Tree("heaviside", (Q,))), v=0.0, duration=2.0)
+    for made in (kink, down):
+        run = Run(made, 0.5).made()
+        assert np.array(run.rows[-1][1]) == pytest.approx(np.zeros(2), abs=CLOSE)
+    # Pushed by more than the kink bears: 0.5 of 1.5.
+    made = model(number(1.5), v=0.0, duration=2.0, potentials=[Tree("abs", (Q,))])
+    assert Run(made, 0.5).made().rows[-1][1] == pytest.approx([1.0, 1.0], abs=CLOSE)
+
+
+def test_each_way_that_a_model_leaves_open_is_a_motion():
+    """At q = 1/2 rounding decides about floor(2 q)."""
+    act = Tree("floor", (product(number(2.0), Q),))
+    events = [Event("e", at=compare(Q, ">=", 0.5), sets=[("u1", act)])]
+    made = model(number(0.0), duration=1.0, modes={"u1": -1.0}, events=events)
+    with pytest.raises(UndecidedError):
+        Run(made, 0.5).made()
+    found, script = set(), Script()
+    while script is not None:
+        script.asked = 0
+        found.add(Run(made, 0.5, script).made().rows[-1][2]["u1"])
+        script = script.next()
+    assert found == {0.0, 1.0}
+
+
+def test_events_that_undo_each_other_end_a_motion():
+    u = var("u1")
+    events = [
+        Event("a", at=compare(plus(Q, product(number(3.0), u)), ">=", 1.0),
+              sets=[("u1", number(-1.0))]),
+        Event("b", at=compare(plus(Q, product(number(3.0), u)), "<=", -1.0),
+              sets=[("u1", number(0.0))]),
+    ]  # fmt: skip
+    run = Run(model(number(0.0), modes={"u1": 0.0}, events=events), 0.5, Script())
+    assert run.made().chatters == pytest.approx(1.0, abs=CLOSE)

@@ -77,7 +77,7 @@ HUNTS = {
     "scenes": Hunt(tried_scene, 3, 100, 1 / 4),
     "contacts": Hunt(tried_contact, 8, 60, 1),
     "features": Hunt(tried_feature, 5, 60, 1),
-    "instants": Hunt(tried_instant, 6, 80, 1),
+    "instants": Hunt(tried_instant, 6, 80, 1 / 20),
 }
 
 
