@@ -336,7 +336,7 @@ class _Examiner:
         sticking = 0
         if classify and (frame := gimbal_lock(here, e.q)):
             text = f"at the start the angles of the frame `{frame}` are near gimbal "
-            text += "lock, where their rates have no bounds; take other `axes`, put it "
+            text += "lock, where their rates are unbounded; use other `axes`, put it "
             text += "`on` a turned frame, or give a `quaternion`"
             self._warn("coordinate-singularity", text)
         if classify and laws:
@@ -565,7 +565,7 @@ class _Examiner:
         )
         moved = found.x != x0
         stays = [names[k] for k in sorted(named) if flat[k] & still[k] & ~moved[k]]
-        self._undetermined(stays, "to first order nothing determines")
+        self._undetermined(stays, "to first order no relation determines")
         if np.any(moved) and np.all(flat[moved]):
             self._warn(
                 "other-roots",
@@ -610,7 +610,7 @@ class _Examiner:
             self._warn(
                 "other-roots",
                 f"other solutions are about as near to the guesses, such as {listed}; "
-                "the nearest is taken",
+                "the nearest is used",
             )
         return Found(roots[nearest], converged=True)
 

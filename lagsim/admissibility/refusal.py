@@ -61,13 +61,13 @@ NO_VALUE = (
     "gradient: start, or guess, beside it"
 )
 BEYOND = (
-    "start, or guess, between the first and the last point of the table `{}`, or say "
-    "what is `outside`"
+    "start, or guess, between the first and the last point of the table `{}`, or "
+    "set `outside`"
 )
 DIRECTION = (
-    "a velocity that is 0 has no direction: friction in a plane by "
-    "x_dot/hypot(x_dot, y_dot) is written x_dot/hypot(c, hypot(x_dot, y_dot)), c a "
-    "speed far below those that matter, under which it creeps; along a line sign(x_dot)"
+    "a velocity of 0 has no direction: write friction in a plane not as "
+    "x_dot/hypot(x_dot, y_dot) but as x_dot/hypot(c, hypot(x_dot, y_dot)), with c a "
+    "speed far below the speeds of interest; along a line, write sign(x_dot)"
 )
 
 
@@ -452,7 +452,7 @@ def _of_inertia(
     text += f"{which} determines its acceleration"
     if frame := gimbal_lock(point, moving):
         text += f": the angles of the frame `{frame}` are in gimbal lock"
-        hint = "take other `axes`, put it `on` a turned frame, or give a `quaternion`"
+        hint = "use other `axes`, put it `on` a turned frame, or give a `quaternion`"
     return Problem("no-inertia", text, place, hint)
 
 
@@ -545,13 +545,13 @@ class _Term(NamedTuple):
         """Return the warning on the term as an argument of function `op`."""
         if self.value is None:
             return (
-                f"`{self.name}` has the unit deg and enters {op}, which takes radians: "
-                f"units never scale numbers; write {self.name}*pi/180 there, or give "
-                "it in rad"
+                f"`{self.name}` has the unit deg, and the argument of {op} is in "
+                f"radians: units never scale numbers; write {self.name}*pi/180 "
+                "there, or give it in rad"
             )
         return (
-            f"{self.subject} {self.value:g} and enters {op}, which takes radians: "
-            f"{self.value:g} degrees are written {self.value:g}*pi/180"
+            f"{self.subject} {self.value:g} and enters {op}, whose argument is in "
+            f"radians: {self.value:g} degrees are written {self.value:g}*pi/180"
         )
 
 
@@ -746,8 +746,8 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
             yield Caution(
                 "multiple-root",
                 f"`{name}` is a power, so that its gradient vanishes wherever it "
-                f"holds: its simple root is taken in its place, and lambda_{name} "
-                f"and residual_{name} are those of the root",
+                f"holds: its simple root is used instead, and lambda_{name} "
+                f"and residual_{name} refer to the root",
             )
     if not model.output.reactions:
         return
@@ -772,11 +772,11 @@ def about_ranks(
             yield _about(d)
     if ranks.not_unique and sound:
         unique = [r.name for r in equations.rows if r.name not in ranks.not_unique]
-        rest = f"; unique are those of {', '.join(unique)}" if unique else ""
+        rest = f"; unique are {', '.join(unique)}" if unique else ""
         yield Caution(
             "multipliers-not-unique",
             f"the multipliers of {', '.join(ranks.not_unique)} are not unique "
-            f"(those of least norm are given){rest}; the constraint forces Qc are",
+            f"(the ones of least norm are used){rest}; the constraint forces Qc are",
         )
 
 

@@ -72,7 +72,7 @@ class Accelerations:
             names = dict.fromkeys(f"`{law.name}`" for law in e.laws)
             text = f"{model.name} has no accelerations as a function of the state: "
             text += f"{', '.join(names)} act{'s' * (len(names) == 1)} at times, "
-            text += "and when depends on what happened before"
+            text += "and when depends on the motion before"
             raise LagsimError(text)
         self._equations, self._name = e, model.name
         self._numbers = model.parameter_values
@@ -312,7 +312,7 @@ def model_of(source: Read | str | Path) -> Model:
         text = str(source)
         source = read(text, TEXT) if "\n" in text else read_file(text)
     if not isinstance(source, Read):
-        text = "a model is what `lagsim.load` gives, a path, or the text of a file; "
+        text = "a model is a result of `lagsim.load`, a path, or the text of a file; "
         raise TypeError(f"{text}this is {source!r:.60}")
     return Model(**{x.name: getattr(source, x.name) for x in fields(Read)})
 

@@ -251,7 +251,7 @@ def sweep(
         if (values is None) + (points is None) + (sample is None) != 2:
             raise TypeError("values, points or sample: one of these is expected")
         if (sample is None) is not (N is None):
-            raise TypeError("`N` goes with `sample`: how many runs are drawn")
+            raise TypeError("`N`, the number of samples, is used with `sample`")
         if not (type(seed) is int and 0 <= seed < 2**64):
             raise ValueError(f"seed={seed!r:.60}: 0 to 2^64 - 1 is expected")
         if sample is not None and N is not None:

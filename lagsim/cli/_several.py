@@ -139,7 +139,9 @@ def run_all(
             reported = _report(found, paths, reported)
         elif names[k] in first:
             one = f"{first[names[k]]} and {path} have one name, `{names[k]}`, and so"
-            hint = "give one of them another `name`, or run them one by one with -o"
+            hint = (
+                "change the `name` of one model, or run the models one by one with -o"
+            )
             _report(found, paths, reported, final=True)
             raise unusable("one-name", f"{one} one folder", hint=hint)
         else:

@@ -68,7 +68,7 @@ JSON: Any = flag("--json", "Print one JSON document on stdout.")
 STRICT: Any = flag("--strict", "Exit 1 if there are warnings.")
 
 
-def quiet(text: str = "Print nothing unless it fails.") -> Any:
+def quiet(text: str = "Print messages only if the command fails.") -> Any:
     """Return the option `-q`, with its help."""
     return typer.Option(False, "-q", "--quiet", help=text)
 

@@ -164,7 +164,7 @@ def _repair(start: StartReport) -> list[str]:
     lines += ["  the nearest admissible state, for `initial:`"]
     lines += _pasteable(start.repair)
     guesses = ", ".join(f"{in_file(name)}: {{guess: ...}}" for name in start.repair)
-    lines.append(f"  or let lagsim solve for some of them: {guesses}")
+    lines.append(f"  or solve for some of these values: {guesses}")
     return lines
 
 

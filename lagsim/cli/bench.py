@@ -167,7 +167,7 @@ def _wish(
     if methods is not None:
         chosen = tuple(name.strip() for name in methods.split(","))
         known = [*names(), *SCIPY]
-        hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
+        hint = f"of {', '.join(known)}; `lagsim methods` describes lagsim's own"
         problems += [
             Problem("unknown-method", f"there is no method `{name}`", hint=hint)
             for name in chosen
@@ -222,7 +222,7 @@ def _time(document: Document) -> str:
 
 
 def _point(row: Document) -> str:
-    auto = ", what auto takes" if row["chosen"] else ""
+    auto = " (selected by auto)" if row["chosen"] else ""
     return (
         f"error {row['error']:.1e} in {row['seconds'] * 1e3:.3g} ms: {row['method']} "
         f"({row['formulation']}), {row['setting']} {row['value']:.3g}{auto}"

@@ -30,7 +30,7 @@ def command(
     sets: list[str] | None = SETS,
     repair: bool = flag("--repair", "Print the nearest admissible state."),
     as_json: bool = JSON,
-    quiet: bool = quiet("Print nothing for admissible starts."),
+    quiet: bool = quiet("Print only starts that are not admissible."),
     strict: bool = STRICT,
 ) -> int:
     """Check whether a start is admissible, and list the constraints."""

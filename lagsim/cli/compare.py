@@ -53,7 +53,7 @@ def command(
     ),
     as_json: bool = JSON,
     quiet: bool = quiet(
-        "Print nothing but faults; the exit code gives the result."
+        "Print only faults; the exit code is the result."
     ),
 ) -> int:  # fmt: skip
     """Compare two results.

@@ -164,7 +164,7 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
         if Path(other).resolve() != Path(path).resolve():
             text = f"{other} and {path} are both named `{name}`, and would share "
             text += f"one golden in {folder}"
-            hint = "give one of them another `name`; nothing was run"
+            hint = "change the `name` of one model; no model was run"
             problems.add("one-name", text, hint=hint)
     problems.refuse()
 

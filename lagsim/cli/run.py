@@ -85,7 +85,7 @@ _HELP = {
     "atol": "X Absolute tolerance; default rtol times each component's scale.",
     "step": "H Step of fixed-step methods; default the output step.",
     "formulation": "F How constraints are satisfied: projection, elimination, "
-    "baumgarte, drift; full: nothing is reduced.",
+    "baumgarte, drift; full: without reduction of the equations.",
     "gain": "X Gain of baumgarte, per unit of time; "
     f"default {1 / ROWS_TO_DECAY:g}/output step.",
     **{
@@ -97,8 +97,8 @@ _HELP = {
 }
 ERROR_BAR: Any = typer.Option(
     ErrorBars.AUTO,
-    help="Repeat the run with a tighter tolerance to estimate its error; auto: if that "
-    "takes at most about 2 s.",
+    help="Repeat the run with a smaller tolerance to estimate its error; auto: if the "
+    "repeat lasts at most about 2 s.",
 )
 
 
@@ -553,7 +553,8 @@ def _accuracy(document: Document) -> tuple[str, str]:
     if document["step"] is not None:
         return "step", f"{document['step']:g}"
     atol = document["atol"]
-    floor = "of each component's own scale" if atol is None else f"and atol {atol:g}"
+    scale = "relative to the range of each variable"
+    floor = scale if atol is None else f"and atol {atol:g}"
     return "tolerance", f"rtol {document['rtol']:g} {floor}"
 
 
@@ -565,7 +566,7 @@ def _error(bar: Estimate | str) -> str:
     by = bar.method if bar.rtol is None else f"{bar.method} at rtol {bar.rtol:.2g}"
     if bar.rests:
         apart = max(error.largest for error in bar.coordinates.values())
-        text = "nothing moves; a repeat by " + by
+        text = "no coordinate moves; a repeat by " + by
         return f"{text} agrees to {apart:.1g}" if apart else f"{text} agrees"
     t, reached = bar.growth[(len(bar.growth) - 1) // 2]
     text = (

@@ -115,16 +115,16 @@ def command(
 ) -> int:  # fmt: skip
     """Run a model at all combinations of parameter values."""
     if ends and (keep or error_bar is ErrorBars.ALWAYS):
-        what = "--keep" if keep else "--error-bar always"
-        text = f"--ends makes no rows, which {what} asks for"
-        raise unusable("usage", text, hint="leave one of them out")
+        option = "--keep" if keep else "--error-bar always"
+        text = f"--ends stores no rows, which {option} requires"
+        raise unusable("usage", text, hint="leave one of the two out")
     fixed = assignments(sets)
     read = read_file(model, fixed)
     wanted(read, "sweep", options, "add it, or give --duration")
     grid = _grid(read, values or [], points, sample or [], count, seed)
     if twice := [axis.name for axis in grid.axes if axis.name in fixed]:
         text = f"{', '.join(twice)}: both swept and given by --set"
-        raise unusable("usage", text, hint="leave --set out for what is swept")
+        raise unusable("usage", text, hint="leave --set out for names that are swept")
     where = folder or Path("results") / read.name / "sweep"
     kept = str(where.absolute()) if keep else None
     plots = not no_plots
@@ -136,7 +136,7 @@ def command(
         if as_json:
             show_json(known)
         elif not quiet:
-            say(f"nothing to do: {where} holds this sweep, complete")
+            say(f"{where} already contains this sweep, complete")
         return _code(known)
     journal = Journal(where / JOURNAL, found)
     measure = partial(
@@ -160,7 +160,7 @@ def _grid(
         text = "one of NAME=A:B:N, --points and --sample is expected"
         raise unusable("usage", text, hint=EXAMPLE)
     if bool(sample) is not (count is not None) or (seed and not sample):
-        text = "-N goes with --sample, and --seed with both"
+        text = "-N is used with --sample, and --seed with both"
         raise unusable("usage", text, hint=SAMPLED)
     if points is not None:
         return of_file(read, points)

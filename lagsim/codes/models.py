@@ -11,8 +11,9 @@ ROWS = (
     # E1xx: files, YAML, and the sections of a model.
     Row("E101", "unreadable",
         "The model file cannot be read.",
-        "The path is that of a file that you may read, or `-` for standard input.",
-        "look at the path, and at who may read it",
+        "The path names a file that exists and that you may read, or is `-` for "
+        "standard input.",
+        "check the path, and the permissions of the file",
         commands=("lagsim check nowhere.yaml",)),
     Row("E102", "not-utf8",
         "The file is not UTF-8.",
@@ -22,19 +23,19 @@ ROWS = (
     Row("E103", "empty-file",
         "The file has no sections.",
         "A model file has at least the sections `coordinates`, `energy` and `initial`.",
-        "`lagsim new NAME` writes one to begin from",
+        "`lagsim new NAME` writes a model to begin with",
         commands=("printf '# later\\n' > empty.yaml", "lagsim check empty.yaml")),
     Row("E104", "several-documents",
-        "The file holds more than one YAML document.",
-        "A file holds one model: no line `---` begins another.",
-        "put what follows `---` into a file of its own",
+        "The file contains more than one YAML document.",
+        "A file contains one model, without a line `---` that begins another.",
+        "move the text after `---` into a file of its own",
         "simulation: {duration: 1}\n---\nname: another\n"),
     Row("E105", "yaml-syntax",
         "The file is not valid YAML.",
         "Every bracket and quote is closed, and the keys of one section begin in one "
         "column.",
-        "an editor that knows YAML shows where it goes wrong; `lagsim schema` gives it "
-        "the keys",
+        "an editor that checks YAML marks the fault; `lagsim schema` prints the "
+        "schema for it",
         "initial: {theta: 1\n"),
     Row("E106", "yaml-tab",
         "A line is indented with a tab.",
@@ -42,8 +43,7 @@ ROWS = (
         "replace tabs by spaces",
         "definitions:\n\tx: l*sin(theta)\n  y: -l*cos(theta)\n"),
     Row("E107", "yaml-character",
-        "The file has a character that cannot be seen, or that YAML does not "
-        "allow.",
+        "The file has a character that is invisible, or that YAML does not allow.",
         "Every character is a letter, a digit, a sign, a space or a line end.",
         "delete the character and type it again",
         "simulation: {duration: 1\x07}\n"),
@@ -55,7 +55,7 @@ ROWS = (
     Row("E110", "too-deep",
         "Brackets or sections are nested too deep.",
         "Brackets and sections nest at most 100 levels deep.",
-        "no section of a model needs this",
+        "remove the surplus brackets: no section of a model nests as deep",
         f"initial: {{theta: {'[' * 110}{']' * 110}}}\n"),
     Row("E111", "anchor",
         "The file has an anchor of YAML, such as `&one`.",
@@ -70,8 +70,8 @@ ROWS = (
         "parameters: {m: 1, g: 9.81, l: *m}\n"),
     Row("E113", "tag",
         "A value has a tag of YAML, such as `!!float`.",
-        "A value is written without a tag: its key says whether it is a number or a "
-        "text.",
+        "A value is written without a tag: its key determines whether it is a number "
+        "or a text.",
         "leave the tag out, or quote the value",
         "parameters: {m: !!float 1, g: 9.81, l: 1}\n"),
     Row("E114", "merge-key",
@@ -81,7 +81,7 @@ ROWS = (
         "initial: {<<: {theta: 1}}\n"),
     Row("E115", "complex-key",
         "A key is not a plain text.",
-        "A key is one word, such as `theta`, and no list or mapping.",
+        "A key is one word, such as `theta`, not a list or mapping.",
         "write `name: value`",
         "initial: {[theta]: 1}\n"),
     Row("E116", "duplicate-key",
@@ -99,19 +99,19 @@ ROWS = (
         "A key is in the wrong section.",
         "Sections begin at the left margin, and their keys are indented below them, "
         "as `duration` below `simulation:`.",
-        "move it there",
+        "move the key to its own section",
         "energy: {kinetic: m*theta_dot^2/2, potential: 0, output: {}}\n"),
     Row("E119", "missing-key",
-        "A key is missing that the model, the run or another key needs.",
+        "A key is missing that the model, the run or another key requires.",
         "A model has `coordinates`, `energy` and `initial`, a run a `duration` or an "
         "`end`, a contact a `restitution`, friction a `slip`, a shape a kind.",
-        "add the key; `lagsim new NAME` writes a model with all that is needed",
+        "add the key; `lagsim new NAME` writes a complete model",
         "energy: {potential: m*g*y}\n"),
     Row("E120", "both-given",
         "Two keys are given that exclude each other.",
         "Either `duration` or `end` is given, and either `lagrangian` or `kinetic` "
         "and `potential`; a shape has one kind.",
-        "give one of them",
+        "keep one of the two",
         "simulation: {duration: 1, end: 2}\n"),
     Row("E121", "not-a-mapping",
         "A section is not a mapping.",
@@ -126,8 +126,8 @@ ROWS = (
         "output: {columns: x}\n"),
     Row("E123", "not-a-text",
         "A value is not a text.",
-        "A name, a title, a unit or a description is a text, and no list or mapping.",
-        "write one text, in quotes where it has special letters",
+        "A name, a title, a unit or a description is a text, not a list or mapping.",
+        "write one text, in quotes if it has special characters",
         "name: [pendulum]\n"),
     Row("E124", "not-a-truth",
         "A value is neither `true` nor `false`.",
@@ -138,8 +138,8 @@ ROWS = (
         "A list has too many entries, or too few.",
         "A point has 2 or 3 components, a link 2 points, a `slip` 1 or 2 expressions, "
         "an axis of a plot 1 to 6, a shape the sizes of its kind, a list beside a "
-        "range one value a member.",
-        "count what the message asks for",
+        "range one value for each member.",
+        "give as many entries as the message states",
         "scene: {points: {bob: [x]}}\n"),
     Row("E126", "empty",
         "A key has no value.",
@@ -147,10 +147,9 @@ ROWS = (
         "give a value, or leave the key out",
         "simulation: {duration: 1, method: }\n"),
     Row("E127", "format-version",
-        "The file asks for a version of the format that this lagsim does not "
-        "read.",
-        "The key `lagsim`, where it is given, is 1.",
-        "leave `lagsim` out, or install the version of lagsim that the file asks for",
+        "The file has a version of the format that this lagsim does not support.",
+        "The value of the key `lagsim`, where it is given, is 1.",
+        "leave `lagsim` out, or install a version of lagsim for this format",
         "lagsim: 7\n"),
     Row("E128", "bad-model-name",
         "The name of the model cannot be used for a folder.",
@@ -165,7 +164,7 @@ ROWS = (
         "choose a number within the range that the message names",
         "simulation: {duration: -1}\n"),
     Row("E130", "unknown-axis",
-        "`log` names an axis that the plot does not have.",
+        "`log` names an axis that is not in the plot.",
         "`log` names axes of its plot: x, y, and y2 where the plot has `y2`.",
         "name one of x, y, y2",
         "output: {plots: [{x: x, y: y, log: z}]}\n"),
@@ -182,7 +181,7 @@ ROWS = (
     Row("E133", "more-faults",
         "The file has more faults than are shown.",
         "The first 1000 faults of a file are shown.",
-        "mend those above, and look again",
+        "correct the faults above, and check again",
         commands=(
             "{ cat pendulum.yaml; seq -f 'key%g: 1' 1200; } > long.yaml",
             "lagsim check long.yaml 2>&1 | tail -n 4",
@@ -190,22 +189,22 @@ ROWS = (
     Row("E134", "too-many-values",
         "The file has too many values.",
         "A file has at most 1,000,000 values, lists and mappings.",
-        "tables of numbers belong into a program that calls lagsim: docs/python.md",
+        "set so many numbers from a program that calls lagsim: docs/python.md",
         commands=(
             "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
             "lagsim check many.yaml",
         )),
     Row("E138", "shape-of-space",
-        "A shape lies in space, and the points in a plane.",
-        "A cone, a cylinder, a sphere, a box of 3 sides and places of 3 components are "
-        "drawn where a point has 3 components.",
+        "A shape is three-dimensional, but the points are in a plane.",
+        "A cone, a cylinder, a sphere, a box of 3 sides and places of 3 components "
+        "are drawn only with points of 3 components.",
         "give a point 3 components, such as [x, y, 0]",
         "scene: {points: {bob: [x, y]}, shapes: {ball: {sphere: l/9, at: bob}}}\n"),
     # E2xx: expressions, names and relations.
     Row("E201", "expression-syntax",
         "An expression cannot be parsed.",
-        "Operators + - * / ^ stand between numbers, names and function calls, as in "
-        "2*sin(theta).",
+        "Operators + - * / ^ are written between numbers, names and function calls, "
+        "as in 2*sin(theta).",
         "operators are + - * / ^, and every product is written with `*`",
         "definitions:\n  x: l*sin theta\n  y: -l*cos(theta)\n"),
     Row("E202", "expression-name",
@@ -214,31 +213,32 @@ ROWS = (
         "use letters, digits and `_`",
         "parameters: {m: 1, g: 9.81, l: 2*_m}\n"),
     Row("E203", "expression-number",
-        "A number in an expression is written in a way that is not allowed.",
+        "A number in an expression has an invalid notation.",
         "A number is decimal, such as 0.5 or 1e-3.",
-        "write it without units, separators and prefixes",
+        "write the number without units, separators and prefixes",
         "parameters: {m: 1, g: 9.81, l: 1_000}\n"),
     Row("E204", "expression-not-finite",
         "A number is too large for double precision.",
         "A number is at most about 1.8e308.",
-        "choose units in which numbers are nearer to 1",
+        "choose units in which the numbers are nearer to 1",
         "parameters: {m: 1, g: 9.81, l: 1e999}\n"),
     Row("E205", "expression-parenthesis",
-        "A parenthesis is not closed, or was never opened.",
-        "Every `(` has its `)`.",
+        "A parenthesis is not closed, or not opened.",
+        "Every `(` has a matching `)`.",
         "count the parentheses",
         "definitions:\n  x: l*sin(theta\n  y: -l*cos(theta)\n"),
     Row("E206", "expression-arity",
         "A function has too many arguments, or too few.",
-        "`atan2`, `hypot`, `min` and `max` take 2 arguments, `if` takes 3, the other "
-        "functions 1.",
+        "`atan2`, `hypot`, `min`, `max` and `mod` have 2 arguments, `if` has 3, other "
+        "functions of numbers have 1.",
         "docs/model-file.md lists the functions and their arguments",
         "definitions:\n  x: l*atan2(theta)\n  y: -l*cos(theta)\n"),
     Row("E207", "expression-unknown-function",
         "An expression calls a function that does not exist.",
-        "A function is `sin`, `exp`, `sqrt`, `abs`, `if`, or another that "
-        "docs/model-file.md lists.",
-        "docs/model-file.md lists the functions; one of your own is a definition",
+        "A function is `sin`, `exp`, `sqrt`, `abs`, `if`, or another function in "
+        "docs/model-file.md.",
+        "docs/model-file.md lists the functions; write a function of your own as a "
+        "definition",
         "definitions:\n  x: l*sinn(theta)\n  y: -l*cos(theta)\n"),
     Row("E208", "not-an-expression",
         "A value is not an expression.",
@@ -249,7 +249,7 @@ ROWS = (
         "An expression uses a name that is not defined.",
         "A name is `t`, `pi`, or a parameter, coordinate, definition or rate "
         "(`theta_dot`) of this model.",
-        "look for a name that is spelt otherwise",
+        "check the spelling of the name",
         "definitions: {x: l*sin(thta), y: -l*cos(theta)}\n"),
     Row("E210", "unknown-parameter",
         "An option names a parameter or a start value that the model does "
@@ -260,13 +260,13 @@ ROWS = (
         commands=("lagsim check pendulum.yaml --set mass=2",)),
     Row("E211", "bad-name",
         "A name has characters that are not allowed.",
-        "A name is letters, digits and `_`, and begins with a letter.",
-        "choose such a name",
+        "A name consists of letters, digits and `_`, and begins with a letter.",
+        "choose a name of letters, digits and `_`",
         "parameters: {m: 1, g: 9.81, l: 1, 2nd: 1}\n"),
     Row("E212", "reserved-name",
         "A name is reserved.",
-        "A name is none of `t`, `pi`, `kinetic`, `potential`, `lagrangian`, `energy`, "
-        "`work`, `and`, `or`, `not`, and does not end in `_dot` or `_ddot`.",
+        "`t`, `pi`, `kinetic`, `potential`, `lagrangian`, `energy`, `work`, `and`, "
+        "`or`, `not`, and names that end in `_dot` or `_ddot` are reserved.",
         "choose another name",
         "parameters: {m: 1, g: 9.81, l: 1, t: 2}\n"),
     Row("E213", "name-clash",
@@ -275,26 +275,26 @@ ROWS = (
         "rename one of the two",
         "parameters: {m: 1, g: 9.81, l: 1, theta: 2}\n"),
     Row("E214", "column-clash",
-        "A name is that of a column of the table.",
-        "A name is none of the columns that are made of other names, such as "
+        "A name equals the name of a column of the table.",
+        "A name differs from the columns that are derived from other names, such as "
         "`lambda_rod`, `residual_rod`, `Qc_theta`, and, for a vector, `impulse.rod`, "
         "`friction.rod`, `reaction.x`, `gauss.G`, `action.S`, `sd.x`.",
         "choose another name",
         "definitions: {x: l*sin(theta), y: -l*cos(theta), Qc_theta: 1}\n"),
     Row("E215", "cycle",
         "Definitions depend on each other in a cycle.",
-        "A definition does not use itself, neither directly nor through others.",
-        "write one of them without the others",
+        "A definition does not depend on itself, neither directly nor through others.",
+        "write one of these definitions without the others",
         "definitions: {x: y + 1, y: x - 1}\n"),
     Row("E216", "later-parameter",
         "A parameter uses itself, or a parameter below it.",
         "A parameter uses only parameters above it.",
-        "move it below what it uses",
+        "move the parameter below the parameters that it uses",
         "parameters: {m: 2*l, g: 9.81, l: 1}\n"),
     Row("E217", "not-constant",
         "An expression that must be a number depends on the motion.",
         "The value is a number: an expression of parameters and `pi` alone.",
-        "name parameters and `pi` alone",
+        "use parameters and `pi` only",
         "simulation: {duration: theta}\n"),
     Row("E218", "output-only",
         "An expression uses accelerations, multipliers or other results of "
@@ -311,16 +311,16 @@ ROWS = (
         "use positions only, or velocities only",
         "constraints: {wall: {relation: theta + theta_dot >= 0, restitution: 0}}\n"),
     Row("E220", "no-rate",
-        "An expression asks for the rate of a quantity that has none.",
+        "An expression uses the rate of a quantity that has none.",
         "`_dot` follows a coordinate, or a definition of positions and time without "
         "velocities.",
-        "rates are those of coordinates and of definitions of positions and time",
+        "write the rate of a coordinate, or of a definition of positions and time",
         "definitions: {x: l*theta_dot, y: x_dot}\n"),
     Row("E221", "not-finite",
         "A value is infinite or not a number.",
-        "Numbers, energies, forces and constraints have finite values at the start, "
-        "and columns of a golden all along.",
-        "look for a division by 0, or for a root or a logarithm of something negative",
+        "Numbers, energies, forces and constraints are finite at the start, and "
+        "columns of a golden throughout the run.",
+        "look for a division by 0, or for a root or a logarithm of a negative number",
         "parameters: {m: 1, g: 9.81, l: 1/0}\n"),
     Row("E222", "not-affine",
         "An expression is not linear in the velocities.",
@@ -330,13 +330,13 @@ ROWS = (
         "definitions: {y: -l*cos(theta), v2: theta_dot^2}\nforces: {v2: 1}\n"),
     Row("E223", "not-of-time",
         "The condition `when` depends on the motion.",
-        "`when` compares time and parameters, such as t < 0.3.",
-        "write such as `t < 0.3`",
+        "`when` compares time, parameters and modes, such as t < 0.3.",
+        "write a condition such as `t < 0.3`",
         "constraints: {held: {relation: theta = 1, when: theta < 2}}\n"),
     Row("E224", "no-coordinate",
         "A constraint contains no coordinate and no velocity.",
         "A constraint contains a coordinate or a velocity.",
-        "write what it constrains, such as q = 1",
+        "write a relation between coordinates or velocities, such as q = 1",
         "constraints: {held: m = l}\n"),
     Row("E225", "not-a-contact",
         "A relation of velocities has a key of contacts.",
@@ -366,16 +366,16 @@ ROWS = (
         "leave out the terms without velocities",
         "constraints: {way: theta_dot >= 1}\n"),
     Row("E230", "not-a-direction",
-        "A force acts on a name along which no force can act.",
+        "A force is given for a name on which no force can act.",
         "A force acts on a coordinate, or on a definition of positions or of "
         "velocities.",
-        "name a coordinate, or a definition of what the force pushes",
+        "name a coordinate, or a definition of the position at which the force acts",
         "forces: {m: 1}\n"),
     Row("E231", "not-a-definition",
         "A listed name is not a definition.",
-        "`columns` and `reactions` list definitions, and no coordinates, parameters "
-        "or rates.",
-        "write a definition for it",
+        "`columns` and `reactions` list definitions, not coordinates, parameters or "
+        "rates.",
+        "define the quantity, and list the definition",
         "output: {columns: [theta]}\n"),
     Row("E232", "no-reaction",
         "A definition has no reaction.",
@@ -383,8 +383,8 @@ ROWS = (
         "name a definition that a constraint, an energy or a force uses",
         "definitions: {y: -l*cos(theta), v: theta_dot}\noutput: {reactions: [v]}\n"),
     Row("E233", "multiple-root",
-        "A relation is the power of another expression, so that its gradient "
-        "vanishes wherever it holds.",
+        "A relation is the power of another expression, so that its gradient vanishes "
+        "wherever the relation is satisfied.",
         "In a model with `reactions` no relation is a power: x = 0 is written, not "
         "x^2 = 0.",
         "take the root of both sides",
@@ -406,53 +406,57 @@ output: {reactions: [x]}
             "lagsim check long.yaml",
         )),
     Row("E235", "state-misplaced",
-        "A first-order state, or the rate of one, stands where it has no slopes.",
-        "Constraints between positions have no states; energies, constraints and the "
-        "directions of forces only rates of states that do not depend on the motion.",
-        "make the state a coordinate that a constraint of velocities holds",
+        "A first-order state, or the rate of a state, is used where it is not "
+        "allowed.",
+        "Constraints between positions contain no states; energies, constraints and "
+        "directions of forces contain only rates of states that do not depend on the "
+        "motion.",
+        "replace the state by a coordinate with a constraint on its velocity",
         "states: {w: {rate: -w}}\nconstraints: {held: theta = w}\n"
         "initial: {theta: 1, w: 1}\n"),
     Row("E236", "not-a-mode",
-        "An event sets something else than a mode.",
-        "Events set modes, the names of the section `modes`: coordinates and "
-        "velocities move by forces and impacts alone, parameters never change.",
-        "make it a mode, or let a force or a constraint depend on a mode",
+        "An event sets a name that is not a mode.",
+        "Events set modes, the names in the section `modes`. Coordinates and "
+        "velocities change by forces and impacts only, parameters never.",
+        "declare the name as a mode, or let a force or a constraint depend on a mode",
         "modes: {held: 1}\n"
         "events: {swing: {at: theta <= 0, set: {theta: 1, held: 0}}}\n"),
     Row("E237", "table-file",
         "The file of a table cannot be used.",
-        "It is a CSV in the model's folder or below it, through no link that leads "
-        "out, and its first line has each column that `x`, `y` and `z` name, once.",
+        "The file is a CSV in the folder of the model or below it, not reached "
+        "through a link to another folder. Its first line has each column that `x`, "
+        "`y` and `z` name, once.",
         "put the file beside the model, or give `points`",
         "tables: {torque: {file: ../curve.csv, x: angle, y: torque}}\n"
         "forces: {theta: torque(theta)}\n"),
     Row("E238", "table-points",
-        "The points of a table make no function.",
-        "There are at least two points, all numbers finite, x increases, a function of "
-        "two arguments has a full grid, and one that repeats ends as it begins.",
-        "look at the row that is named",
+        "The points of a table do not define a function.",
+        "A table has at least two points; all numbers are finite; x increases; a "
+        "table of two arguments has a full grid; a table with `outside: repeat` has "
+        "equal values at both ends.",
+        "check the row that the message names",
         "tables: {torque: {points: [[0, 0], [2, 1], [1, 3]]}}\n"
         "forces: {theta: torque(theta)}\n"),
     Row("E239", "unknown-interpolation",
-        "`interpolation` or `outside` is none of those that there are.",
+        "`interpolation` or `outside` has an unknown value.",
         "`interpolation` is `linear`, `cubic` or, of one argument, `monotone`; "
         "`outside` is `error`, `hold`, `extend` or `repeat`.",
-        "write one of these, or leave it out",
+        "write one of these values, or leave the key out",
         "tables: {torque: {points: [[0, 0], [2, 1]], interpolation: spline}}\n"
         "forces: {theta: torque(theta)}\n"),
     Row("E240", "unused-table",
-        "Nothing calls a table.",
-        "Each table is called in an expression, as `torque(theta)`.",
-        "call it, or leave it out",
+        "A table is not called in any expression.",
+        "Each table is called in an expression, as in `torque(theta)`.",
+        "call the table, or delete it",
         "tables: {torque: {points: [[0, 0], [2, 1]]}}\n"),
     Row("E241", "expression-size",
-        "A vector stands where a number does, or values of two sizes meet.",
-        "Both sides of `+`, `-`, `=` and the arguments of `dot`, `cross` and `if` have "
-        "one size; other operations and functions take numbers.",
+        "A vector is used where a number is required, or two values differ in size.",
+        "Both sides of `+`, `-`, `=` and the arguments of `dot`, `cross` and `if` "
+        "have one size; other operations and functions have numbers as arguments.",
         "write dot(a, b), cross(a, b), norm(a), or a component, `a.x`",
         "definitions: {r: [l*sin(theta), -l*cos(theta)], y: r - 1}\n"),
     Row("E242", "expression-component",
-        "A component is asked for that a value does not have.",
+        "An expression uses a component that the value does not have.",
         "A vector has the components `.x`, `.y` and, in space, `.z`; a number none.",
         "vectors are `vec(a, b)`, lists, and coordinates with `components: xyz`",
         "definitions: {r: [l*sin(theta), -l*cos(theta)], y: r.z}\n"),
@@ -462,157 +466,160 @@ output: {reactions: [x]}
         "a member beside a range has an entry of its own, such as `x(0): 0`",
         "definitions: {s(i = 1..3): s(i-1) + theta, y: -l*cos(s(3))}\n"),
     Row("E244", "expression-subscript",
-        "A subscript is missing, out of place, or not a whole number of parameters.",
-        "A member is named by whole numbers made of indices and parameters: `q(i-1)`.",
-        "a family itself has no value; sum(i = 1..n, q(i)) has one",
+        "A subscript is missing, misplaced, or not a whole number.",
+        "A subscript is a whole number, computed from indices and parameters: "
+        "`q(i-1)`.",
+        "a family as a whole has no value; sum(i = 1..n, q(i)) has one",
         "definitions: {s(i = 1..3): i*theta, y: -l*cos(s)}\n"),
     Row("E245", "expression-range",
-        "A range is missing, incomplete, out of place, or empty where it must not be.",
-        "A range is `1..n` or `i = 1..n`, in a key or in `sum`, `min` and `max`; `min` "
-        "and `max` take one that is not empty.",
-        "such as sum(i = 1..n, m(i))",
+        "A range is missing, incomplete, misplaced, or empty where a member is "
+        "required.",
+        "A range is `1..n` or `i = 1..n`, in a key or in `sum`, `min` and `max`; the "
+        "range of `min` and `max` is not empty.",
+        "write a range, such as sum(i = 1..n, m(i))",
         "definitions: {s(i = 1..3): i*theta, y: sum(s(1))}\n"),
     Row("E246", "expression-too-many",
         "The families of a file have too many members, or its sums too many terms.",
         "A file has at most 100,000 members of families, and 1,000,000 terms of sums.",
-        "take smaller ranges",
+        "reduce the ranges",
         "definitions: {s(i = 1..10^9): i*theta, y: -l*cos(s(1))}\n"),
     Row("E247", "duplicate-member",
         "A member of a family is given twice.",
-        "Ranges and single members of one family do not overlap; only a start value of "
-        "a single member may replace that of a range.",
-        "leave one of the two out",
+        "Ranges and single members of one family do not overlap; only a start value "
+        "of a single member may replace the value of a range.",
+        "delete one of the two",
         "definitions: {s(0..3): theta, s(3): 0, y: -l*cos(s(1))}\n"),
     Row("E249", "switch-at-rest",
-        "A limit or friction has a switch at slip 0 whose two values are not clear.",
-        "`if(abs(x_dot) > 0, 1, 5)` is understood: 5 while it holds, 1 while it "
-        "slides. Of other switches at slip 0, and of a bound that falls there as "
-        "steeply as a switch, the file gives both values by name.",
-        "write the bound of what holds and that of what slides: limit: {static: 5, "
-        "dynamic: 1}",
+        "A limit or friction has a switch at slip 0, and it is undecided which value "
+        "is the static one.",
+        "`if(abs(x_dot) > 0, 1, 5)` is recognised: static 5, dynamic 1. For other "
+        "switches at slip 0, and for a bound that falls there as steeply as a switch, "
+        "the file states both values by name.",
+        "write the static and the dynamic value: limit: {static: 5, dynamic: 1}",
         "constraints: {rub: {relation: theta_dot = 0, limit: "
         "5 - 4*sign(theta*abs(theta_dot))}}\n"),
     Row("E260", "expression-frame",
-        "A frame is named that the file does not have.",
+        "The file does not define a frame that it uses.",
         "`rotate`, `unrotate`, `omega`, `omega_space`, `on` and the `frame` of a body "
-        "name a frame of the section `frames`, or `space`.",
-        "look for a name that is spelt otherwise",
+        "name a frame in the section `frames`, or `space`.",
+        "check the spelling of the frame",
         "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
     # E3xx: the start of a model.
     Row("E270", "unknown-restitution-law",
-        "There is no such restitution law.",
+        "The restitution law does not exist.",
         "`restitution_law` is `newton` or `poisson`.",
-        "write `newton`, of rates, or `poisson`, of impulses",
+        "write `newton` (restitution of rates), or `poisson` (of impulses)",
         "constraints:\n  floor: {relation: theta >= 0, restitution: 0.5, "
         "restitution_law: possion}\n"),
     Row("E301", "inadmissible",
-        "The start violates a constraint, or the time derivative of one; or it is not "
-        "at rest, where `begin: rest` asks for that.",
+        "The start violates a constraint, or the time derivative of one; or, with "
+        "`begin: rest`, it is not at rest.",
         "The start satisfies all constraints and their time derivatives, and with "
         "`begin: rest` has no velocities and no accelerations.",
-        "take the nearest state that is shown, or write `{guess: ...}` for values "
-        "that lagsim is to solve for",
+        "use the nearest state that is shown, or write `{guess: ...}` for values to "
+        "be solved",
         _ROD + "initial: {x: 1, y: 0.5}\n"),
     Row("E302", "missing-initial",
         "A coordinate has no start value.",
         "`initial` has a value for each coordinate.",
-        "give one, or `{guess: ...}` where constraints determine it",
+        "give a start value, or `{guess: ...}` if constraints determine it",
         "initial: {theta_dot: 1}\n"),
     Row("E303", "not-a-start-value",
-        "A start value is given to, or uses, a name that has none.",
-        "Start values belong to coordinates, velocities and definitions of these, and "
-        "are made of parameters and of the start values above.",
-        "start a coordinate or its velocity",
+        "A start value is given for, or uses, a name that has no start value.",
+        "Start values belong to coordinates, velocities, states and definitions of "
+        "these, and contain parameters and start values above.",
+        "give a start value for a coordinate or its velocity",
         "initial: {theta: 1, m: 2}\n"),
     Row("E304", "later-initial",
-        "A start value uses one that is given below it.",
+        "A start value uses another start value that is given below it.",
         "A start value uses only start values above it.",
-        "move it below what it uses",
+        "move it below the start values that it uses",
         "initial: {theta: theta_dot, theta_dot: 1}\n"),
     Row("E305", "not-a-guess",
-        "A guess is given for a definition, or a state.",
+        "A guess is given for a definition, or for a state.",
         "`{guess: ...}` is given for a coordinate or a velocity, `{steady: ...}` for a "
         "first-order state.",
-        "guess a coordinate or a velocity, and give the definition its value",
+        "guess a coordinate or a velocity, and state the value of the definition",
         "initial: {theta: 1, x: {guess: 1}}\n"),
     Row("E306", "no-inertia",
         "A coordinate has no inertia, and no constraint determines its "
         "acceleration.",
-        "Each coordinate has inertia, or constraints determine its acceleration; or it "
-        "is that of a slider: it hangs on a spring or a damper, and has a `limit`.",
-        "give it mass in `kinetic`, or hold it by a constraint",
+        "Each coordinate has inertia, or constraints determine its acceleration, or "
+        "it belongs to a slider with a spring or a damper and a `limit`.",
+        "add a mass in `kinetic`, or a constraint that determines the coordinate",
         "energy: {kinetic: 0, potential: m*g*y}\n"),
     Row("E307", "negative-inertia",
-        "The kinetic energy falls as a speed grows.",
+        "The kinetic energy decreases with a velocity.",
         "The kinetic energy grows with speed.",
         "look for a negative mass or a wrong sign in `kinetic`",
         "energy: {kinetic: -m*l^2*theta_dot^2/2, potential: m*g*y}\n"),
     Row("E308", "no-motion",
-        "No motion exists from this start on.",
-        "From the start on, some accelerations and contact forces satisfy the "
-        "equations of motion and all laws of contact.",
-        "start with the bodies apart, or with less friction",
+        "The equations of motion have no solution from this start on.",
+        "At the start there are accelerations and contact forces that satisfy the "
+        "equations of motion and the laws of all contacts.",
+        "start with the bodies apart, or reduce the friction",
         PAINLEVE,
         ("lagsim run pendulum.yaml",)),
     Row("E309", "out-of-scale",
         "Numbers of the model are too large or too small for double precision.",
-        "Masses, lengths and their products lie between about 1e-308 and 1e308.",
+        "Masses, lengths and their products are between about 1e-308 and 1e308.",
         "choose units in which masses and lengths are nearer to 1",
         "coordinates: {x: {}, y: {}}\ndefinitions: {}\n"
         "energy: {kinetic: 1e-200*x_dot^2/2 + y_dot^2/2, potential: x}\n"
         "constraints: {c: 1e300*x*y + 1e-300*y^3 = 1e154}\n"
         "initial: {x: 2, y: 1}\n"),
     Row("E310", "singular-mass",
-        "Gauss's principle is asked for, and the mass matrix is singular.",
-        "Gauss's principle takes the accelerations without constraints, for which each "
-        "direction needs inertia.",
+        "Gauss's principle is requested, but the mass matrix is singular.",
+        "Gauss's principle uses the accelerations without constraints, which exist "
+        "only if the mass matrix is regular.",
         "leave `gauss` out, or give every coordinate some mass",
         "coordinates: {theta: {unit: rad}, u: {}}\n"
         "constraints: {held: u = theta}\ninitial: {theta: 1, u: 1}\n",
         ("lagsim derive pendulum.yaml --gauss",)),
     Row("E311", "unknown-begin",
-        "`begin` has a value that it does not know.",
+        "`begin` has an unknown value.",
         "`begin` is `initial` or `rest`.",
-        "leave it out, or write `rest` for a start whose guesses are solved for a rest",
+        "leave the key out, or write `rest` to solve the guesses for a position of "
+        "rest",
         "simulation: {duration: 1, begin: still}\n"),
     # E4xx: methods and settings of a run.
     Row("E401", "unknown-method",
         "The method does not exist.",
-        "A method is one of those that `lagsim methods` lists, or `auto`.",
-        "`lagsim methods` lists them",
+        "A method is `auto` or one of the methods that `lagsim methods` lists.",
+        "`lagsim methods` lists the names",
         commands=("lagsim run pendulum.yaml --method rk5",)),
     Row("E402", "method-refused",
         "The method cannot integrate this model.",
-        "The method can integrate this model's forces, constraints, contacts and "
-        "switches.",
-        "`lagsim methods` lists what each handles; `auto` chooses one that suits",
+        "The method can integrate the forces, constraints, contacts and switches of "
+        "this model.",
+        "`lagsim methods` lists the models that each method handles; `auto` chooses a "
+        "suitable one",
         "forces: {theta: -theta_dot}\n",
         ("lagsim run pendulum.yaml --method kahan-li6 --step 0.01",)),
     Row("E403", "unknown-formulation",
         "The formulation does not exist.",
-        "A formulation is one of those that docs/model-file.md describes, or `auto`.",
-        "leave it out: `auto` chooses one",
+        "A formulation is `auto` or one of the formulations in docs/model-file.md.",
+        "leave the key out: `auto` chooses a formulation",
         "simulation: {duration: 1, formulation: exact}\n"),
     Row("E404", "formulation-refused",
-        "The formulation cannot be used with this model's constraints.",
-        "The formulation can treat this model's contacts, limits and constraints that "
-        "come and go.",
-        "`auto` chooses one that suits",
+        "The formulation cannot be used with the constraints of this model.",
+        "The formulation can treat the contacts, limits and constraints that hold at "
+        "times in this model.",
+        "`auto` chooses a suitable formulation",
         "simulation: {duration: 1, formulation: elimination}\n"
         "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
         ("lagsim run pendulum.yaml",)),
     Row("E405", "adaptive-method",
-        "A stability limit is asked for, and the method chooses its steps "
-        "itself.",
+        "A stability limit is requested for a method that chooses its steps itself.",
         "The method has a fixed step, such as rk4: only such a step has a stability "
         "limit.",
         "use --vary to see how the work of this method changes with a parameter",
         commands=("lagsim stability pendulum.yaml --methods dop853",)),
     Row("E406", "no-stability",
-        "A stability map is asked for, and the model's equations change "
-        "during the run.",
+        "A stability map is requested, but the equations of the model change during "
+        "the run.",
         "One set of equations holds for the whole run: no contacts, no friction, and "
-        "no constraints that come and go.",
+        "no constraints that hold at times.",
         "`lagsim bench` compares methods on such a model",
         "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
         ("lagsim stability pendulum.yaml",)),
@@ -623,8 +630,8 @@ output: {reactions: [x]}
         "simulation: {duration: 1, output_step: 1e-12}\n"),
     Row("E408", "too-long",
         "The equations are too long to be derived.",
-        "Deriving the equations takes at most 20 s, and written out they have at most "
-        "700,000 operations.",
+        "The equations are derived within 20 s, and have at most 700,000 operations "
+        "when written out.",
         "leave `--expand` out, or couple fewer terms; `derive --format python` uses "
         "the energies as written",
         """\

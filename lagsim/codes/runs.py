@@ -17,10 +17,10 @@ ROWS = (
     Row("E501", "step-too-small",
         "The step size became too small.",
         "A step is large enough to change the time in double precision.",
-        "the motion runs into a singularity (a division by zero, a coordinate that "
-        "loses its meaning, a force that drives it to infinity by then) or is very "
-        "stiff: look at the component named, stop before that time, choose other "
-        "coordinates there, or loosen rtol",
+        "the motion reaches a singularity (a division by zero, a singular coordinate, "
+        "a force that drives it to infinity by then) or is very stiff: look at the "
+        "component that is named, stop before that time, choose other coordinates, or "
+        "use a larger rtol",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
@@ -28,22 +28,22 @@ ROWS = (
     Row("E502", "too-many-steps",
         "The run took too many steps.",
         "A run takes at most 10^8 steps.",
-        "the motion has much faster parts than the run is long: shorten the duration, "
-        "or look for a stiffness or a frequency that is larger than it should be",
+        "parts of the motion are much faster than the run is long: shorten the "
+        "duration, or look for a stiffness or a frequency that is too large",
         commands=()),
     Row("E503", "values-not-finite",
         "An energy, a force or a constraint became infinite or not a number.",
         "Energies, forces and constraints are finite throughout the run.",
         "an energy, a force or a constraint has no finite value there (a root or a "
-        "logarithm of something negative, a division by zero, a number that is "
-        "far too small or too large): check the expressions near this state",
+        "logarithm of a negative number, a division by zero, a number that is far too "
+        "small or too large): check the expressions near this state",
         _POINT + "initial: {x: 1, y: 0, x_dot: 1}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y^2/2}\n"
         "forces: {y: sqrt(3 - x)}\nsimulation: {duration: 5}\n",
         (_RUN[0] + " --method rk4 --step 0.1",)),
     Row("E504", "projection-failed",
         "A state could not be projected onto the constraints.",
-        "Near each computed state Newton's method finds one that satisfies the "
+        "Near each computed state Newton's method finds a state that satisfies the "
         "constraints.",
         "the constraints cannot all be satisfied near this state: the mechanism is at "
         "a dead point or cannot be assembled, or a fixed step is too large",
@@ -53,17 +53,18 @@ ROWS = (
     Row("E505", "newton-failed",
         "The equations of an implicit step could not be solved.",
         "The iteration for the equations of each implicit step converges.",
-        "the motion runs into a singularity there, a force jumps, or a step is too "
-        "large for forces as nonlinear as these: look at this state",
+        "the motion reaches a singularity, a force jumps, or the step is too large "
+        "for the curvature of the forces: look at this state",
         "coordinates: {x: {}}\ndefinitions: {}\n"
         "energy: {kinetic: x_dot^2/2, potential: -exp(x^2)}\n"
         "initial: {x: 1, x_dot: 1}\n",
         (_RUN[0] + " --method midpoint --step 0.5",)),
     Row("E506", "constraint-jumps",
         "The position that a constraint prescribes, or a gap, jumped.",
-        "The position that a constraint prescribes, or a gap, changes without jumps.",
-        "a constraint, or a gap, may change its speed abruptly, not its position: join "
-        "the pieces of its motion, or of the ground",
+        "The position that a constraint prescribes, and every gap, is a continuous "
+        "function of time.",
+        "the velocity of a constraint or a gap may jump, its position may not: join "
+        "the pieces of the motion, or of the ground",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
         "constraints: {belt: 'x = if(t < 0.5, 1, 2)'}\n",
         _RUN),
@@ -82,9 +83,10 @@ initial: {x: 0, z: 0}
         _RUN),
     Row("E508", "no-answer",
         "The rows violate a constraint, or repeats of the run do not agree.",
-        "The rows satisfy the constraints, and a repeat gives the same motion.",
-        "its constraints may contradict each other from there on, or the motion may "
-        "need another method: look at the model around that time, try another "
+        "The rows satisfy the constraints, and a repeat of the run has the same "
+        "motion.",
+        "the constraints may contradict each other from there on, or the motion may "
+        "require another method: look at the model around that time, try another "
         "`--method`, or stop before it",
         "coordinates: {x: {}, y: {}, z: {}}\ndefinitions: {}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}\n"
@@ -93,10 +95,10 @@ initial: {x: 0, z: 0}
         _RUN),
     Row("E509", "paradox",
         "No contact forces exist that satisfy the laws of contact and friction.",
-        "At every time some contact forces push, obey the law of friction, and keep "
-        "the bodies apart.",
-        "friction and the bodies' inertia allow no motion there (Painleve's paradox): "
-        "reduce the friction, or let a body yield a little",
+        "At every time there are contact forces that push, obey the law of friction, "
+        "and keep the bodies apart.",
+        "friction and inertia admit no motion there (Painleve's paradox): reduce the "
+        "friction, or make a body compliant",
         """\
 parameters: {g: 9.81, m: 1, a: 0.5}
 coordinates: {x: {}, y: {}, q: {}}
@@ -111,38 +113,41 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     Row("E510", "state-jumps",
         "A position, or a velocity without an impact, jumped.",
         "Positions are continuous, and so are velocities except at impacts.",
-        "positions never jump, and velocities only at an impact: the rows up to there "
-        "are valid. This is a fault of lagsim's: please report the model",
+        "positions never jump, and velocities only at an impact. The rows up to there "
+        "are valid. This is a bug in lagsim: please report the model",
         commands=()),
     Row("E511", "no-reference",
-        "No reference solution was found to measure errors against.",
-        "Errors are measured against a reference that two computations agree on.",
-        "`lagsim run` shows where it fails; `--budget` allows more time",
+        "No reference solution was found for the errors.",
+        "Errors are differences from a reference solution that two computations "
+        "confirm.",
+        "`lagsim run` shows where the run fails; `--budget` allows more time",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         ("lagsim bench pendulum.yaml --budget 1",)),
     Row("E512", "events-chatter",
-        "Located events undo each other without time passing.",
-        "Time passes before an event undoes what another has set.",
-        "set the conditions apart (v <= 0.9 beside v >= 1.1), or let an event with "
-        "`every` decide",
+        "Located events reverse each other without time passing.",
+        "Some time passes before an event reverses the values that another event has "
+        "set.",
+        "separate the conditions (v <= 0.9 and v >= 1.1), or use an event with "
+        "`every`",
         "modes: {push: 0}\nforces: {theta: 20*push}\nevents:\n"
         "  on: {at: theta_dot <= -1, set: {push: 1}}\n"
         "  off: {at: theta_dot >= -1, set: {push: 0}}\n",
         ("lagsim run pendulum.yaml --no-plots",)),
     Row("E513", "table-ends",
-        "The argument of a table came to the last of its points, or the first.",
-        "Within a run tables are called between their first and their last point, but "
-        "for those that say what is `outside`.",
-        "give more points, or `outside: hold`, `extend` or `repeat`; or stop before",
+        "The argument of a table reached the end of its points.",
+        "The arguments of a table with `outside: error` stay within the range of its "
+        "points.",
+        "add points, set `outside` to `hold`, `extend` or `repeat`, or stop before "
+        "that time",
         "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
         _RUN),
     Row("E514", "undetermined-sliders",
         "Sliders without mass slide together, and no damper resists that.",
-        "Dampers that join sliders without mass also join them to something else.",
-        "join one of them by a damper, however weak, to what is not a slider, or give "
-        "it mass",
+        "Dampers that join sliders without mass are also connected to another part.",
+        "connect one of the sliders by a damper, however weak, to a part that is not "
+        "a slider, or give it mass",
         """\
 coordinates: {x: {}, a: {}, b: {}}
 definitions: {}
@@ -158,8 +163,8 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         _RUN),
     Row("E520", "law-out-of-range",
         "A friction or a limit became negative, or a restitution left 0 to 1.",
-        "Along the whole motion no friction or limit is negative, and restitution is 0 "
-        "to 1.",
+        "Throughout the run friction and limits are not negative, and restitution is "
+        "from 0 to 1.",
         "bound the expression, as in max(0, ...) or min(1, ...)",
         "coordinates: {x: {}, y: {}}\ndefinitions: {}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
@@ -181,7 +186,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",
         "look at the column and the time that are named first: `--plot FILE` draws "
-        "them; `lagsim golden --update` stores what is right now",
+        "the columns; `lagsim golden --update` stores the new result if it is right",
         commands=(
             _RUN_INTO.format("one"),
             _RUN_INTO.format("other --set m=2 --set l=1.01"),
@@ -190,18 +195,18 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     Row("E602", "bad-table",
         "A file is not a table of results.",
         "A table has a header, a column `t`, and a number in each cell.",
-        "give tables as `lagsim run` writes them, or their folders",
+        "use tables that `lagsim run` has written, or their folders",
         commands=("lagsim compare pendulum.yaml pendulum.yaml",)),
     Row("E603", "no-golden",
-        "There is no golden of this model.",
+        "The model has no golden.",
         "The model has a stored result, `NAME.csv` and `NAME.json`, in the folder "
         "`golden`.",
-        "`lagsim golden --update` stores one",
+        "`lagsim golden --update` stores a golden",
         commands=("lagsim golden pendulum.yaml",)),
     Row("E604", "bad-golden",
         "The files of a golden are damaged, or do not belong together.",
         "`NAME.csv` and `NAME.json` of a golden are complete and come from one run.",
-        "`lagsim golden --update` stores it again",
+        "`lagsim golden --update` stores the golden again",
         commands=(
             "lagsim golden pendulum.yaml --update -q",
             "printf {} > golden/pendulum.json",
@@ -216,14 +221,15 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         ("lagsim golden pendulum.yaml --update",)),
     Row("E606", "no-results",
-        "A folder holds no results.",
-        "The folder holds trajectory.csv and run.json, as `lagsim run` writes them.",
-        "`lagsim run MODEL -o FOLDER` makes such a folder",
+        "A folder contains no results.",
+        "The folder contains trajectory.csv and run.json, as `lagsim run` writes "
+        "them.",
+        "`lagsim run MODEL -o FOLDER` writes such a folder",
         commands=("lagsim overlay nowhere",)),
     Row("E607", "no-column",
         "A column to be drawn is missing in a table.",
         "A column that is drawn is in each of the tables.",
-        "name columns that all of them have: --columns x",
+        "name columns that are in all tables: --columns x",
         commands=(_RUN_INTO.format("one"), "lagsim overlay one one --columns speed")),
     Row("E608", "no-spectrum",
         "A spectrum cannot be computed from this column.",
@@ -247,33 +253,34 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "lagsim bench work_precision.json",
         )),
     Row("E611", "another-sweep",
-        "The folder holds another sweep.",
-        "`--resume` goes on with the same model, values and options.",
+        "The folder contains another sweep.",
+        "`--resume` continues a sweep with the same model, values and options.",
         "leave --resume out to start again, or choose another folder with -o",
         commands=(
             "mkdir found; echo [] > found/sweep.rows.jsonl",
             "lagsim sweep pendulum.yaml m=1,3 -o found -q --resume",
         )),
     Row("E612", "nothing-to-draw",
-        "The results have nothing to animate.",
-        "What is drawn has a section `scene`, or columns `x` and `y`.",
+        "The results contain no points to animate.",
+        "The model has a section `scene`, or the table has columns `x` and `y`.",
         "give the model a `scene`, or definitions `x` and `y`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
         (_RUN_INTO.format("one"), "lagsim overlay one one -o both.html")),
     Row("E613", "another-run",
-        "The folder holds another run.",
-        "`--resume` goes on with the same model and options, on the same machine.",
+        "The folder contains another run.",
+        "`--resume` continues a run with the same model and options, on the same "
+        "machine.",
         "leave --resume out to start again, or choose another folder with -o",
         commands=(
             "mkdir out; echo kept > out/.lagsim-restart",
             "lagsim run pendulum.yaml -o out --resume",
         )),
     Row("E614", "bad-points",
-        "The file of `--points` has no points.",
-        "A header has a name for each column, and each row below a finite number for "
-        "each name.",
-        "write it as a spreadsheet does: l,theta in the first line, 1.5,0.2 below",
+        "The file of `--points` contains no points.",
+        "The header has a name for each column, and each row below has a finite "
+        "number for each name.",
+        "write a table with a header: l,theta in the first line, 1.5,0.2 below",
         commands=(
             "printf 'l,theta\\n1,0.5\\n2,half\\n' > points.csv",
             "lagsim sweep pendulum.yaml --points points.csv",
@@ -281,7 +288,8 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     # E7xx: files and folders that are written.
     Row("E701", "output-folder",
         "The output folder cannot be used.",
-        "The output folder can be made and written, and nothing else writes into it.",
+        "The output folder can be created and written, and no other process writes "
+        "into it.",
         "choose another folder",
         commands=("lagsim run pendulum.yaml -o pendulum.yaml",)),
     Row("E702", "output-file",
@@ -291,28 +299,28 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         commands=("lagsim derive pendulum.yaml -o pendulum.yaml",)),
     Row("E703", "exists",
         "The file exists already.",
-        "`lagsim new NAME` makes NAME.yaml, which does not exist yet.",
+        "`lagsim new NAME` writes NAME.yaml only if this file does not exist.",
         "choose another name",
         commands=("lagsim new pendulum",)),
     Row("E704", "unwritable",
         "The model file cannot be written.",
-        "The folder of the new file exists, and you may write there.",
-        "look at the folder, and at who may write there",
+        "The folder of the new file exists, and you may write into it.",
+        "check that the folder exists, and its permissions",
         commands=("lagsim new nowhere/pendulum",)),
     Row("E705", "no-room",
-        "There is no room for the results.",
-        "The disk has room for what is written.",
+        "The disk has no room for the results.",
+        "The disk has room for the files that are written.",
         "make room on the disk, or choose another one with -o",
         commands=("lagsim methods > /dev/full",)),
     Row("E706", "missing-package",
         "A package that an option needs is not installed.",
         "The packages that an option needs are installed.",
-        "install what the message names, or leave the option out",
+        "install the package that the message names, or leave the option out",
         commands=()),
     Row("E707", "one-name",
         "Two models have the same name.",
         "Models that are run together have different names, and so different folders.",
-        "give one of them another `name`",
+        "change the `name` of one model",
         commands=(
             "cp pendulum.yaml twin.yaml",
             "lagsim run pendulum.yaml twin.yaml --no-plots",
@@ -320,41 +328,41 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     # E8xx: the command line.
     Row("E801", "usage",
         "An argument or an option is wrong.",
-        "Arguments and options are those of the command's `--help`, with values of "
-        "the right kind, such as --set m=2.",
-        "`lagsim COMMAND --help` lists them",
+        "The command has such arguments and options, and their values are of the "
+        "right type, such as --set m=2.",
+        "`lagsim COMMAND --help` lists arguments and options",
         commands=("lagsim check pendulum.yaml --set m",)),
     Row("E802", "unknown-template",
         "The template does not exist.",
-        "A template is one of those that `lagsim new --help` lists.",
-        "`lagsim new --help` lists them",
+        "The template is one of the list that `lagsim new --help` prints.",
+        "`lagsim new --help` lists the templates",
         commands=("lagsim new swing --template swing",)),
     Row("E803", "unknown-code",
-        "There is no message of this number or code.",
+        "No message has this number or code.",
         "A message has a number such as E104, and a code such as duplicate-key.",
-        "docs/errors.md lists them all, and so does `lagsim explain`",
+        "docs/errors.md and `lagsim explain` list all messages",
         commands=("lagsim explain E999",)),
     # E9xx: lagsim itself, and the machine below it.
     Row("E901", "bug",
-        "lagsim has failed by an error of its own.",
+        "lagsim stopped because of an internal error.",
         "lagsim handles every input without an internal error.",
         "this is a bug in lagsim, not in your model: please report it with the model "
-        "file and what is printed",
+        "file and the printed text",
         commands=()),
     Row("E902", "failed",
-        "A process ended before it had a result.",
+        "A process ended before its result was complete.",
         "Each process that does a part of the work ends normally.",
-        "run the named model by itself, to see its messages",
+        "run the named model alone, to see its messages",
         commands=()),
     Row("E903", "starved",
         "The system has no memory or no open files left.",
         "The system has enough memory and open files.",
-        "raise the limits (ulimit -v, ulimit -n, those of a container), or run less at "
-        "one time",
+        "raise the limits (ulimit -v, ulimit -n, limits of a container), or start "
+        "fewer runs at one time",
         commands=()),
     Row("E904", "unknown-cpu",
         "`LAGSIM_CPU` names an unknown processor.",
-        "`LAGSIM_CPU` names a processor that LLVM knows.",
-        "leave it out",
+        "`LAGSIM_CPU` names a processor that LLVM supports.",
+        "leave the variable out",
         commands=("LAGSIM_CPU=abacus lagsim run pendulum.yaml --no-plots",)),
 )  # fmt: skip

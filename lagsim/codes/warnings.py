@@ -9,140 +9,146 @@ _OSCILLATOR = "lagsim run models/failing/oscillator.yaml --no-plots "
 
 ROWS = (
     warning("W101", "unused-parameter",
-        "A parameter is given and no expression names it.",
-        "look for a name that is spelt otherwise, or delete the parameter",
+        "A parameter is not used in any expression.",
+        "check the spelling of its name, or delete the parameter",
         "parameters: {m: 1, g: 9.81, l: 1, length: 2}\n"),
     warning("W102", "degrees",
-        "A quantity in `deg`, or a number of degrees such as 60, enters `sin`, "
-        "`cos` or `tan`, which take radians.",
+        "A quantity in `deg`, or a number of degrees such as 60, is the argument of "
+        "`sin`, `cos` or `tan`, which is in radians.",
         "write theta*pi/180 there",
         "coordinates: {theta: {unit: deg}}\n"),
     warning("W103", "rough-start",
         "The start was rounded, and satisfies the constraints only approximately.",
-        "write the start value as the expression that is shown",
+        "write the start value as the expression that the message shows",
         PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n"),
     warning("W104", "redundant",
         "A constraint follows from others.",
-        "leave it out; the motion is the same",
+        "leave the constraint out; the motion does not change",
         PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n"),
     warning("W105", "multipliers-not-unique",
-        "Constraints are redundant: their multipliers are not unique, and those of "
-        "least norm are given.",
+        "Constraints are redundant: their multipliers are not unique, and the "
+        "multipliers of least norm are reported.",
         "leave constraints out until the others determine their forces",
         PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n"),
     warning("W106", "vanishing-gradient",
         "The gradient of a constraint vanishes at the start.",
-        "start elsewhere, or write the constraint otherwise",
+        "start elsewhere, or write the constraint in another form",
         PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n"),
     warning("W107", "multiple-root",
-        "A relation is a power, whose gradient is 0 wherever it holds: its root is "
-        "taken.",
+        "A relation is a power, whose gradient is 0 wherever the relation is "
+        "satisfied: the simple root is used instead.",
         "take the root of both sides",
         PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n"),
     warning("W108", "double-root",
         "A guess is at a double root of the constraints.",
-        "guess elsewhere, or write the constraint so that its root is simple",
+        "guess another value, or write the constraint so that its root is simple",
         PLANE + "constraints: {curve: y^3 = (x - 1)^2*(x + 2), line: x = 1}\n"
         "initial: {x: {guess: 1.1}, y: {guess: 0.1}}\n"),
     warning("W109", "other-roots",
-        "The guesses have other solutions than the one taken.",
-        "guess nearer to the one that is meant",
+        "The guesses have other solutions than the one used.",
+        "choose a guess nearer to the intended solution",
         PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: {guess: 0.01}}\n"),
     warning("W110", "undetermined-guess",
-        "Nothing determines a guess: it stays as given.",
-        "give it as a value",
+        "No equation determines a guess: it stays as given.",
+        "state it as a value",
         "initial: {theta: {guess: 1}}\n"),
     warning("W111", "painleve",
         "Friction laws contradict each other at the start (Painlevé's paradox): `run` "
-        "refuses it.",
-        "reduce the friction, or let a body yield a little",
+        "refuses the model.",
+        "reduce the friction, or make a body compliant",
         PAINLEVE),
     warning("W112", "reaction-zero",
-        "No energy, force or constraint uses a definition whose reaction is asked for: "
-        "the reaction is 0.",
-        "ask for the reaction of a definition that energies, forces or constraints use",
+        "No energy, force or constraint uses a definition in `reactions`: its "
+        "reaction is 0.",
+        "list definitions that energies, forces or constraints use",
         "output: {reactions: [x]}\n"),
     warning("W113", "unit-mismatch",
-        "Units that are given do not fit: those of two terms of a sum, of two sides of "
-        "a relation or a comparison, of what a function takes, of energies, of a "
+        "Units are inconsistent: of two terms of a sum, of the two sides of a "
+        "relation or a comparison, of the argument of a function, of energies, of a "
         "force, or of a value and its own unit.",
-        "mend the expression or the unit; numbers are never scaled: mm do not fit m",
+        "correct the expression or the unit; numbers are never scaled: mm is not "
+        "consistent with m",
         "parameters: {m: 1, g: 9.81, l: {value: 1, unit: m}}\n"
         "definitions:\n  x: l + theta\n  y: -l*cos(theta)\n"),
     warning("W120", "no-effect",
-        "Bodies or gravity are given, and the energies do not name them.",
+        "Bodies or gravity are given, but the energies do not contain the word "
+        "`bodies`.",
         "write the word `bodies` in `kinetic` and in `potential`",
         "gravity: [0, -g]\nbodies: {bob: {mass: m, at: [x, y]}}\n"),
     warning("W201", "start-changed",
         "The run starts from the nearest exact state.",
-        "write the start that is shown by `lagsim check --repair`",
+        "write the start that `lagsim check --repair` shows",
         PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n",
         _RUN),
     warning("W202", "step-unused",
         "`step` has no effect: only methods with a fixed step use it.",
-        "leave it out, or take a method with a fixed step",
+        "leave it out, or choose a method with a fixed step",
         "simulation: {duration: 1, step: 0.01}\n",
         _RUN),
     warning("W203", "tolerance-unused",
-        "Tolerances have no effect: only methods that choose their steps use them.",
-        "leave them out, or take a method that chooses its steps",
+        "Tolerances have no effect: only methods with step control use tolerances.",
+        "leave the tolerances out, or choose a method with step control",
         commands=(_RUN[0] + " --method rk4 --step 0.001 --rtol 1e-9",)),
     warning("W204", "gain-unused",
         "`gain` has no effect: only the formulation `baumgarte` uses it.",
-        "leave it out, or ask for `formulation: baumgarte`",
+        "leave it out, or choose `formulation: baumgarte`",
         "simulation: {duration: 1, gain: 10}\n",
         _RUN),
     warning("W206", "option-unused",
-        "An option of a method has no effect: the method of the run has no such one.",
-        "leave it out, or ask for the method that `lagsim run --help` names at it",
+        "An option of a method has no effect: the method of the run does not have "
+        "this option.",
+        "leave the option out, or choose the method that `lagsim run --help` names "
+        "for it",
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
         _RUN),
     warning("W301", "horizon",
-        "Past this time the estimated error exceeds 0.1 of a coordinate's range.",
-        "end the run there, or use averages and bounds, which chaos leaves reliable",
+        "After this time the estimated error exceeds 0.1 of a coordinate's range.",
+        "end the run there, or use averages and bounds, which remain reliable in "
+        "chaos",
         commands=("lagsim run models/failing/chaos.yaml --no-plots",)),
     warning("W302", "end-in-doubt",
         "A repeat of the run ends differently.",
-        "tighten the tolerance, or look at the model around that time",
+        "use a smaller tolerance, or look at the model around that time",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/cubic-well.yaml")
             + " --method verlet --step 1.7320508",
         )),
     warning("W303", "constraint-not-held",
-        "Rows are off the constraints by more than 1e-6 of their scale.",
-        "take `--formulation projection`, or `auto`",
+        "Rows violate the constraints by more than 1e-6 of their scale.",
+        "use `--formulation projection`, or `auto`",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/rod.yaml")
             + " --formulation drift --method rk4 --step 0.01",
         )),
     warning("W304", "energy-gained",
         "energy - work grew by more than 0.1 % of the energy in play.",
-        "take a shorter step, a tighter tolerance, or `auto`",
+        "use a shorter step, a smaller tolerance, or `auto`",
         commands=(_OSCILLATOR + "--method euler --step 0.01",)),
     warning("W305", "energy-lost",
         "energy - work fell by more than 0.1 % of the energy in play.",
-        "take a shorter step, a tighter tolerance, or `auto`",
+        "use a shorter step, a smaller tolerance, or `auto`",
         commands=(_OSCILLATOR + "--method rk4 --step 1",)),
     warning("W306", "step-at-stability-bound",
-        "Stability, not accuracy, decides how long a step may be, and the step is near "
-        "that bound or past it.",
-        "take the step that is named, or a method for stiff motion: radau",
+        "Stability, not accuracy, limits the step, and the step is near that limit or "
+        "beyond it.",
+        "use the step that is named, or a method for stiff motion: radau",
         commands=(_OSCILLATOR + "--method rk4 --step 2.9 --duration 50",)),
     warning("W307", "fast-mode-damped",
-        "The method takes energy out of an oscillation that has some.",
-        "take a shorter step or a tighter tolerance, or hold what oscillates",
+        "The method removes energy from a fast oscillation.",
+        "use a shorter step or a smaller tolerance, or replace the oscillating part "
+        "by a constraint",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/stiff-spring.yaml")
             + " --set l0=1e-4 --method generalized-alpha --step 1e-4",
         )),
     warning("W308", "nearly-dependent",
-        "Constraints became nearly dependent; from there on a QR decomposition solves "
-        "them.",
+        "Constraints became nearly dependent; from then on their equations are solved "
+        "by a QR decomposition.",
         "look at the mechanism around that time; other coordinates may avoid it",
         commands=(
             "lagsim run models/failing/parallelogram.yaml --no-plots --rtol 1e-11",
@@ -153,16 +159,16 @@ ROWS = (
         commands=("lagsim run models/failing/parallelogram.yaml --no-plots",)),
     warning("W310", "coordinate-singularity",
         "The inertia of a coordinate nearly vanished during the run.",
-        "take coordinates whose pole lies elsewhere",
+        "choose coordinates whose pole lies elsewhere",
         commands=("lagsim run models/failing/polar-miss.yaml --no-plots",)),
     warning("W311", "impact-order",
-        "Contacts struck at one time, and the outcome depends on their order: taken as "
-        "simultaneous.",
-        "give the gaps that the real bodies have, or springs",
+        "Contacts struck at one time, and the result depends on their order: they are "
+        "treated as simultaneous.",
+        "add the gaps that the real bodies have, or springs",
         commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",)),
     warning("W312", "impact-energy",
-        "An impact raised the energy, which restitution with friction can.",
-        "less restitution or friction there",
+        "An impact increased the energy, which restitution with friction can.",
+        "reduce restitution or friction there",
         """\
 parameters: {a: 0.5}
 coordinates: {x: {}, y: {}, q: {}}
@@ -175,7 +181,7 @@ initial: {x: 0, q: 0.8, y: a*sin(q) + 0.47, x_dot: 0.1, y_dot: -2}
         _RUN),
     warning("W313", "shared-contact",
         "Contacts are redundant: their forces are not unique, and one solution is "
-        "given.",
+        "used.",
         "leave contacts out until the others determine their forces",
         """\
 coordinates: {z: {}, a: {}, b: {}}
@@ -191,9 +197,9 @@ simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN),
     warning("W314", "unsettled-impulses",
-        "The relaxation of `moreau` did not converge in a step: contacts yield a "
-        "little.",
-        "take a shorter step, or a method that locates impacts",
+        "The relaxation of `moreau` did not converge in a step: contacts are "
+        "satisfied only approximately.",
+        "use a shorter step, or a method that locates impacts",
         commands=()),
     warning("W315", "unresolved-switch",
         "More than one motion from a switch of the forces is possible.",
@@ -204,9 +210,9 @@ simulation: {duration: 0.1, output_step: 0.1}
         _RUN),
     warning("W317", "events-unlisted",
         "More events happened than are listed: `event_counts` counts all.",
-        "end the run earlier, or count what is of interest in the table; what is so "
-        "light that it hops or chatters at each step can be given more mass, or left "
-        "out",
+        "end the run earlier, or count the events of interest in the table; give more "
+        "mass to a part that is so light that it hops or chatters at each step, or "
+        "leave it out",
         commands=()),
     warning("W318", "error-unknown",
         "The error is not known: the repeat that estimates it failed.",
@@ -214,7 +220,7 @@ simulation: {duration: 0.1, output_step: 0.1}
         commands=()),
     warning("W319", "energy-drifts",
         "energy - work, which is constant, changed by more than the tolerance allows.",
-        "put the origin, and the frame, near the moving bodies; or use differences as "
+        "choose an origin and a frame near the moving bodies; or use differences as "
         "coordinates",
         """\
 coordinates: {x: {}, y: {}, u: {}, v: {}}
@@ -228,14 +234,15 @@ simulation: {duration: 40, output_step: 0.5}
         _RUN),
     warning("W320", "column-not-finite",
         "A column of the table has values that are not finite (inf or nan).",
-        "choose units in which the numbers are nearer to 1, or look at what the "
-        "expression of the column divides by from that time on",
+        "choose units in which the numbers are nearer to 1, or check the divisors in "
+        "the expression of the column from that time on",
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 1e300*g*theta}\n",
         _RUN),
     warning("W321", "shared-friction",
-        "Friction slides by forces that are not unique, so the motion is not.",
-        "leave contacts out, or what holds beside them, until the others determine "
-        "their forces, or give them the same friction",
+        "Sliding friction depends on normal forces that are not unique, so the motion "
+        "is not unique.",
+        "leave contacts, or constraints beside the contacts, out until the others "
+        "determine their forces, or give the contacts the same friction",
         """\
 coordinates: {x: {}, y: {}}
 definitions: {}
@@ -248,21 +255,21 @@ simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN),
     warning("W401", "nothing-to-draw",
-        "`--animate` found neither a section `scene` nor definitions `x` and `y`: "
-        "there is no page.",
+        "`--animate` found neither a section `scene` nor definitions `x` and `y`: no "
+        "page is written.",
         "give the model a `scene`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
         (_RUN[0] + " --animate",)),
     warning("W402", "result-replaced",
-        "The default folder held a result of other parameters or options, or of "
+        "The default folder contained a result of other parameters or options, or of "
         "another file, which this run has replaced.",
         "name folders with -o to keep both",
         commands=(_RUN[0] + " -q", _RUN[0] + " --set m=2")),
     warning("W403", "not-drawn",
         "A picture, or the page, could not be drawn. The table and run.json are "
         "complete.",
-        "this is a fault of lagsim's: please report it with the model",
+        "this is a bug in lagsim: please report it with the model",
         commands=()),
     warning("W404", "not-locked",
         "The file system of the output folder has no locks. Another run that writes "
@@ -271,9 +278,9 @@ simulation: {duration: 0.1, output_step: 0.1}
         "file system",
         commands=()),
     warning("W405", "few-rows",
-        "Fewer rows of a motion than 50 are compared with its golden: past an early "
-        "horizon rounding errors decide on the motion.",
-        "a smaller `output_step`, or a shorter `duration`",
+        "Fewer than 50 rows of a motion are compared with its golden: after an early "
+        "horizon rounding errors determine the motion.",
+        "use a smaller `output_step`, or a shorter `duration`",
         """\
 coordinates: {a: {}, b: {}}
 definitions: {}
@@ -285,12 +292,12 @@ simulation: {duration: 100, output_step: 1}
 """,
         (f"lagsim golden {MODEL} --update",)),
     warning("W406", "change-unseen",
-        "A number of the model was changed a little (a parameter by 1e-4 of itself, a "
+        "A number of the model was changed slightly (a parameter by 1e-4 of itself, a "
         "start value by 1e-5, a point of a table by 1 % of the range). The motion "
-        "responds, by more than rounding errors; but not beyond the bounds of the rows "
+        "responds by more than rounding errors, but within the bounds of the rows "
         "that the golden compares.",
-        "a smaller `output_step`, so that rows lie where the motion responds; columns "
-        "that respond, by `definitions`",
+        "use a smaller `output_step`, so that rows lie where the motion responds; or "
+        "add `definitions` as columns that respond",
         """\
 parameters: {m: 1, g: 9.81, l: 1, pulse: 1}
 states: {s: {rate: "100*(if(t > 0.2 and t < 0.3, pulse, 0) - s)"}}

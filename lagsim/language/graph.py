@@ -175,9 +175,9 @@ class Graph:
         node = len(self.ops)
         if node >= self._most:
             text = (
-                f"the equations of this model take more than {self._most:,} operations"
+                f"the equations of this model have more than {self._most:,} operations"
             )
-            hint = "fewer coordinates that stand in one product or sum give shorter "
+            hint = "fewer coordinates in one product or sum lead to shorter "
             raise InputError([Problem("too-large", text, None, f"{hint}ones")])
         if self._left < 0:
             raise self._too_much()
@@ -190,12 +190,12 @@ class Graph:
 
     def _too_much(self) -> TooMuchError:
         text = (
-            f"deriving and examining the equations takes more than {self._work:,.0f} "
-            "operations, the limit for a file of this size; its longest expression "
-            "stands here"
+            "deriving and examining the equations requires more than "
+            f"{self._work:,.0f} operations, the limit for a file of this size; its "
+            "longest expression is here"
         )
-        hint = "fewer factors in one product, power or nested call take fewer; so do "
-        hint += "fewer constraints, and a start that meets them"
+        hint = "use fewer factors in one product, power or nested call, "
+        hint += "fewer constraints, and a start that satisfies the constraints"
         return TooMuchError([Problem("too-large", text, self.place, hint)])
 
     def count(self, work: float) -> None:

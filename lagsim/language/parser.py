@@ -105,7 +105,7 @@ _WRONG = {
     "%": "the remainder is mod(x, y)",
     "[": "group with parentheses",
     "{": "group with parentheses",
-    ";": "write `,` between entries, and nothing at the end of one",
+    ";": "write `,` between entries, and no sign after the last",
     "~": "write `not`",
     "¬": "write `not`",
     "∧": "write `and`",
@@ -337,7 +337,7 @@ class Parser:
         if token.kind == "end":
             if not self.part[:-1]:
                 return token.fault("an expression is expected, found nothing")
-            hint = f"leave `{self.part[-2].text}` out, or write what follows it"
+            hint = f"leave `{self.part[-2].text}` out, or write the operand after it"
             return token.fault("the expression ends where a value is expected", hint)
         if token.kind == "relation":
             return _relation_inside(token, self.text)
@@ -461,7 +461,7 @@ def _relation_inside(token: Token, text: str) -> ExpressionError:
     if not text[: token.offset].strip():
         hint = "leave `=` out"
     elif text[: token.offset].strip().isidentifier():
-        hint = f"write only what is right of it, or elsewhere: {hint}"
+        hint = f"write only its right side, or elsewhere: {hint}"
     return token.fault("`=` has no meaning here", hint)
 
 

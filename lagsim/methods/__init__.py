@@ -183,7 +183,7 @@ def method_problems(
     plain = re.sub(r"[\W_]", "", asked.casefold())
     alike = next((own for own, x in _ELSEWHERE.items() if plain in x.split()), plain)
     near = get_close_matches(alike, known, 1) if auto else []
-    hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
+    hint = f"one of {', '.join(known)}; `lagsim methods` describes each"
     if near:
         hint = f"did you mean `{near[0]}`? `lagsim methods` lists all"
     return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]

@@ -98,10 +98,12 @@ def refusal(scene: Structure) -> str:
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
-            "projects onto them)"
+            "projects onto constraints)"
         )
     if scene.constraints != "none":
-        return "it has constraints between velocities (`dop853` projects onto them)"
+        return (
+            "it has constraints between velocities (`dop853` projects onto constraints)"
+        )
     return newton.too_large(scene)
 
 

@@ -74,8 +74,8 @@ def refusal(scene: Structure) -> str:
     """Return the reason why the method cannot handle the scene, or ""."""
     if scene.constraints not in ("none", "holonomic"):
         return (
-            "it has constraints between velocities that hold no positions (`dop853` "
-            "projects onto them)"
+            "it has constraints between velocities that fix no positions (`dop853` "
+            "projects onto constraints)"
         )
     return inseparable(scene)
 

@@ -81,10 +81,12 @@ def refusal(scene: Structure) -> str:
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is Verlet's method for holonomic ones, "
-            "`dop853` projects onto them)"
+            "`dop853` projects onto constraints)"
         )
     if scene.constraints != "none":
-        return "it has constraints between velocities (`dop853` projects onto them)"
+        return (
+            "it has constraints between velocities (`dop853` projects onto constraints)"
+        )
     return inseparable(scene)
 
 

@@ -152,7 +152,7 @@ class _Builder:
                 self.documents += 1
                 if self.documents > 1:
                     text = "a second document begins here"
-                    hint = "a model file holds one document"
+                    hint = "a model file contains one document"
                     self._fault("several-documents", text, event, hint)
                     break
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -574,7 +574,7 @@ def _indentation(case: _Case) -> Diagnosis | None:
         ended = ("expected key", "block end", "document start", "'-' indicator")
         if case.at[1] > case.indent or not any(w in case.problem for w in ended):
             return None
-        text = "this line fits no section above it"
+        text = "this line belongs to no section above it"
         number = case.above if "'-' indicator" in case.problem else case.at[0]
         line = case.source.lines[number]
         item = re.fullmatch(r"(\s*)- *(\w+:\s.*)", line)

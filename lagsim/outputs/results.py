@@ -453,8 +453,8 @@ def refuse_without_room(
     if needed <= free:
         return ""
     about = (
-        f"{rows:,} rows of {columns} columns take about {limits.size(int(needed))}, "
-        f"and where {folder} is, {limits.size(free)} are free"
+        f"{rows:,} rows of {columns} columns need about {limits.size(int(needed))}, "
+        f"and the disk of {folder} has {limits.size(free)} free"
     )
     if ends or LEAST * needed <= free:
         return f"the disk may fill up: {about}"

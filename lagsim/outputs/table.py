@@ -304,7 +304,7 @@ def arrow() -> Any:
         import pyarrow.parquet
     except ImportError:
         text = "tables in Parquet need pyarrow, which is not installed"
-        hint = "pip install pyarrow; or take npz, which needs nothing more"
+        hint = "pip install pyarrow; or use npz, which needs no package"
         raise unusable("missing-package", text, hint=hint) from None
     return pyarrow.parquet
 

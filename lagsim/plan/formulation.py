@@ -161,7 +161,7 @@ def formulation_problems(asked: str, place: Place | None = None) -> list[Problem
     known = formulations()
     if asked in known:
         return []
-    hint = f"one of {', '.join(known)}; docs/model-file.md describes them"
+    hint = f"one of {', '.join(known)}; docs/model-file.md describes each"
     text = f"there is no formulation `{asked}`"
     return [Problem("unknown-formulation", text, place, hint)]
 
@@ -194,7 +194,7 @@ def _full(equations: Equations, start: Start) -> Formulation:
         what = "constraint that holds" if one else "constraints that hold"
         reason = f"{len(laws)} {what} at times"
     elif held:
-        reason = f"{held} of {len(rows)} constraints are of positions"
+        reason = f"{held} of {len(rows)} constraints are on positions"
     else:
         reason = "the constraints are of velocities" if rows else "no constraints"
     return _whole(equations, start, name, reason, projected=bool(rows or laws))
@@ -219,7 +219,7 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
     e = equations
     if e.laws:
         if name not in ("full", "projection"):
-            raise _CannotError("the model has constraints that come and go")
+            raise _CannotError("the model has constraints that hold at times")
         return _full(e, start)
     if name in ("full", "apart"):
         return _full(e, start)
@@ -227,10 +227,10 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
         found = ignorable(e)
         if not found:
             raise _CannotError("no coordinate is ignorable with a conserved momentum")
-        return _reduced(Reduction(e).ignore(found, start), start, "asked for")
+        return _reduced(Reduction(e).ignore(found, start), start, "requested")
     if name == "none":
         if e.rows:
-            why = "the model has constraints; `drift` integrates without enforcing them"
+            why = "the model has constraints; `drift` integrates without enforcement"
             raise _CannotError(why)
         return _full(e, start)
     if not e.rows:
@@ -250,13 +250,13 @@ def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulat
         reduction, why = _eliminated(e, start)
         if not reduction.eliminated:
             raise _CannotError(why)
-        return _reduced(reduction, start, "asked for")
+        return _reduced(reduction, start, "requested")
     if name == "baumgarte":
-        reason = f"asked for; gain {gain:g} per unit of time"
+        reason = f"requested; gain {gain:g} per unit of time"
         found = _whole(e, start, name, reason, gain=gain)
         return _with_quaternions(found._replace(reduction=Reduction(_stabilised(e))))
     if name == "drift":
-        reason = "asked for; the constraints are not enforced"
+        reason = "requested; the constraints are not enforced"
         return _with_quaternions(_whole(e, start, name, reason))
     found = _full(e, start)
     if name == "velocity projection" and name != found.name:
@@ -487,11 +487,11 @@ def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
 def why_not_apart(equations: Equations) -> str:
     """Return the reason why subsystems cannot be integrated separately, else ""."""
     if equations.works or equations.quadratures:
-        return "work and action depend on all of them"
+        return "work and action depend on all subsystems"
     if equations.model.until:
-        return "`until` depends on all of them"
+        return "`until` depends on all subsystems"
     if equations.model.events:
-        return "events depend on all of them"
+        return "events depend on all subsystems"
     if len(groups(equations)) < 2:
         return "all coordinates are coupled"
     return ""

@@ -371,11 +371,11 @@ def _asked(
 ) -> str:
     asked = settings.method
     refuse(asked, method_refusal(asked, equations, scene), settings)
-    choices.append(Choice(f"method: {asked}", "asked for"))
+    choices.append(Choice(f"method: {asked}", "requested"))
     given = dict(settings.options)
     for key, option in options_of(asked).items():
         value = f"{key.replace('_', ' ')}: {given.get(key, option.default):g}"
-        choices.append(Choice(value, "asked for" if key in given else "as usual"))
+        choices.append(Choice(value, "requested" if key in given else "as usual"))
     return asked
 
 
@@ -394,7 +394,7 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
-            return "it does not integrate the action, which `output` asks for"
+            return "it does not integrate the action, which `output` requires"
         return "it does not integrate ignorable coordinates by quadrature"
     if equations.states and not getattr(chosen, "STATES", False):
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
@@ -403,13 +403,13 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     if smooth:
         return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
-        return "constraints that come and go need a method that evaluates y' only"
+        return "constraints that hold at times need a method that evaluates y' only"
     follow = [x.name for x in equations.laws if x.bounce is not None or x.poisson]
     alone = [x.name for x in equations.laws if x.slider]
     if alone and not locates(name):
         return f"`{alone[0]}` acts on a coordinate without mass, which no impulse moves"
     if follow and not locates(name):
-        return f"it knows Newton's constant restitution alone (`{follow[0]}`)"
+        return f"it has only Newton's constant restitution (`{follow[0]}`)"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
 
@@ -472,7 +472,7 @@ def _check_straight(
             choices.append(Choice(f"series: {form}", reason))
             return
         text = (
-            f"its series would take about {operations} operations a step, more than "
+            f"its series would need about {operations} operations per step, more than "
             f"{MOST_OPERATIONS}"
         )
         hint += "; a larger --rtol makes the series shorter"
@@ -537,7 +537,7 @@ def eliminate(
         choices.append(Choice("solve: straight-line code", many))
     else:
         where = " of entries that are not zero" * (equations.chains is None)
-        reason = f"{many}{where}; loops would take {dense}"
+        reason = f"{many}{where}; loops would need {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 
@@ -564,11 +564,13 @@ def many_slopes(
     slopes = 2 * n * (n + m)
     if sparse is not None:
         slopes = len(sparse.entries)
-        reason = f"{slopes} entries; {sparse.operations} multiplications factor them"
+        reason = (
+            f"{slopes} entries; {sparse.operations} multiplications per factorisation"
+        )
         choices.append(Choice("Newton's matrix: sparse", reason))
     if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
         return False
-    choices.append(Choice("tapes", f"{slopes} derivatives would take long to compile"))
+    choices.append(Choice("tapes", f"{slopes} derivatives would need long to compile"))
     return True
 
 
@@ -630,7 +632,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         and equations.model.output.gauss
         and needs_constraints(Point(with_lengths(equations), start))
     ):
-        text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
+        text = "`output.gauss` requires the accelerations without constraints, M^-1 f, "
         text += "and the mass matrix of this model is singular without the constraints"
         raise unusable("singular-mass", text)
     parts = _parts(equations, start, settings)
@@ -660,12 +662,14 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         choices.append(Choice("solve: impulses in steps", "by projected relaxation"))
     elif equations.laws:
         elimination = None
-        choices.append(Choice("solve: loops", "constraints come and go"))
+        choices.append(
+            Choice("solve: loops", "the active constraints change during the run")
+        )
     else:
         elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
         solved_with = "mass matrix solved with the constraints"
-        choices.append(Choice(solved_with, "it is singular without them"))
+        choices.append(Choice(solved_with, "it is singular without the constraints"))
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape:
@@ -731,11 +735,11 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
         return ()
     why = why_not_apart(equations)
     if equations.laws:
-        why = "a contact or a limit can stop the step of any of them"
+        why = "a contact or a limit can stop the step of any subsystem"
     if not why:
         switches = model_switches(equations)
         if switches.modes or switches.sides:
-            why = "a switch can stop the step of any of them"
+            why = "a switch can stop the step of any subsystem"
     if why and asked == "apart":
         text = f"formulation `apart` cannot be used: {why}"
         raise unusable("formulation-refused", text, settings.formulation_place)
@@ -762,7 +766,7 @@ def _of_parts(parts: tuple[Part, ...], settings: Settings) -> list[Choice]:
 
 def _apart(parts: tuple[Part, ...]) -> Choice:
     names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
-    reason = f"nothing couples them, and each takes its own steps: {names}"
+    reason = f"decoupled; each has its own steps: {names}"
     return Choice(f"subsystems: {len(parts)} integrated apart", reason)
 
 

@@ -144,7 +144,7 @@ def _other_means(arc: Arc, outcome: Outcome) -> str:
     if outcome not in WHY or arc.runner.method.NAME == ANY:
         return ""
     if arc.plan.step is not None:
-        return f", take a smaller step, or `--method {ANY}`, which chooses its own"
+        return f", use a smaller step, or `--method {ANY}`, which controls its step"
     return (
         f"; `--method {ANY}` needs no Taylor series of the expressions, and may get "
         "farther"
@@ -342,7 +342,7 @@ class Stiffness(Source):
             return GO_ON
         if asked:
             advice = (
-                f"`--method {STIFF}` takes longer steps where fast motion has died out"
+                f"`--method {STIFF}` has longer steps where fast motion has died out"
             )
             return self._warning(arc, fast.where, advice)
         if fast.excited:
@@ -409,7 +409,7 @@ class Stiffness(Source):
         if cost > enough:
             return GO_ON
         times = enough / CHEAPER / cost
-        reason = f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
+        reason = f"no longer stiff: {STIFF} needs {times:.1f} times the operations"
         return by_method(explicit, reason, {})
 
 

@@ -391,7 +391,7 @@ def wanted(
     if settings.duration:
         problems = [*unknown_names(settings), *too_frequent(model, settings)]
     else:
-        text = f"{model.file}: `{who}` needs to know how long: there is no "
+        text = f"{model.file}: `{who}` needs a duration: there is no "
         text += "`simulation.duration` (or `end`)"
         problems = [Problem("missing-key", text, hint=hint)]
     if problems:

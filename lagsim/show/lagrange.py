@@ -101,9 +101,9 @@ class _Solver:
         elif self.come_and_go:
             contact = any(k["kind"] == "one-sided" for k in self.constraints)
             what = "contacts" if contact else "constraints"
-            why = f"the accelerations are left out: {what} come and go"
+            why = f"the accelerations are left out: {what} hold at times"
         elif not insist:
-            why = "the accelerations are too long to be read; `--solve` gives them"
+            why = "the accelerations are too long to be read; `--solve` prints them"
         else:
             try:
                 return self._stepwise()
@@ -365,7 +365,9 @@ def content(
             for event in model.events
         }
     if equations.is_set and conserved:
-        notes.append("what is conserved is so between events: they set the energy")
+        notes.append(
+            "conserved quantities are constant between events, which change the energy"
+        )
     if x.tidy.cut:
         notes.append(
             "some expressions are longer than they might be: simplification was "

@@ -418,7 +418,7 @@ def about_inputs(run: Evidence) -> list[Caution]:
         *((True, "option-unused",
            f"`{key}` has no effect: {name} has no such parameter") for key in others),
         (plan.rtol is None and tolerances, "tolerance-unused",
-         f"tolerances have no effect: {name} takes fixed steps"),
+         f"tolerances have no effect: {name} has fixed steps"),
         (settings.gain is not None and not penalty, "gain-unused",
          f"`gain` has no effect: the formulation is {plan.formulation}"),
     ]  # fmt: skip

@@ -608,7 +608,7 @@ class Attempts:
         clock.timings["integrate"] -= relay.seconds
         clock.timings["output"] += relay.seconds
         made.fault = relay.fault
-        made.end(trajectory, "not asked for" if bar is None else bar)
+        made.end(trajectory, "not requested" if bar is None else bar)
         if bar is None:
             # The first attempt sets the allowance; later attempts are charged to it.
             if self.allowance is None:
@@ -622,7 +622,7 @@ class Attempts:
         """Return the error bar of the run, or the reason why there is none."""
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
-            return "not asked for"
+            return "not requested"
         if self.interrupt.asked:
             return "the run was cut short"
         with self.progress("error bar") as progress:
@@ -647,8 +647,8 @@ class Attempts:
         always = self.error_bars is ErrorBars.ALWAYS
         if expected > BUDGET and not always:
             return (
-                f"a repeat would take about {expected:.1e} operations "
-                "(--error-bar always makes it)"
+                f"a repeat would need about {expected:.1e} operations "
+                "(--error-bar always repeats nevertheless)"
             )
         found = Failed("no other method can repeat the run")
         end = trajectory.end - SAME_ROW * (trajectory.end - trajectory.start)

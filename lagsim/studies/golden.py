@@ -711,7 +711,9 @@ def _notes(
     if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:
-            text += f": {'; '.join(changed) or 'not in what the golden holds of it'}"
+            text += (
+                f": {'; '.join(changed) or 'not in the parts that the golden stores'}"
+            )
         yield text
     for what in ("method", "formulation"):
         now, was = getattr(motion.plan, what), about.get(what)

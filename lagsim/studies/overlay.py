@@ -84,7 +84,7 @@ def _record(folder: Path) -> Document:
     except FileNotFoundError:
         what = f"{folder} is not there"
         if folder.exists():
-            what = f"{folder} holds no results: there is no {MANIFEST} in it"
+            what = f"{folder} contains no results: there is no {MANIFEST} in it"
         hint = f"`lagsim run MODEL -o {folder}` makes it"
         raise unusable("no-results", what, hint=hint) from None
     except OSError as error:
@@ -189,7 +189,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
                     hint = f"there are {', '.join(others)}"
                 what = f"{run.folder} has no column `{name}`"
                 if name == "t":
-                    what = "the column `t` is what the others are drawn against"
+                    what = "the column `t` is the axis of the others"
                 problems.add("no-column", what, hint=hint)
     problems.refuse()
     return list(dict.fromkeys(names))
@@ -222,8 +222,8 @@ def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
             pages = [] if film is None else [animation.record(film)]
         if not pages:
             told.append(
-                f"{run.folder} has nothing to draw: neither {animation.NAME} (`lagsim "
-                "run --animate` adds it) nor columns x and y"
+                f"{run.folder} has nothing to draw: neither {animation.NAME} "
+                "(`lagsim run --animate` adds it) nor columns x and y"
             )
         found += [page | {"name": run.label} for page in pages[:1]]
     return found, told

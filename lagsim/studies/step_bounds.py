@@ -242,9 +242,9 @@ def _penalty(
     """
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
-            f"the step ({h:.3g}) is past the stability bound of {module.NAME}: the "
-            f"gain {plan.gain:.3g} of baumgarte makes it unstable; take a gain "
-            f"below {1.0 / h:.2g}, or projection, which needs none"
+            f"the step ({h:.3g}) exceeds the stability bound of {module.NAME}: the "
+            f"gain {plan.gain:.3g} of baumgarte makes it unstable; use a gain "
+            f"below {1.0 / h:.2g}, or projection, which has no gain"
         )
         return [Caution("step-at-stability-bound", text)]
     sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
@@ -289,10 +289,10 @@ class _Check(NamedTuple):
         there = self.seen[int(np.argmax(reaches))]
         k = int(np.argmax(np.abs(there.eigenvalues)))
         text = (
-            f"the steps (about {self.h:.3g}) are held at the stability bound of "
+            f"the steps (about {self.h:.3g}) are limited by the stability bound of "
             f"{self.module.NAME}, not by accuracy: fast motion of "
             f"{self.named(there, k)} at about {abs(there.eigenvalues[k]):.3g} per unit "
-            "of time; `--method radau` takes longer steps where fast motion has died "
+            "of time; `--method radau` has longer steps where fast motion has died "
             "out"
         )
         return [Caution("step-at-stability-bound", text)]
@@ -326,11 +326,11 @@ class _Check(NamedTuple):
             text += " grows from step to step"
         if bound == 0.0:
             text += (
-                "; the method is unstable for undamped oscillation at every step, take "
+                "; the method is unstable for undamped oscillation at every step, use "
                 "another method"
             )
         else:
-            text += f"; take a step below {NEAR * bound:.2g}, or `--method auto`"
+            text += f"; use a step below {NEAR * bound:.2g}, or `--method auto`"
         return [Caution("step-at-stability-bound", text)]
 
     def damping(self, in_play: float) -> list[Caution]:
@@ -350,13 +350,13 @@ class _Check(NamedTuple):
         # A step that keeps the oscillation for the run.
         steps = [h * 0.5**n for n in range(1, 41)]
         kept = (x for x in steps if self.lost(x, complex(0.0, size)) < DAMPED)
-        how = "a tighter rtol, for " if module.ADAPTIVE else ""
+        how = "a smaller rtol, for " if module.ADAPTIVE else ""
         text = (
             f"{module.NAME} damps the oscillation of {self.named(there, k)} at about "
-            f"{size:.3g} per unit of time: with steps of {h:.2g} it takes "
-            f"{100 * lost:.0f} % of that motion's energy within the run, and no force "
-            f"of the model does; {how}steps below {next(kept, steps[-1]):.1g}, or "
-            "`--method auto`, keep it"
+            f"{size:.3g} per unit of time: with steps of {h:.2g} it removes "
+            f"{100 * lost:.0f} % of that motion's energy within the run, which no "
+            f"force of the model does; {how}steps below {next(kept, steps[-1]):.1g}, "
+            "or `--method auto`, conserve it"
         )
         return [Caution("fast-mode-damped", text)]
 

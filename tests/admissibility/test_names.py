@@ -35,7 +35,7 @@ def warned(keywords=None, scene=SCENE, **given):
 
 
 # What enters a function, and what is said of it.
-DEGREES = "degrees: `{0}` has the unit deg and enters {1}, which takes radians: "
+DEGREES = "degrees: `{0}` has the unit deg, and the argument of {1} is in radians: "
 IN_DEGREES = [
     *[({"unit": "deg", "seen": f"k*{seen}"}, DEGREES.format(name, seen[:3]))
       for name, seen in (

@@ -163,6 +163,6 @@ def test_what_is_said_of_guesses_is_the_first_row():
     assert f"x = {found['x'][0]:.6g}, y = {found['y'][0]:.6g}" in said
     stays = judged(scene("x^2 = 4 + y^2", {"x": 2, "y": "{guess: 0}"}))
     assert stays.state.q[1] == 0.0
-    assert "to first order nothing determines the guess `y`" in warning(
+    assert "to first order no relation determines the guess `y`" in warning(
         stays, "undetermined-guess"
     )

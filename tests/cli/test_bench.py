@@ -49,7 +49,7 @@ def test_the_files_the_table_and_the_document(lagsim, write):
     png = (folder / "work_precision.png").read_bytes()
     assert png.startswith(b"\x89PNG")
     assert "reference" in called.out
-    assert "what auto takes" in called.out
+    assert "selected by auto" in called.out
 
     document = read(folder / "work_precision.json")
     reference = document["reference"]
@@ -118,4 +118,4 @@ def test_several_models(lagsim, write):
 
 def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):
     called = lagsim("bench", write(FALL), code=3)
-    assert "nothing to measure errors against" in called.err
+    assert "no reference for errors" in called.err

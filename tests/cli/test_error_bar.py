@@ -61,7 +61,7 @@ def test_too_long_to_repeat(lagsim, write, monkeypatch):
     monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e3)
     called = lagsim("run", write(SWING), "-o", "out", "--no-plots", code=0)
     assert manifest("out")["error"] is None
-    assert "a repeat would take about" in called.out
+    assert "a repeat would need about" in called.out
     assert "--error-bar always" in called.out
 
 

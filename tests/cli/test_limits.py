@@ -78,7 +78,7 @@ def test_standard_input_has_an_end(lagsim, monkeypatch):
     [
         ("NODES", 10, "more than 10 values and collections"),
         ("EXPRESSION_LETTERS", 4, "the expression has 9 letters, more than 4"),
-        ("GRAPH_NODES", 5, "take more than 5 operations"),
+        ("GRAPH_NODES", 5, "have more than 5 operations"),
     ],
 )
 def test_what_is_in_a_model_file_has_a_size(
@@ -136,7 +136,7 @@ def test_a_table_without_room_is_refused_before_it_is_computed(
     with_free(monkeypatch, 1 << 20)
     done = lagsim("run", write(LONG), "--no-plots")
     # t, three of x, three energies
-    refused(done, "1,000,001 rows of 7 columns take about 127 MiB", "1 MiB are free")
+    refused(done, "1,000,001 rows of 7 columns need about 127 MiB", "1 MiB free")
     assert not Path("results").exists()
 
 

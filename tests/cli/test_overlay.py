@@ -149,7 +149,7 @@ FAULTS = {
     "no results": (["round", "empty"], "there is no run.json in it"),
     "no run.json of ours": (["foreign"], "is not a run.json of lagsim"),
     "no such column": (["round", "--columns", "x,yy"], "round has no column `yy`"),
-    "only the time": (["round", "--columns", "t"], "are drawn against"),
+    "only the time": (["round", "--columns", "t"], "is the axis of the others"),
     "no columns": (["round", "--columns", ","], "names of columns are expected"),
     "nothing in common": (["round", "angle"], "no coordinate in common"),
     "nothing to draw": (["angle", "-o", "it.html"], "angle has nothing to draw"),

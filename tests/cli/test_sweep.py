@@ -237,7 +237,7 @@ def test_a_sweep_that_is_whole_is_left_as_it_is(lagsim, write):
     sweep = ("sweep", write(SPRING), "K=20,30", *QUICK, "-o", "out")
     lagsim(*sweep)
     before = (Path("out") / "sweep.json").read_bytes()
-    told = "nothing to do: out holds this sweep, complete\n"
+    told = "out already contains this sweep, complete\n"
     lagsim(*sweep, "--resume", code=0, out=told)
     assert (Path("out") / "sweep.json").read_bytes() == before
 

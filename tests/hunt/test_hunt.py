@@ -25,7 +25,7 @@ FACTOR, MOSTLY = 30.0, 0.95
 # Without the repeat by which a run's error is estimated.
 ONCE = ("--error-bar", "never")
 # How a method that was asked for is refused for its cost.
-TOO_LONG = "its series would take about"
+TOO_LONG = "its series would need about"
 
 
 def tried_scene(seed, lagsim):

@@ -118,7 +118,7 @@ FAULTS = [
     ("x ≤ y", 2, 1, "unexpected character", "write `<=`"),
     ("x % y", 2, 1, "unexpected character", "mod"),
     ("[x]", 0, 1, "unexpected character", "parentheses"),
-    ("x; y", 1, 1, "unexpected character", "nothing at the end"),
+    ("x; y", 1, 1, "unexpected character", "no sign after the last"),
     ("x'", 1, 1, "unexpected character", "q_dot"),
     ('"x"', 0, 1, "unexpected character", "quotes"),
     ("x!", 1, 1, "unexpected character", "`not`"),

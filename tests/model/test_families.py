@@ -269,10 +269,10 @@ wrong-count | write vec(0, 1) for the same vector at each |
 wrong-count | write vec(0, 1, 2) for the same vector at each |
     coordinates: {x: {}, y: {}, p(1..2): {components: xyz}}¶
     initial: {x: 0, y: 0, p(1..2): ⟪[0, 1, 2]⟫}
-expression-member | `x(0): 0` beside `x(i = 1..n): p(i)` |
+expression-member | `x(0): 0` and `x(i = 1..n): p(i)` |
     coordinates: {x: {}, y: {}, p(1..2): {}}¶definitions: {a: ⟪p⟫(0)}¶
     initial: {x: 0, y: 0, p(1..2): 0}
-name-clash | nodes of another name | coordinates: {x: {}, y: {}, p(1..2): {}}¶
+name-clash | a definition of another name | coordinates: {x: {}, y: {}, p(1..2): {}}¶
     definitions: {⟪p(0)⟫: 0}¶initial: {x: 0, y: 0, p(1..2): 0}
 expression-unknown-function | write sum |
     definitions: {s(1..3): x, a: ⟪summ⟫(s(1))}
@@ -289,7 +289,7 @@ cycle | s.1 -> s.2 -> s.3 -> s.1 | definitions: {s(i = 1..3): ⟪s⟫(mod(i, 3) 
 expression-too-many | 1,000,000,000 members | definitions: {s(i = 1⟪..⟫10^9): x}
 expression-too-many | 1,000,000 terms |
     definitions: {s(1..2): x, a: "⟪sum⟫(i = 1..10^7, x)", b: "sum(i = 1..2, x)"}
-expression-range | takes a range | definitions: {s(1..2): x, a: ⟪sum⟫(s(1))}
+expression-range | needs a range | definitions: {s(1..2): x, a: ⟪sum⟫(s(1))}
 expression-range | cannot follow a table: `k` |
     tables: {h: {points: [[0, 0], [2, 1]]}}¶parameters: {m: 2*h(2), k: m}¶
     definitions: {s(1..⟪k⟫): x}
@@ -308,7 +308,7 @@ expression-syntax | a value is expected | definitions: {s(i = 1..3): (i*⟪)⟫}
 expression-syntax | `s` takes its subscripts | definitions: {s(1..3): x, a: s(⟪)⟫}
 expression-syntax | `vec` takes 2 or 3 arguments |
     definitions: {s(1..3): x, a: "vec(0, ⟪)⟫"}
-expression-syntax | `sum` takes a range and | definitions: {a: "sum(i = 1..3, ⟪)⟫"}
+expression-syntax | `sum` needs a range and | definitions: {a: "sum(i = 1..3, ⟪)⟫"}
 # what refers to its own family, too, and what nothing uses
 expression-subscript | `x` is none | definitions: {s(0): x, s(1..2): s(0) + s(⟪x⟫)}
 expression-unknown-function | no function or family `ssin` |

@@ -72,7 +72,7 @@ missing-key | neither `points` nor | tables: {⟪f⟫: {outside: hold}}¶forces:
 both-given | both `points` and `file` | CURVE ⟪file⟫: a.csv}}
 both-given | there is none | CURVE ⟪x⟫: a}}
 missing-key | has no `y` | TABLE {⟪file⟫: models/road.csv, x: distance}}
-unused-table | write `f(...)` | tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
+unused-table | call it as `f(...)` | tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
 reserved-name | a function already | tables: {⟪sin⟫: {points: [[0, 0], [1, 1]]}}
 name-clash | a parameter already | parameters: {f: 1}¶
     tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
@@ -127,7 +127,7 @@ cycle | a -> b -> a | definitions: {c: a, a: x + ⟪b⟫, b: sin(a), d: c_dot}
 cycle | a -> b -> a | definitions: {a: x + ⟪b_dot⟫, b: a}
 cycle | depends on itself | states: {⟪a⟫: {rate: k}}¶definitions: {k: a_dot}¶
     initial: {x: 0, y: 0, a: 0}
-missing-key | what `a_dot` is | states: {⟪a⟫: {}}¶initial: {x: 0, y: 0, a: 0}
+missing-key | the expression for `a_dot` | states: {⟪a⟫: {}}¶initial: {x: 0, y: 0, a: 0}
 missing-initial | `a: {steady: 0}` | states: {a: {rate: x}}¶⟪initial⟫: {x: 0, y: 0}
 name-clash | a state already | states: {x: {rate: 1}}¶coordinates: {⟪x⟫: , y: }
 unknown-name | did you mean `theta_dot` | coordinates: {theta: , y: }¶
@@ -270,7 +270,7 @@ not-a-mapping | found `1` | SHAPE a: ⟪1⟫}}
 wrong-count | rows of as many | SHAPE a: {disk: 1, frame: ⟪[[1, 0], [0, 1, 0]]⟫}}}
 shape-of-space | the disk `a` | SHAPE ⟪a⟫: {disk: 1, frame: [[1,0,0],[0,1,0],[0,0,1]]}}}
 # output
-not-a-list | [] means none | output:¶  columns:⟪⟫
+not-a-list | [] means no columns | output:¶  columns:⟪⟫
 not-a-definition | leave it out | output: {columns: [⟪x_dot⟫]}
 not-a-definition | define it: k_given: k | parameters: {k: 1}¶output: {columns: [⟪k⟫]}
 not-a-definition | Qc_ | output: {reactions: [⟪x⟫]}

@@ -55,7 +55,7 @@ MASSES = {
         (MIXED, PROJECTION, "formulation: projection", "1 of 2"),
         ("heavy-top", FULL, "mass matrix: depends on positions, 2 blocks", ""),
         *((moving(T), FULL, f"mass matrix: {M}", "") for T, M in MASSES.items()),
-        ("elastic-pendulum", {"method": "rk4"}, "method: rk4", "asked for"),
+        ("elastic-pendulum", {"method": "rk4"}, "method: rk4", "requested"),
         (
             model_text("pendulum_duplicate_constraints"), {},
             "solve: loops with QR, least-norm lambda", "3 constraints have rank 1",
@@ -66,7 +66,7 @@ MASSES = {
         ),
         (
             model_text("huygens_cycloid"), FULL,
-            "mass matrix solved with the constraints", "singular without them",
+            "mass matrix solved with the constraints", "singular without the constraints",
         ),
     ],
 )  # fmt: skip

@@ -229,7 +229,7 @@ def test_notes_say_what_was_left_out():
     c = small((MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True)
     assert c.document["gauss"]["a"] is not None
     assert c.document["notes"] == [
-        "the accelerations are too long to be read; `--solve` gives them",
+        "the accelerations are too long to be read; `--solve` prints them",
         "left out, for it is too long to be read: the gain K",
     ]
     assert r"\texttt{-{}-solve}" in as_latex(c)

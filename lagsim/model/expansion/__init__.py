@@ -387,7 +387,9 @@ class Expansion:
             text = f"`{name}` is given already in `{family.section}` and cannot be a "
             hint = f"the first is in line {family.place.line}"
             if family.indexed and section == "definitions":
-                hint += "; nodes of another name hold both: `x(0): ...` beside "
+                hint += (
+                    "; a definition of another name can contain both: `x(0): ...` and "
+                )
                 hint += f"`x(i = 1..n): {name}(i)`"
             self.report("name-clash", f"{text}family too", key, hint)
         else:
@@ -547,14 +549,16 @@ class Expansion:
             values = [_with_inner(node, keys, item) for item in inner.items]
         if self._is_one_vector(inner, letters, one):
             text = f"`{key.text}` has {len(one.members)} members, each a vector of "
-            text += f"{len(letters)}; a list beside a range has one value a member"
+            text += (
+                f"{len(letters)}; a list beside a range has one value for each member"
+            )
             parts = ", ".join(x.text for x in inner.items if isinstance(x, Scalar))
-            hint = f"write vec({parts}) for the same vector at each of them"
+            hint = f"write vec({parts}) for the same vector at each member"
             self.report("wrong-count", text, inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         elif len(values) != len(one.members):
             text = f"`{key.text}` has {len(one.members)} members, and the list "
-            hint = "a list beside a range has one value a member"
+            hint = "a list beside a range has one value for each member"
             self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         if not (letters or parsed.subscripts):

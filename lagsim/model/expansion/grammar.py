@@ -84,7 +84,7 @@ class _Extended(Parser):
             self.at += len(ahead)
             self.pending.append(over)
         elif name == "sum":
-            raise token.fault("`sum` takes a range", _RANGE, "range")
+            raise token.fault("`sum` needs a range", _RANGE, "range")
         elif name in FUNCTIONS:
             super()._function(token)
         elif name in OF_FRAMES:
@@ -115,7 +115,7 @@ class _Extended(Parser):
         if not isinstance(top, _Over):
             return super()._comma(token)
         if not top.ranged or top.begin >= 0:
-            text = f"`{top.op}` takes a range and one expression"
+            text = f"`{top.op}` needs a range and one expression"
             raise token.fault(text, _RANGE, "range")
         top.begin = len(self.output)
         return True
@@ -142,7 +142,7 @@ class _Extended(Parser):
         payload: int | Inner = top.arity
         if isinstance(top, _Over):
             if top.begin < 0:
-                text = f"`{op}` takes a range and an expression"
+                text = f"`{op}` needs a range and an expression"
                 raise top.token.fault(text, _RANGE, "range")
             op, payload = "over", Inner(2, top.index, self._cut(top.begin))
         elif top.op not in OF_VECTORS:

@@ -341,7 +341,9 @@ class Scope:
             if family.section == "definitions" and len(member) == 1:
                 hint = f"give it beside the range: {name}({member[0]}): ..."
             elif family.section == "coordinates" and len(member) == count == 1:
-                hint = f"definitions hold other nodes, too: `x({member[0]}): 0` beside "
+                hint = (
+                    f"definitions may have other members, too: `x({member[0]}): 0` and "
+                )
                 hint += f"`x(i = 1..n): {name}(i)`"
             raise token.fault(text, hint, "member")
         return _of(family, name, member, token.offset)
@@ -361,7 +363,7 @@ class Scope:
         op = OVER_RANGES[token.text]
         if not count and op != "add":
             text = f"`{token.text}` over an empty range, {first}..{last}"
-            hint = "it takes one member at least; `sum` alone may have none"
+            hint = "it needs at least one member; only `sum` may have none"
             raise token.fault(text, hint, "range")
         total: Value = EMPTY
         inner = dict(indices)
@@ -431,7 +433,7 @@ class Scope:
         family = self.variables.get(name.partition(".")[0])
         if family and family.section == "parameters":
             raise ExpressionError(offset, len(name), "", code=SILENT)
-        text = "ranges and subscripts are made of indices and parameters above them; "
+        text = "ranges and subscripts contain only indices and parameters above; "
         about = f"`{name}` is none"
         code = self._once({name}, "subscript")
         hint = "there are no delays: q(3) is a member, at the present time"

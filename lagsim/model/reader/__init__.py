@@ -274,8 +274,8 @@ class File:
             x.faults.add("expression-range", text, key)
         x.faults.raise_if_any()
         for name in self.names.tables.keys() - self.names.called:
-            text = f"nothing uses the table `{name}`"
-            hint = f"write `{name}(...)` where it is meant, or leave the table out"
+            text = f"the table `{name}` is not used"
+            hint = f"call it as `{name}(...)`, or delete it"
             x.faults.add("unused-table", text, self.names.places[name], hint)
         x.faults.raise_if_any()
         assert energies.lagrangian is not None

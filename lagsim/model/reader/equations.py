@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Degrees, Graph
     from lagsim.model.reader.expressions import Expressions
 
-_SUM = "a sum of velocities times what depends on positions would do"
+_SUM = "write a sum of velocities with factors that depend on positions"
 
 
 class Energies(NamedTuple):
@@ -113,7 +113,9 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
     for key, node in given:
         name, what = key.text, f"the state `{key.text}`"
         below = fields(node, what, STATE, x.faults, key.place)
-        below.needs("rate", f"write {name}: {{rate: ...}}: what `{rate_of(name)}` is")
+        below.needs(
+            "rate", f"write {name}: {{rate: ...}}, the expression for `{rate_of(name)}`"
+        )
         built = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
         unit, about = below.text("unit"), below.text("description")
         if built is not None:
@@ -455,7 +457,7 @@ class _Reader:
     def _limit(self, relation: Relation | None) -> _Bound:
         """Build the largest size of the multiplier of an equality of velocities."""
         if relation is not None and not _has_velocity(relation.node, self.x):
-            hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
+            hint = "write its rate: `x_dot = 0` instead of `x = 0`, so that it can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         return self._bound("limit", LIMIT)
 
@@ -532,7 +534,7 @@ class _Reader:
     def _refuse_weaker(self, key: str, most: float, least: float, place: Place) -> None:
         """Report a static bound below the dynamic one."""
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
-        hint = "what sticks holds at least what sliding does"
+        hint = "static friction is at least dynamic friction"
         self.x.faults.add("out-of-range", text + f"one, {least:g}", place, hint)
 
     def at_rest(
@@ -574,8 +576,8 @@ class _Reader:
             found = bounds_at_rest(g, bound, slips, fast, x.known, rates)
         if found is None:
             text = f"the {key} of {self.what} has a switch at slip 0, or falls as "
-            text += "steeply, and it is not clear what bounds the force at rest and "
-            text += "while it slides"
+            text += "steeply, and it is not clear which value bounds the force at rest "
+            text += "and while it slides"
             hint = f"write {key}: {{static: ..., dynamic: ...}}"
             x.faults.add("switch-at-rest", text, node, hint)
         if found is None or found == Bounds(bound, bound):

@@ -248,8 +248,8 @@ class Names:
         base = name.removeprefix(REACTION.prefix)
         if base != name:
             near = faults.guess(base, self.of(Kind.DEFINITION)) or base
-            hint = f"ask for it: output: {{reactions: [{near}]}}"
-            return f"there is no column `{name}`: it is not asked for", hint
+            hint = f"add output: {{reactions: [{near}]}}"
+            return f"there is no column `{name}`: `reactions` does not list it", hint
         for ending in ("_ddot", "_dot"):
             base = name.removesuffix(ending)
             if base != name:
@@ -291,7 +291,7 @@ class Names:
             hint = f"the second rate is written `{meaning.base}_ddot`"
             return f"`{name}` is no name", hint if ending == "_dot" else ""
         text = f"`{name}`: `{base}` is {meaning.kind.text} and has no rate here"
-        return text, "rates are those of coordinates and of definitions of positions"
+        return text, "rates exist of coordinates and of definitions of positions"
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
@@ -360,7 +360,7 @@ def _undecorated(name: str, decoration: str, *, called: bool) -> str:
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
         beside = f"{{value: ..., unit: {quantities.unit(decoration)}}}"
-        return f"{hint}; its unit goes beside its value: {beside}"
+        return f"{hint}; a unit is written beside the value: {beside}"
     if called:
         hint += ": a definition has no arguments, its expression names variables"
     return hint
@@ -519,7 +519,7 @@ class Expressions:
         many, most = len(scalar.text), limits.EXPRESSION_LETTERS
         if many > most:
             text = f"the expression has {many:,} letters, more than {most:,}"
-            hint = "parts of it may be definitions"
+            hint = "write parts of it as definitions"
             self.faults.add("expression-too-long", text, scalar, hint)
             return None
         if many > self._longest:
@@ -546,7 +546,7 @@ class Expressions:
             if table is None and op in self.names.faulty:
                 raise silent()
             if table is not None and count != len(table.axes):
-                about = f"`{op}` takes {len(table.axes)} arguments, found {count}"
+                about = f"`{op}` has {len(table.axes)} arguments, found {count}"
                 raise ExpressionError(0, len(text), about, code="arity")
 
     def _with_tables(
@@ -711,9 +711,9 @@ class Expressions:
         code, text, hint = "", f"the definition `{name.lstrip(HIDDEN)}`", ""
         if kind is not Kind.DEFINITION and level is not Level.POSITION:
             code = "no-rate"
-            text = f"`{name}` asks for the rate of `{base}`, which depends on "
+            text = f"`{name}` is the rate of `{base}`, which depends on "
             text += level.text
-            hint = "rates are those of coordinates and of definitions of positions and "
+            hint = "rates exist of coordinates and of definitions of positions and "
             hint += "time"
         elif level > most and level is Level.OUTPUT:
             code, hint = "output-only", _FOR_OUTPUT
@@ -809,7 +809,7 @@ class Expressions:
         for s in sorted(used):
             if depends := sorted(self.graph.depends([self.states[s]]) & moving):
                 text = f"{what} contains the rate of the state `{s}`, which depends on "
-                hint = "make it a coordinate that a constraint of velocities holds"
+                hint = "replace it by a coordinate with a constraint on its velocity"
                 text += f"`{depends[0]}`"
                 self.faults.add("state-misplaced", text, node, hint)
 

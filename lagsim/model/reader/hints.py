@@ -445,8 +445,8 @@ def _step(
     """Return begin, end and hint of the part that a fault's correction replaces."""
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
-    if "only what is right" in hint:
-        return 0, end, "leave `=` out: only what is right of it"
+    if "only its right side" in hint:
+        return 0, end, "leave `=` out: only its right side"
     commas = [m.start() for m in re.finditer(",", text)] * (fault.code == "arity")
     for at in (*commas, offset):
         if found := matching(text, at, known):
@@ -630,7 +630,7 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         return "the time is `t`"
     if name in SPEEDS and moving:
         rate = f"a rate is written {next(iter(moving))}_dot"
-        return f"{rate}; what is given has its value in `parameters`"
+        return f"{rate}; a constant speed is a value in `parameters`"
     for function in FUNCTIONS:
         head, _, rest = name.partition(function)
         factor = rest[: len(rest) - len(rest.lstrip("0123456789"))]

@@ -136,7 +136,7 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
     scaled, plain = _scaled(number, of)
     if scaled == number:
         if beside:
-            return f"write {{value: {number}, unit: {of}}}: a unit goes beside"
+            return f"write {{value: {number}, unit: {of}}}: a unit is written beside"
         reason = _LIKE.get(of, ": a number is written here without its unit")
         return f"write {number}{reason}"
     if plain in _LIKE:

@@ -198,7 +198,7 @@ def read_output(found: Fields, x: Expressions) -> Output:
         columns = tuple(_definitions(named, "column", hint, x))
     elif isinstance(node, Scalar) and node.empty:
         text = "`columns` must be a list, found nothing"
-        hint = "[] means none; without the key there are all"
+        hint = "[] means no columns; without the key there are all"
         x.faults.add("not-a-list", text, node, hint)
     plots = (_plot(p, x) for p in items(found.value("plots"), "`plots`", x.faults))
     return Output(
@@ -270,7 +270,7 @@ def asked_reactions(section: Node | None) -> list[str]:
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
     """Return the definitions of positions and time that a list names."""
     given = items(node, "`reactions`", x.faults)
-    hint = "what constraints do to a coordinate is Qc_<name>"
+    hint = "the force of constraints on a coordinate is Qc_<name>"
     found = []
     for name, place in _definitions(given, "reaction", hint, x).items():
         definition = x.definitions.get(name)
@@ -282,7 +282,7 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
             continue
         what = "states" if states else definition.level.text
         text = f"`{name}` has no reaction: it depends on {what}"
-        hint = "a reaction holds a definition of positions and time to what it is"
+        hint = "reactions exist of definitions of positions and time"
         x.faults.add("no-reaction", text, place, hint)
     return tuple(found)
 
@@ -345,7 +345,9 @@ def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
         nodes, count = node.items, len(node.items)
         if not 1 <= count <= MOST_CURVES:
             text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves, found {count}"
-            x.faults.add("wrong-count", text, node, "make more plots of them")
+            x.faults.add(
+                "wrong-count", text, node, "divide the curves among several plots"
+            )
     found = []
     for part in nodes:
         compiled = x.compile(part, f"`{axis}` of the plot", Level.OUTPUT)

@@ -211,7 +211,7 @@ class _Reader:
         if self.file in (STDIN, TEXT):
             fault, hint = "this model has no folder", "give `points`"
         elif parts.is_absolute() or ".." in parts.parts or not path or "\\" in path:
-            fault = "a path goes down from the model's folder"
+            fault = "the path does not lead into the folder of the model"
         else:
             folder = Path(self.file).parent
             try:

@@ -234,7 +234,7 @@ class _Check:
         elif op not in _ANY:
             of = args[-1] if op == "pow" else args[0]
             degrees = op in _ANGLES and of.unit and {*of.unit} == {SCALE}
-            text = f"`{word}` is given {{}}, and takes a number"
+            text = f"the argument of `{word}` is {{}}, and must be a number"
             pure = Quantity(PURE, "1")
             passed = bool(degrees)  # they have a warning of their own
             free = free or (of.unit is None and op != "pow")

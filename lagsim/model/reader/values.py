@@ -307,7 +307,7 @@ class Parameters(_Numbers):
         text = f"`{name}` uses `{used.text}`, which is below it"
         if used.text == name:
             text = f"`{name}` uses itself"
-        hint = "a parameter may use those above it"
+        hint = "a parameter may use the parameters above it"
         return self.x.refuse(used, scalar, "later-parameter", text, hint)
 
 
@@ -445,7 +445,7 @@ class Initial(_Numbers):
         kind, base = meaning
         if kind in (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE):
             return True, None
-        hint = "start values are those of positions and velocities"
+        hint = "start values belong to positions and velocities"
         if kind not in STARTED:
             text = f"`{name}` is {kind.text} and has no start value"
             if kind in (Kind.PARAMETER, Kind.MODE):
@@ -461,7 +461,7 @@ class Initial(_Numbers):
             faults.add("output-only", text, key, hint)
             return False, None
         if kind is Kind.RATE and level is not Level.POSITION:
-            text = f"`{name}` asks for the rate of `{base}`, which uses velocities"
+            text = f"`{name}` is the rate of `{base}`, which uses velocities"
             faults.add("no-rate", text, key)
             return False, None
         if kind is Kind.RATE and node is not None:
@@ -479,7 +479,7 @@ class Initial(_Numbers):
         if not near and rated(name)[0] not in self._above:
             among = [*moving, *names.of(Kind.STATE), *map(rate_of, moving)]
             near = faults.guess(name, among)
-        hint = "start values are those of coordinates, definitions and their rates"
+        hint = "start values belong to coordinates, definitions and their rates"
         hint += f", such as {in_file(rate_of(moving[0]))}" if moving else ""
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{in_file(near)}`?"

@@ -124,8 +124,8 @@ def _demand_known(cpu: str) -> None:
     asked = [sys.executable, "-P", "-c", _ASK, cpu]
     done = subprocess.run(asked, capture_output=True, check=False)
     if done.returncode or done.stderr:
-        text = f"{CPU_VARIABLE}={cpu}: LLVM knows no such processor for this machine"
-        hint = f"leave it out, or take one of {', '.join(_COMMON)}"
+        text = f"{CPU_VARIABLE}={cpu}: LLVM has no such processor for this machine"
+        hint = f"leave it out, or use one of {', '.join(_COMMON)}"
         raise InputError([Problem("unknown-cpu", text, hint=hint)])
 
 

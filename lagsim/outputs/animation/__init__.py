@@ -156,7 +156,7 @@ def nothing_to_draw(model: Model) -> list[Caution]:
     if stage(model).dimension:
         return []
     text = (
-        f"there is no {NAME}: {model.name} has nothing to draw; give it a `scene` with "
+        f"there is no {NAME}: {model.name} has nothing to draw; add a `scene` with "
         "points, or definitions x and y (and z)"
     )
     return [Caution("nothing-to-draw", text)]

@@ -64,8 +64,8 @@ TURNING = 0.05
 
 WARNINGS = {
     "impact-order": (
-        "at t = {t:.9g} {names} strike at one time, and the outcome depends on their "
-        "order: they were taken as simultaneous"
+        "at t = {t:.9g} {names} strike at one time, and the result depends on their "
+        "order: they are treated as simultaneous"
     ),
     "impact-energy": (
         "at t = {t:.9g} the impact at {names} raises the energy by {gained:.3g}: "

@@ -290,7 +290,7 @@ class Switching(Source):
         names = self._names(several)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
-            "is not unique: one of several was taken"
+            "is not unique: one of several was selected"
         )
         return self.once("unresolved-switch", text, names) if several else ()
 

@@ -196,7 +196,7 @@ def scipy_refusal(own: Own) -> str:
     if switches.modes or switches.state:
         return "they would step over the model's switches"
     if own.case.equations.laws:
-        return "they do not handle constraints that come and go"
+        return "they do not handle constraints that hold at times"
     model = own.case.model
     if model.until:
         return "the end of the run is an event"

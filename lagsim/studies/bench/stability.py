@@ -332,7 +332,7 @@ ARC = 1_000_000
 
 # Why there is no map of a model with laws.
 UNSTEADY = (
-    "the model has constraints that come and go: a stability limit belongs to one "
+    "the model has constraints that hold at times: a stability limit belongs to one "
     "set of equations, and these change during the run"
 )
 INSTEAD = "`lagsim bench` compares methods on such a model, for each step"

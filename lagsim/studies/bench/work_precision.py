@@ -201,8 +201,8 @@ class Reference:
         if self.horizon is not None:
             end = self.rows[-1, 0]
             text += (
-                f" up to t = {self.horizon:.4g} of {end:.4g}, past which the motion "
-                "is not known: errors are those of the rows before"
+                f" up to t = {self.horizon:.4g} of {end:.4g}, after which the motion "
+                "is not known: errors are computed from the rows before"
             )
         elif self.floor > LEVELS[-1]:
             text += ": the two disagree, and the errors mean little"
@@ -307,7 +307,7 @@ def make_reference(
     patience = Patience(max(OF_ONE * seconds, ONE_SECONDS))
     first = next(_by_own(case, FIRST, patience), None)
     if first is None:
-        text = "nothing to measure errors against: the motion cannot be solved to its "
+        text = "no reference for errors: the motion cannot be solved to its "
         text += f"end at any tolerance in {patience.seconds:.3g} s"
         hint = "; `lagsim run` shows where it fails, --budget allows more time"
         raise NoReferenceError(text + hint)
@@ -327,9 +327,7 @@ def make_reference(
             break
         patience.until = began + seconds
     if best is None:
-        text = (
-            f"nothing to measure errors against: {first.how} is the only solution found"
-        )
+        text = f"no reference for errors: {first.how} is the only solution found"
         raise NoReferenceError(text)
     return best
 

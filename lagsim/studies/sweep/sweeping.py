@@ -239,7 +239,7 @@ def document(found: Found) -> dict[str, Any]:
     rows = found.rows.values()
     forms = len({row.form for row in rows if row.numbers.size})
     note = f"the swept values change the equations: {forms} forms were "
-    note += "compiled, which takes longer than one"
+    note += "compiled, which needs longer than one"
     seed = found.grid.seed
     return {
         **head(found.model),

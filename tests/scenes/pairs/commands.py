@@ -7,15 +7,15 @@ from math import pi, sin
 from tests.scenes.pairs.physical import BY_NAME, CHAIN
 from tests.scenes.pairs.scene import HOLDS_AT_TIMES
 
-ALONE = "constraints that come and go need a method that evaluates y' only"
+ALONE = "constraints that hold at times need a method that evaluates y' only"
 NOT_LINEAR = "its equations of motion are not linear"
 IN_TIME = "its equations of motion depend on time"
 CONSTRAINTS = "it has constraints"
 BETWEEN_VELOCITIES = "it has constraints between velocities"
 OF_VELOCITIES = "its forces depend on the velocities"
-STEADY = "the model has constraints that come and go: a stability limit belongs to one"
+STEADY = "the model has constraints that hold at times: a stability limit belongs to"
 GAUSS = (
-    r"`output.gauss` asks for the accelerations without constraints, M\^-1 f, and the "
+    r"`output.gauss` requires the accelerations without constraints, M\^-1 f, and the "
     "mass matrix of this model is singular"
 )
 BY_LOOPS = "its equations are solved by loops"
@@ -73,12 +73,12 @@ FREEDOM = {
 _FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "event")
 _FREE += ("events at one time", "sections and strobes", "many coordinates")
 NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
-AT_TIMES = "the model has constraints that come and go"
+AT_TIMES = "the model has constraints that hold at times"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
 NO_FACTOR = "no coordinate has in .* a factor that is constant and not 0"
-UNENFORCED = "the model has constraints; `drift` integrates without enforcing them"
-ONE_STEP = "a contact or a limit can stop the step of any of them"
-QUADRATURES = "work and action depend on all of them"
+UNENFORCED = "the model has constraints; `drift` integrates without enforcement"
+ONE_STEP = "a contact or a limit can stop the step of any subsystem"
+QUADRATURES = "work and action depend on all subsystems"
 # Formulation -> feature -> the words of the refusal.
 FORMULATIONS: dict[str, dict[str, str]] = {
     "full": {},
@@ -87,7 +87,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
     "velocity projection": {
         **NO_CONSTRAINTS,
         **_AT_TIMES,
-        **dict.fromkeys(_POSITIONS, "[12] of [12] constraints are of positions"),
+        **dict.fromkeys(_POSITIONS, "[12] of [12] constraints are on positions"),
     },
     "elimination": {
         **NO_CONSTRAINTS,
@@ -107,7 +107,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic", "event"), QUADRATURES),
         **dict.fromkeys(("corner", "nonlinear velocity constraint"), QUADRATURES),
         "events at one time": QUADRATURES,
-        "until": "`until` depends on all of them",
+        "until": "`until` depends on all subsystems",
     },
     "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
     "drift": {**NO_CONSTRAINTS, **_AT_TIMES},

@@ -29,7 +29,7 @@ REFUSED = {
     r"redundant",
     **dict.fromkeys(
         ((law, "elimination") for law in HOLDS_AT_TIMES),
-        "`elimination` cannot be used: the model has constraints that come and go",
+        "`elimination` cannot be used: the model has constraints that hold at times",
     ),
 }
 

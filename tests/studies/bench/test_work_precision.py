@@ -280,7 +280,7 @@ def test_tolerances_bound_errors_of_impacts_and_what_knows_no_laws_says_so(struc
     assert errors[-1] < min(1e-7, 1e-3 * errors[0])
     reasons = {x["method"]: x["reason"] for x in struck["refused"]}
     for method in ("taylor", "scipy:BDF"):
-        assert "constraints that come and go" in reasons[method]
+        assert "constraints that hold at times" in reasons[method]
 
 
 @pytest.mark.slow

@@ -110,7 +110,7 @@ def test_what_constraints_hold_rests_and_says_so(text):
     assert bar.rests
     assert bar.horizon is None
     assert bar.relative < 1e-13
-    assert _error(bar).startswith("nothing moves; a repeat")
+    assert _error(bar).startswith("no coordinate moves; a repeat")
 
 
 def test_a_motion_that_is_small_beside_its_forces_is_none_at_rest():

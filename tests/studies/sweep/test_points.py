@@ -97,7 +97,7 @@ def test_the_command(command, tmp_path):  # noqa: F811
     assert (record["seed"], record["runs"]) == (3, 2)
     assert record["grid"][0]["values"] == sample(TWO, 2, 3)["g"].tolist()
     assert (tmp_path / "out" / "sweep.png").exists()
-    assert "nothing to do" in command(*line, "--resume").out
+    assert "already contains" in command(*line, "--resume").out
     model = lagsim.load(tmp_path / "pendulum.yaml")
     there = lagsim.sweep(model, sample=TWO, N=2, seed=3)
     rows = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
