@@ -139,7 +139,9 @@ def test_a_broken_golden(lagsim, stored):
         called = lagsim("golden", stored)
         assert called.code == 2, name
         assert "pendulum." in called.err
-        assert ("`lagsim golden --update` stores the golden" in called.err) == (text != "")
+        assert ("`lagsim golden --update` stores the golden" in called.err) == (
+            text != ""
+        )
         assert "Traceback" not in called.err
         path.write_text(before)
 

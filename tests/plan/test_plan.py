@@ -66,7 +66,8 @@ MASSES = {
         ),
         (
             model_text("huygens_cycloid"), FULL,
-            "mass matrix solved with the constraints", "singular without the constraints",
+            "mass matrix solved with the constraints",
+            "singular without the constraints",
         ),
     ],
 )  # fmt: skip
