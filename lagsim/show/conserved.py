@@ -1,9 +1,9 @@
 """Conserved quantities that follow from the structure: Noether's theorem, in part.
 
-The energy function, where nothing depends on the time and nothing does work; the
-momentum of a coordinate that does not appear in L; the sums of momenta and the angular
-momenta that belong to shifts and turns of several coordinates under which L does not
-change: the null space of what each generator changes, written as sums of products.
+The energy function, if no term depends on the time and no force does work; the momentum
+of a coordinate that does not appear in L; sums of momenta and angular momenta for
+translations and rotations of several coordinates under which L is invariant: the null
+space of the changes of L by each generator, written as sums of products.
 Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15 and 20.
 """
 
@@ -222,9 +222,9 @@ def _changes(
     slopes: Sequence[Sequence[Terms]],
     states: Sequence[Sequence[int]],
 ) -> dict[int, dict[int, Any]]:
-    """Return the changes by generators: for each product, its change by each generator.
+    """Return the change of L by each generator: product -> generator -> coefficient.
 
-    A turn of coordinates turns the velocities, too; a shift leaves them.
+    A rotation of coordinates rotates the velocities, too; a translation does not.
     """
     found: dict[int, dict[int, Any]] = {}
 

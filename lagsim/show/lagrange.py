@@ -307,21 +307,21 @@ def content(
     equations
         The model.
     substitute
-        Insert the numbers of the parameters.
+        Whether the values of parameters are inserted.
     expand
-        Write definitions out, however long the result; implied by `with_gauss`.
+        Whether definitions are written out, of any length; implied by `with_gauss`.
     solve
-        Solve for the accelerations in closed form, however long.
+        Whether accelerations are solved for in closed form, of any length.
     with_gauss
-        Add Gauss's principle.
+        Whether Gauss's principle is added.
     matrices
-        Add M, f, A and b to equations in the definitions of the file.
+        Whether M, f, A and b are added to equations in the definitions of the file.
 
     Raises
     ------
     InputError
-        Where the energies are too long to be written out, or M is singular and Gauss's
-        principle is asked for.
+        If the energies are too long to be written out, or with `with_gauss` if M is
+        singular.
     """
     words = words_of(equations.model)
     expand = expand or with_gauss or not is_long(equations, words)

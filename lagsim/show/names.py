@@ -1,6 +1,6 @@
 """Typeset names of a model: Greek letters, subscripts, dots, multipliers.
 
-Different names stay different: where two would look the same (`theta1` and `theta_1`),
+Different names remain different: if two would have one image (`theta1` and `theta_1`),
 the later one is written letter by letter.
 """
 

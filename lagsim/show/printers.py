@@ -43,7 +43,7 @@ _TEXT = functools.cmp_to_key(lambda a, b: (_text(a) > _text(b)) - (_text(a) < _t
 
 
 class Printer:
-    """Base of the printers: order of terms, signs, and numbers as people write them.
+    """Base of the printers: order of terms, signs and decimal numbers.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
 
 
 def exact_printer(x: Translation) -> ModelPrinter:
-    """Return a printer with all digits, whose text reads back to the same numbers."""
+    """Return a printer with all digits, whose text reads back to equal numbers."""
     return ModelPrinter(x, ModelNames(x.own_names), digits=None)
 
 

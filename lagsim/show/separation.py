@@ -1,17 +1,17 @@
 """Lagrange's equations in the definitions of the file, by virtual separation.
 
 Written out, the equations of an arm of seven joints have millions of operations. Each
-definition u(q, t) that the energies are written with is therefore taken for a
-coordinate of its own, which a reaction R_u holds to its expression, and each
-definition w of velocities has a momentum p_w = dL/dw. With p_u = dL/du', backwards from
-the last definition to the first,
+definition u(q, t) in the energies is therefore treated as a coordinate of its own, with
+a constraint to its expression and the reaction R_u, and each definition w of velocities
+has a momentum p_w = dL/dw. With p_u = dL/du', from the last definition to the first,
 
     p_w = dL/dw + sum_v p_v dv/dw,    Q_w = -dF/dw + sum_v Q_v dv/dw + ...,
     R_u = d/dt p_u - dL/du - Q_u - sum_c lambda_c dg_c/du + sum_v R_v dv/du,
 
-where sums are over the definitions v that are written with w, or u, and L, F, p, Q and
-g count with all w in them. The equation of a coordinate q is that of a u whose R is 0.
-Each definition is differentiated once, so that the length of all grows with theirs.
+where sums are over the definitions v that contain w, or u, and L, F, p, Q and g include
+their dependence on all w. The equation of a coordinate q has the form of R_u = 0.
+Each definition is differentiated once, so the total length is proportional to that of
+the definitions.
 
 Source: C. Lanczos, The Variational Principles of Mechanics, section III.5; the sign of
 R is that of `mechanics.equations`. The order of the sums is reverse accumulation (A.
@@ -111,7 +111,7 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
 
 
 def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
-    """Tell whether the equations are given in the definitions of the file."""
+    """Whether the equations are displayed in the definitions of the file."""
     if has_many_rows(e.model):
         return True
     physics = physics_of(e.model)
@@ -124,7 +124,7 @@ def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
 
 
 class Separation:
-    """The equations in the words of a model, as nodes.
+    """Lagrange's equations in the definitions ("words") of a model, as nodes.
 
     Parameters
     ----------
@@ -136,14 +136,14 @@ class Separation:
     Attributes
     ----------
     names : dict
-        Those of the new variables: name -> how it is shown.
+        Name of a new variable -> its displayed name.
     momenta, forces, reactions : dict
-        What stands for each p, Q and R: name -> node, each after those in it.
+        Definitions of each p, Q and R: name -> node, ordered by dependence.
     rates : dict
-        The rates of words and momenta that occur, which are variables as well, in such
-        an order.
+        Definitions of the rates of words and momenta that occur, which are variables as
+        well, ordered by dependence.
     equations : list of (int, int, int)
-        Of each coordinate p, left and Q, multipliers in it: left = Q.
+        For each coordinate the nodes p, left and Q (with multipliers): left = Q.
     """
 
     def __init__(self, e: Equations, words: Mapping[int, Name]) -> None:
@@ -177,16 +177,16 @@ class Separation:
         self.rates = self._rates_of_words()
 
     def _variable(self, name: Name) -> int:
-        """Variable that is shown like this."""
+        """Return a new variable with the displayed name `name`."""
         called = f"{name.kind}.{name.base}" if name.kind else name.base
         called = rate_of(called, name.order)
         self.names[called] = name
         return self._g.variable(called)
 
     def _back(self, kind: str, found: Gradient, variables: frozenset[int]) -> Found:
-        """Carry slopes on through the definitions of velocities, from last to first.
+        """Propagate gradients backwards through the definitions of velocities.
 
-        `found` gets them; the result is what stands for each variable that is made.
+        `found` is updated. Return the definitions of the new variables.
         """
         made: Found = {}
         for n in reversed(self._speeds):
@@ -197,7 +197,7 @@ class Separation:
     def _carry(
         self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
     ) -> Found:
-        """Carry on what stands for one word; name it where it is no name already."""
+        """Propagate the gradient `node` of a word, as a new variable if it is long."""
         g, word = self._g, self._words[n]
         made: Found = {}
         if g.ops[node] not in (VARIABLE, CONSTANT):
@@ -209,7 +209,7 @@ class Separation:
         return made
 
     def _separated(self) -> list[tuple[int, int, int]]:
-        """Fill momenta, forces and reactions; give the equations."""
+        """Compute momenta, forces and reactions; return the equations."""
         g, model, flow = self._g, self._e.model, self._flow
         every = self._still | self._moving
         slopes = pulled(g, {model.lagrangian: g.one}, every)
@@ -236,7 +236,7 @@ class Separation:
         return [found[n] for n in flow.positions]
 
     def _applied(self) -> tuple[Gradient, Gradient]:
-        """Sum what forces and constraints do along positions, and along velocities."""
+        """Return generalized forces along positions, and along velocities."""
         g, model = self._g, self._e.model
         fixed: Gradient = {}
         moved: Gradient = {}
@@ -256,7 +256,7 @@ class Separation:
         return fixed, moved
 
     def _rates_of_words(self) -> Found:
-        """Nodes that the rates that occur stand for, each after those in it."""
+        """Return the definitions of the rates that occur, ordered by dependence."""
         g, nodes = self._g, [x for line in self.equations for x in line]
         nodes += [*self.reactions.values(), *self.momenta.values()]
         of = {str(g.payload(rate)): n for n, rate in self._seed.items()

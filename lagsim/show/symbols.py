@@ -1,15 +1,15 @@
-"""A model in sympy: its symbols, the definitions that keep their names, expressions.
+"""Translation of a model to sympy: symbols, named definitions, expressions.
 
-Each row of the functions table has its sympy twin, so nothing is parsed again.
+Each row of the functions table has a sympy function, so no text is parsed again.
 
-A definition of positions keeps its name where that reads better: where it is a length
-(a root) or another function's value, where it is a sum inside a function (the angle in
-`sin(p)`), or where it is made of parameters only. Others are written out. What keeps
-its name still depends on the coordinates: derivatives follow the chain rule.
+A definition of positions keeps its name if that is easier to read: if it is a length
+(a root) or another function's value, if it is a sum inside a function (the angle in
+`sin(p)`), or if it contains only parameters. Other definitions are written out. A named
+definition still depends on the coordinates: derivatives follow the chain rule.
 
-Expressions that sympy would not come to the end of are refused, by their size and in
-the end by their time: sympy writes everything out and keeps numbers exactly, so
-(x/2)^(10^10) would be 2^(10^10), with three thousand million digits.
+Expressions that are too long for sympy are refused, by their size and finally by time:
+sympy writes everything out and keeps numbers exactly, so (x/2)^(10^10) would be
+2^(10^10), with three thousand million digits.
 """
 
 from __future__ import annotations
@@ -137,9 +137,9 @@ def to_sympy(
     Raises
     ------
     TypeError, ValueError
-        Where sympy finds that a condition compares what is not real.
+        If a condition compares expressions that are not real.
     InputError
-        Where numbers would have too many digits.
+        If numbers would have too many digits.
     """
     nodes, found = list(nodes), {} if known is None else known
     for n in _above(g, nodes, found):
@@ -211,26 +211,25 @@ class Translation:
     equations
         The model and its graph.
     substitute
-        Insert the numbers of the parameters.
+        Whether the values of parameters are inserted.
     named
-        Nodes that keep these names, whatever they are, instead of those of definitions
-        that read better so.
+        Names of nodes, instead of names of definitions that are selected here.
 
     Attributes
     ----------
     q, v, a, states, multipliers : list of Symbol
     t : Symbol
     substitute : bool
-        The parameters are numbers.
+        Whether parameters are numbers.
     known : dict
-        Expressions of nodes of the graph: names of definitions, numbers.
+        Node of the graph -> expression: names of definitions, numbers.
     kept : dict
-        Definitions that keep their names, symbol -> expression, in an order in which
-        each needs earlier ones only.
+        Definitions that keep their names, symbol -> expression, ordered so that each
+        depends on earlier ones only.
     names : dict
-        What each symbol shows.
+        Symbol -> its name as displayed.
     rank : dict
-        Where each stands in products and sums; see `Printer`.
+        Symbol -> its position in products and sums; see `Printer`.
     tidy : Tidier
     """
 
@@ -309,7 +308,7 @@ class Translation:
             raise not_finite() from fault
 
     def free(self, e: Any) -> set[Any]:
-        """Give the symbols in `e`, those behind names of definitions too."""
+        """Return the symbols in `e`, including symbols of its named definitions."""
         found = set(e.free_symbols)
         for s, e in reversed(self.kept.items()):
             if s in found:
@@ -343,13 +342,13 @@ class Translation:
         return names, rank
 
     def add(self, s: Any, name: Name, rank: tuple[int, int]) -> Any:
-        """Give a symbol, which shows a name from now on, at a place."""
+        """Store the displayed name and the rank of a symbol; return the symbol."""
         self.names[s], self.rank[s] = name, rank
         return s
 
     @property
     def own_names(self) -> list[str]:
-        """The names that symbols show, once each, the time and coordinates first."""
+        """Displayed names of symbols, each once, time and coordinates first."""
         found = [self.t.name, *(q.name for q in self.q)]
         found += [n.base for n in self.names.values() if not n.kind]
         return list(dict.fromkeys(found))
@@ -357,12 +356,12 @@ class Translation:
     # Expressions
 
     def sympy(self, nodes: Iterable[int | None], *, written: bool = False) -> list[Any]:
-        """Give nodes as tidy sympy expressions; None stays None.
+        """Return simplified sympy expressions of nodes; None for None.
 
         Raises
         ------
         InputError
-            Where all that is asked for, written out, is longer than the limit.
+            If the expressions requested so far, written out, exceed the limit.
         """
         nodes = list(nodes)
         present = (n for n in nodes if n is not None)
@@ -377,9 +376,9 @@ class Translation:
         ]
 
     def node(self, e: Any, original: int) -> int:
-        """Give a node for `e`, the tidy form of `original`.
+        """Return a node for `e`, the simplified form of the node `original`.
 
-        That is `original` itself where the graph would hold other numbers than `e`.
+        This is `original` itself if doubles cannot represent the numbers in `e`.
         """
         try:
             node = _built(self.g, e, self._nodes)
@@ -390,11 +389,11 @@ class Translation:
 
 
 class _NotExactError(Exception):
-    """An expression that the graph would hold with other numbers."""
+    """An expression with numbers that doubles cannot represent."""
 
 
 def _built(g: Graph, e: Any, found: dict[Any, int]) -> int:
-    """Give the node of an expression; `found` has those of some symbols."""
+    """Return the node of an expression; `found` maps known expressions to nodes."""
     if e in found:
         return found[e]
     if e.is_Symbol:
@@ -426,7 +425,7 @@ _MASS = re.compile(r"[mM][0-9]*\Z")
 
 
 def _as_people_order(parameters: Iterable[Parameter]) -> list[Any]:
-    """Give the symbols of parameters: masses first, then gravity, as in m g l."""
+    """Return the symbols of parameters: masses first, then gravity, as in m g l."""
 
     def place(p: Parameter) -> int:
         if p.unit.startswith("kg") or (not p.unit and _MASS.match(p.name)):
@@ -437,7 +436,7 @@ def _as_people_order(parameters: Iterable[Parameter]) -> list[Any]:
 
 
 def number(x: float) -> Any:
-    """Give a constant as a person writes it: 9.81 is 981/100, and pi/2 is seen."""
+    """Return a constant as a sympy number: 9.81 is 981/100, 1.5707... is pi/2."""
     if not math.isfinite(x):
         return sp.Float(x)
     if x == 0 or abs(x) > 1e15:
@@ -458,7 +457,7 @@ _LOGARITHMS |= {1 / math.log(k): 1 / sp.log(k) for k in _WHOLE}
 
 
 def physics_of(model: Model) -> list[int]:
-    """Give the nodes of what a derivation begins with."""
+    """Return the nodes of energies, forces, relations, rates and laws of a model."""
     nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
     nodes += [x for f in model.forces for x in (f.node, f.direction)]
     nodes += [c.relation.node for c in model.constraints]
@@ -472,15 +471,15 @@ def physics_of(model: Model) -> list[int]:
 
 
 class Extent(NamedTuple):
-    """The length of an expression that is written out, nothing shared.
+    """Size of an expression when written out, without shared subexpressions.
 
     Attributes
     ----------
     operations, depth : int
-        Sums within a sum, and products within a product, make it no deeper.
+        A sum within a sum, or a product within a product, adds no depth.
     terms, most : int
-        Terms of the sum, or factors of the product, that it is; and the most of all in
-        it.
+        Number of terms of the sum (factors of the product) at the top; the largest such
+        number in the expression.
     """
 
     operations: int
@@ -490,7 +489,7 @@ class Extent(NamedTuple):
 
     @property
     def refused(self) -> bool:
-        """Tell whether it is more than is written out."""
+        """Whether the expression exceeds a limit for written-out expressions."""
         return (
             self.operations > limits.WRITTEN_OPERATIONS
             or self.depth > limits.WRITTEN_DEPTH
@@ -499,7 +498,7 @@ class Extent(NamedTuple):
 
 
 def together(extents: Iterable[Extent]) -> Extent:
-    """Give the extent of several expressions."""
+    """Return the joint extent of several expressions."""
     found = Extent(0, 0)
     for e in extents:
         operations = found.operations + e.operations
@@ -511,7 +510,7 @@ def together(extents: Iterable[Extent]) -> Extent:
 def written_out(
     g: Graph, nodes: Iterable[int], found: dict[int, Extent]
 ) -> list[Extent]:
-    """Give the extent of each node; those of all nodes below are added to `found`."""
+    """Return the extent of each node; extents of all nodes below go into `found`."""
     nodes = list(nodes)
     for n in g.cone(nodes, ends=found):
         if n not in found:
@@ -520,7 +519,7 @@ def written_out(
 
 
 def extent_of(g: Graph, n: int, found: Mapping[int, Extent]) -> Extent:
-    """Give the extent of a node by those of its arguments."""
+    """Return the extent of a node from the extents of its arguments."""
     alike = _CHAINS.get(g.ops[n], ())
     below = [(found[a], g.ops[a] in alike) for a in g.args[n]]
     depth = max((e.depth - same for e, same in below), default=0)

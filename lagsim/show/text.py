@@ -47,7 +47,7 @@ WIDTH = 100
 
 
 def _width(text: str) -> int:
-    """Give how many columns a text takes; dots above take none."""
+    """Return the number of columns of a text; combining marks have no width."""
     return len(text) - sum(map(bool, map(unicodedata.combining, text)))
 
 
@@ -61,9 +61,9 @@ class Outline:
     write
         Prints expressions.
     signs
-        How each symbol or phrase is written: the letters `T V L F G h`, `minus`,
-        with places for names `slope`, `rate`, `Q f b K Qc`, and sentences; of some
-        with ` held` where there are constraints.
+        Notation of symbols and phrases by key: the letters `T V L F G h`, `minus`,
+        templates with names `slope`, `rate`, `Q f b K Qc`, and sentences; some keys
+        have a second form with the suffix ` held`, for models with constraints.
     """
 
     # What fits on a line, with how much between two entries of a matrix.
@@ -80,7 +80,7 @@ class Outline:
         self.lines: list[str] = []
 
     def document(self) -> list[str]:
-        """Write all sections; give the lines."""
+        """Write all sections; return the lines."""
         c = self.c
         held = [*zip(c["constraints"], self.x.multipliers, strict=True)]
         self._energies()
@@ -101,11 +101,11 @@ class Outline:
         return self.lines
 
     def sign(self, key: str, *names: str) -> str:
-        """Give how something is written, with these names in it."""
+        """Return the notation with the key `key`, with names inserted."""
         return self.signs[key].format(*names)
 
     def show(self, q: str, order: int = 0) -> str:
-        """Give a coordinate or its derivative."""
+        """Return the typeset name of a coordinate or its derivative."""
         return self.names.show(Name(q, order))
 
     def _phrase(self, key: str) -> str:
@@ -132,14 +132,14 @@ class Outline:
     def _of_families(
         self, rows: Sequence[tuple[Name, Any]], tail: str = ""
     ) -> list[Row]:
-        """Give rows by their names, those of the members of a family as one."""
+        """Return labelled rows; rows of the members of a family are merged into one."""
         return [
             (self.names.show(row.name), *row.parts, tail + self._tail(row))
             for row in self.families.rows((name, (e,)) for name, e in rows)
         ]
 
     def _range(self, row: Members) -> str:
-        """Say of which members a row is: `i = 2..7`; nothing of a row alone."""
+        """Return the members of a row, such as `i = 2..7`; "" for a single row."""
         numbers = row.members
         if not numbers:
             return ""
@@ -149,12 +149,12 @@ class Outline:
         return f"{self.families.letter} = {shown}"
 
     def _tail(self, row: Members) -> str:
-        """Say the same behind a formula."""
+        """Return the members of a row, as a suffix of a formula."""
         members = self._range(row)
         return self.sign("members", members) if members else ""
 
     def _named(self, row: Members) -> str:
-        """Name what a row is about, within a sentence, and its members."""
+        """Return the name of a row and its members, for use within a sentence."""
         shown, members = self.names.show(row.name), self._range(row)
         return self._inline(f"{shown}, {members}" if members else shown)
 
@@ -313,7 +313,7 @@ class Outline:
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
     def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
-        """Write constraints that hold at times, those of a family as one."""
+        """Write constraints that hold at times; members of a family are merged."""
         groups: dict[Any, list[tuple[Part, Any]]] = {}
         for k, multiplier in held:
             stated = {
@@ -394,11 +394,11 @@ class Outline:
     # How it looks
 
     def _label(self, name: str) -> str:
-        """Give the name of a constraint."""
+        """Return the typeset name of a constraint."""
         return name
 
     def _inline(self, formula: str) -> str:
-        """Give a formula within a sentence."""
+        """Return a formula for use within a sentence."""
         return formula
 
     _plain = _label
@@ -468,7 +468,7 @@ class Outline:
             self.lines.append(f"  {head}[ {cells} ]")
 
     def _derivatives(self, k: Part) -> list[str]:
-        """Give the labels of a constraint and its rates."""
+        """Return the labels of a constraint and of its rates."""
         one_sided = k["kind"] == "one-sided"
         if on_velocities(k):
             return ["rate" if one_sided else "", "d/dt of it"]
@@ -507,7 +507,7 @@ _SIGNS = {
 
 
 def as_text(content: Content, *, ascii_only: bool = False) -> str:
-    """Give a derivation as plain text."""
+    """Return a derivation as plain text."""
     x = content.translation
     model, notes = x.equations.model, content.document["notes"]
     plain = x.own_names
@@ -552,7 +552,7 @@ def _folded(line: str) -> list[str]:
 
 
 def _break(line: str, fits: int, margin: int) -> int:
-    """Give where a line is broken of which so much fits; 0 where it cannot be."""
+    """Return the index at which to break a line, at most `fits`; 0 if there is none."""
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))
     for least in (WIDTH // 2, margin + 8):
@@ -565,7 +565,7 @@ def _break(line: str, fits: int, margin: int) -> int:
 
 
 def _cut(line: str) -> int:
-    """Give how many characters of it fit; marks above letters take no column."""
+    """Return the number of characters of a line that fit into WIDTH columns."""
     columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
     return sum(taken <= WIDTH for taken in columns)
 
@@ -585,10 +585,10 @@ MOST_TERMS = 1_000
 
 
 class Members(NamedTuple):
-    """Rows that are one for all `members` of a family, numbers in order.
+    """One row for all `members` (increasing numbers) of a family.
 
-    A row alone has no members. `name` and `parts`, expressions, have the letter in
-    place of the numbers.
+    A single row has no members. `name` and the expressions `parts` contain the index
+    letter instead of the numbers of members.
     """
 
     name: Name
@@ -597,19 +597,19 @@ class Members(NamedTuple):
 
 
 class Families:
-    """Writes rows, and terms of sums, as families.
+    """Merges rows, and terms of sums, that differ only in the number of a member.
 
     Parameters
     ----------
     x
-        The symbols of a model; those of members with a letter are added.
+        The symbols of a model; symbols with an index letter are added to it.
     found
-        Whether there are families; else each row and each term stands alone.
+        Whether families are merged; else each row and each term is separate.
 
     Attributes
     ----------
     letter, other : str
-        What stands for the number of a member: in rows, and in sums.
+        Index letters: in rows, and in sums.
     """
 
     def __init__(self, x: Translation, *, found: bool = True) -> None:
@@ -620,7 +620,7 @@ class Families:
         self._stems = Counter(_NUMBER.sub("", base, count=1) for base in bases)
 
     def member_of(self, name: Name) -> int | None:
-        """Give the number of a member; None of what is in no family."""
+        """Return the number of the member that a name denotes, or None."""
         found = _NUMBER.search(name.base)
         if found is None or not self.found:
             return None
@@ -628,7 +628,7 @@ class Families:
         return int(found[2]) if found[1] or alike > FEW else None
 
     def rows(self, rows: Iterable[tuple[Name, Sequence[Any]]]) -> list[Members]:
-        """Give rows, those of a family together, where the first of them stood."""
+        """Return the rows, merged by family at the place of the first member."""
         found: dict[Any, list[tuple[int, Name, tuple[Any, ...]]]] = {}
         for place, (name, parts) in enumerate(rows):
             k = self.member_of(name)
@@ -652,7 +652,7 @@ class Families:
         return result
 
     def _name(self, name: Name, k: int, letter: str) -> Name:
-        """Give a name whose number is counted from k."""
+        """Return a name with its number relative to k: `x.3` is `x.i+1` for k = 2."""
 
         def counted(number: re.Match[str]) -> str:
             off = int(number[2]) - k
@@ -661,7 +661,7 @@ class Families:
         return replace(name, base=_NUMBER.sub(counted, name.base, count=1))
 
     def _counted(self, e: Any, k: int, letter: str) -> Any:
-        """Give an expression whose members are counted from k."""
+        """Return an expression whose member numbers are offsets from k."""
         x, new = self.x, {}
         for s in e.free_symbols:
             name = x.names[s]
@@ -672,7 +672,7 @@ class Families:
         return e.xreplace(new)
 
     def sums(self, e: Any) -> Any:
-        """Give an expression in which terms of a family are a sum over its members."""
+        """Return an expression with the terms of a family as a sum over its members."""
         if e.is_Atom or not self.found:
             return e
         args = tuple(map(self.sums, e.args))

@@ -1,9 +1,9 @@
-"""Expressions in the form that a person would write, as far as a budget goes.
+"""Simplification of sympy expressions to a short, readable form, within a budget.
 
-An expression is written out as a sum of products, as on the graph (`language.forms`),
-with more or fewer of its sums kept whole. Sines and cosines are combined, and what
-belongs together is collected. The shortest form is taken, by the number of symbols and
-operations in it.
+An expression is expanded into a sum of products (`language.forms`), in several variants
+that keep some of its inner sums unexpanded. Products of sines and cosines are combined,
+and terms with common factors are collected. The variant with the fewest symbols and
+operations is selected.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _key = functools.lru_cache(maxsize=10_000)(sp.default_sort_key)
 
 
 def exact(x: Any) -> int | Fraction:
-    """Give a rational number of sympy as one of Python, which is faster."""
+    """Convert a rational number of sympy to `int` or `Fraction`, which are faster."""
     return int(x.p) if x.q == 1 else Fraction(int(x.p), int(x.q))
 
 
@@ -54,16 +54,16 @@ class Sums(Turning[Any]):
     Parameters
     ----------
     inner
-        What becomes of the arguments of functions, and of sums that stay whole.
+        Simplifies arguments of functions, and sums that are kept unexpanded.
     budget
         Counts the products of terms.
     whole
-        Tells which sums stay as they are where they are factors.
+        Predicate: whether a sum is kept unexpanded as a factor.
 
     Attributes
     ----------
     kept : bool
-        A sum stayed whole.
+        Whether a sum was kept unexpanded.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Sums(Turning[Any]):
         self._turns: dict[tuple[str, Any], int] = {}
 
     def of(self, e: Any) -> Terms:
-        """Give an expression as a sum of products."""
+        """Return the expanded form of an expression: product code -> number."""
         if e.is_Rational:
             return {0: exact(e)} if e != 0 else {}
         if e.is_Add:
@@ -95,7 +95,7 @@ class Sums(Turning[Any]):
         return self._factor(e)
 
     def expression(self, product: int, number: Any = 1) -> Any:
-        """Give `number` times a product."""
+        """Return the sympy expression of `number` times a product code."""
         whole = _whole(frozenset(self.powers(product)))
         return whole if number == 1 else sp.Mul(number, whole)
 
@@ -144,7 +144,7 @@ class Sums(Turning[Any]):
     # Sines and cosines
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Give the sines, then the cosines, each in sympy's order of angles."""
+        """Return sines, then cosines of a product, each in sympy's order of angles."""
         found = [
             (_FUNCTIONS[base.func], base.args[0], k)
             for base, k in self.powers(product)
@@ -155,14 +155,14 @@ class Sums(Turning[Any]):
         return found
 
     def turn(self, op: str, angle: Any) -> int:
-        """Give the sine or cosine of an angle as a product."""
+        """Return the product code of the sine or cosine of an angle."""
         found = self._turns.get((op, angle))
         if found is None:
             found = self._turns[op, angle] = self.power(getattr(sp, op)(angle))
         return found
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Give that of a + sign b, a number in front of it apart."""
+        """Return the sine or cosine of a + sign b, as a number and a product code."""
         number, factor = getattr(sp, op)(a + sign * b).as_coeff_Mul()
         return exact(number), 0 if factor == 1 else self.power(factor)
 
@@ -178,7 +178,7 @@ AS_IT_COMES = 1.5
 
 
 class Tidier:
-    """Tidies expressions of one model.
+    """Simplifies the expressions of one model.
 
     Parameters
     ----------
@@ -189,9 +189,9 @@ class Tidier:
     Attributes
     ----------
     left : int
-        Products of terms for all expressions that follow.
+        Products of terms that remain in the budget.
     cut : bool
-        Some expression was left longer than it might have been: the budget was spent.
+        Whether the budget ended the simplification of an expression.
     """
 
     def __init__(self, constants: frozenset[Any], moving: frozenset[Any]) -> None:
@@ -201,21 +201,21 @@ class Tidier:
         self._began = time.process_time()
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
-        """Give the shortest form of `e`.
+        """Return the shortest form of `e`.
 
         Parameters
         ----------
         e
             A sympy expression.
         factored
-            Also try to draw a common factor out of the whole.
+            Whether a form with the common factor of all terms is tried as well.
         written
-            A person wrote it like this, which counts for it.
+            Whether `e` is written so in the file; its own form then has no penalty.
 
         Raises
         ------
         InputError
-            Where it has no value, because it divides by 0, or the time is up.
+            If `e` has no finite value (a division by 0), or the time limit is reached.
         """
         if e.is_Symbol or e.is_Rational:
             return e
@@ -238,7 +238,7 @@ class Tidier:
         return self._known[key]
 
     def one_fraction(self, e: Any) -> Any:
-        """Give `e` as one product, over what its terms have below the line together."""
+        """Return `e` as one fraction over the common denominator of its terms."""
         found = self._terms(e, self._plain)
         return e if found is None else self._factored(*found[:2])
 
@@ -262,7 +262,7 @@ class Tidier:
     def _terms(
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Sums, Terms, int] | None:
-        """Give a sum of products, and how many of its terms were joined."""
+        """Return an expanded expression, and the number of terms joined by angles."""
         budget = Budget(min(MOST_PRODUCTS, self.left))
         sums = Sums(self.inner, budget, whole)
         try:
@@ -275,7 +275,7 @@ class Tidier:
             self.left -= budget.operations
 
     def inner(self, e: Any) -> Any:
-        """Tidy the arguments of a function, or a sum under a power."""
+        """Simplify the arguments of a function, or the base of a power."""
         if e.is_Add:
             return self(e)
         if isinstance(e, sp.Piecewise):
@@ -291,17 +291,17 @@ class Tidier:
     # Which sums stay whole
 
     def _still(self, e: Any) -> bool:
-        """Tell whether a sum has nothing that moves."""
+        """Whether a sum has no velocities, accelerations or multipliers."""
         return not e.free_symbols & self.moving
 
     def _plain(self, e: Any) -> bool:
-        """Tell whether a sum has nothing that moves, and no angles in it."""
+        """Whether a sum has no velocities (or the like), and no sines or cosines."""
         return self._still(e) and not e.has(sp.sin, sp.cos)
 
     # Putting terms together
 
     def _collected(self, sums: Sums, terms: Terms) -> Any:
-        """Give the sum of `terms`, those with the same velocities together."""
+        """Return the sum of `terms`, grouped by their velocities."""
         groups = _grouped(sums, terms, self.moving.__contains__)
         return sp.Add(
             *(
@@ -311,12 +311,12 @@ class Tidier:
         )
 
     def _factored(self, sums: Sums, terms: Terms) -> Any:
-        """Give the same with the factors that all terms have in common before it."""
+        """Return the sum of `terms` with their common factor in front."""
         common, number, rest = _common(sums, terms)
         return _product(sums.expression(common, number), self._collected(sums, rest))
 
     def _product(self, sums: Sums, outer: int, terms: Terms) -> Any:
-        """Give outer * terms, with what is common to them drawn out if shorter."""
+        """Return outer * terms, with a common factor drawn out if shorter."""
         if len(terms) == 1:
             ((one, number),) = terms.items()
             if not any(b.is_Add for b, _ in sums.powers(one)):
@@ -330,7 +330,7 @@ class Tidier:
         return min(direct, drawn, key=cost)
 
     def _sum(self, sums: Sums, terms: Terms) -> Any:
-        """Give the sum, the parameters of terms that differ in them only together."""
+        """Return the sum of `terms`, grouped by factors other than parameters."""
         parts = []
         for outer, constants in _grouped(sums, terms, self._varies).items():
             common, number, inner = _common(sums, constants)
@@ -346,7 +346,10 @@ class Tidier:
 def _grouped(
     sums: Sums, terms: Terms, outside: Callable[[Any], bool]
 ) -> dict[int, Terms]:
-    """Give what is left of terms that have the same factors of a kind, by these."""
+    """Group terms by their factors that satisfy the predicate `outside`.
+
+    The result maps each product of such factors to the remaining terms.
+    """
     groups: dict[int, Terms] = {}
     for m, number in terms.items():
         outer = sum(sums.power(b, k) for b, k in sums.powers(m) if outside(b))
@@ -355,36 +358,37 @@ def _grouped(
 
 
 def _is_short(e: Any) -> bool:
-    """Tell whether a sum has symbols and a whole number only, so that it stays."""
+    """Whether an expression is a sum of symbols and integers, which is not changed."""
     return e.is_Add and all(
         x.is_Integer or x.is_Symbol or (-x).is_Symbol for x in e.args
     )
 
 
 def _refuse_infinite(e: Any) -> None:
-    """Refuse what is infinite, or not real, whatever its variables are."""
+    """Raise `not_finite` if `e` is infinite or not real for all variables."""
     roots = (p for p in e.atoms(sp.Pow) if p.is_number and p.is_real is False)
     if e.has(sp.zoo, sp.nan, sp.oo, -sp.oo, sp.I) or any(roots):
         raise not_finite()
 
 
 def not_finite() -> InputError:
-    """Give the fault of a model whose equations have no finite real value."""
+    """Return the error for equations that have no finite real value."""
     text = "an energy, a force or a constraint, or its slope, is not finite anywhere"
     hint = "look for a parameter that is 0 below the line, in a logarithm or a root"
     return unusable("not-finite", text, hint=hint)
 
 
 def too_long(text: str) -> InputError:
-    """Give the fault of a model whose equations nobody could read."""
+    """Return the error for equations that are too long to be displayed."""
     hint = "`--format python` takes them as they are"
     return unusable("too-long", text, hint=hint)
 
 
 def _product(*factors: Any) -> Any:
-    """Give the product; sympy alone would carry a number into a sum beside it.
+    """Return the product of factors, with numbers outside of sums.
 
-    A sum with minus signs only gives its sign to the product.
+    sympy alone would distribute a number over a sum. If all terms of a sum have minus
+    signs, the sign is moved to the front of the product.
     """
     sums = [x for x in factors if isinstance(x, sp.Add)]
     if not sums:
@@ -401,7 +405,7 @@ def _product(*factors: Any) -> Any:
 
 
 def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
-    """Give what all terms have in common, the number in front of it, and the rest."""
+    """Return the common product of all terms, its number, and the remaining terms."""
     if len(terms) < 2:
         return 0, 1, terms
     over = math.gcd(*(x.numerator for x in terms.values()))
@@ -415,9 +419,9 @@ def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
 
 
 def cost(e: Any) -> int:
-    """Give the number of symbols, functions and operations in an expression.
+    """Return the number of symbols, functions and operations in an expression.
 
-    A sign costs nothing: it is part of the sum that it stands in.
+    Signs are not counted: they are part of the sum.
     """
     total, stack = 0, [e]
     while stack:
