@@ -175,10 +175,10 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
     Row("E531", "no-rest",
         "No position of rest, or no steady motion, was found.",
-        "The equations have a position of rest, from the start of the file or from "
-        "others; with `--at start` the start is at rest, or its rates are constant "
-        "and change nothing in the equations.",
-        "begin nearer to a rest, or add what holds the model: a spring, a constraint",
+        "The equations have a position of rest that can be found from the start of "
+        "the file or from others; with `--at start` the start is at rest, or its "
+        "rates are constant and do not change the equations.",
+        "begin nearer to a rest, or add a spring or a constraint that holds the model",
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 0}\n"
         "forces: {theta: 1}\n",
         ("lagsim modes pendulum.yaml",)),

@@ -306,8 +306,8 @@ simulation: {duration: 2, output_step: 0.5}
 """,
         (f"lagsim golden {MODEL} --update",)),
     warning("W407", "frozen-time",
-        "The equations depend on time, and positions of rest and modes are those at "
-        "the time of the start, with constraints that stand still.",
+        "The equations depend on time: positions of rest and modes are computed at "
+        "the time of the start, with moving constraints frozen.",
         "leave the force out by `--set`, or choose a `start` at which it is 0",
         "forces: {theta: sin(t)}\n",
         ("lagsim modes pendulum.yaml --no-plots",)),
