@@ -308,7 +308,7 @@ expression-syntax | a value is expected | definitions: {s(i = 1..3): (i*⟪)⟫}
 expression-syntax | `s` takes its subscripts | definitions: {s(1..3): x, a: s(⟪)⟫}
 expression-syntax | `vec` takes 2 or 3 arguments |
     definitions: {s(1..3): x, a: "vec(0, ⟪)⟫"}
-expression-syntax | `sum` needs a range and | definitions: {a: "sum(i = 1..3, ⟪)⟫"}
+expression-syntax | `sum` takes a range and | definitions: {a: "sum(i = 1..3, ⟪)⟫"}
 # what refers to its own family, too, and what nothing uses
 expression-subscript | `x` is none | definitions: {s(0): x, s(1..2): s(0) + s(⟪x⟫)}
 expression-unknown-function | no function or family `ssin` |
