@@ -21,6 +21,7 @@ from lagsim.mechanics.motion_series import motion_series
 from lagsim.methods import method, moreau
 from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
+from lagsim.methods.parts.search import POINTS
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
@@ -456,6 +457,13 @@ class System:
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 
+    @cached_property
+    def has_linear_sections(self) -> bool:
+        """Whether all relations of sections are linear in the motion and t."""
+        moving = frozenset(self.equations.moving)
+        found = self.equations.graph.degrees(self.columns.sections, moving)
+        return all(x is not None and x.most <= 1 for x in found)
+
     def held_together(self) -> list[int]:
         """Return, for each coordinate, the first one coupled to it by rows in force."""
         e, on = self.equations, self.p.law_mode != OFF
@@ -576,6 +584,7 @@ class Runner:
         )
         ends = bool(system.equations.model.located) or system.watched > 0
         state.located = float(ends or room > 0)
+        state.widest = 1.0 if system.has_linear_sections else 2.0 / POINTS
         state.kinds[:] = [x.kind for x in system.indicators]
         state.powers[:] = [x.power for x in system.indicators]
         rows = system.equations.rows

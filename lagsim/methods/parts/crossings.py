@@ -59,6 +59,7 @@ from lagsim.tolerances import (
 
 CONSTRAINED = True
 SWITCHES = True
+LOCALIZED = True
 
 # Error of the state in tolerances of a step; its least error relative to the range of a
 # component.
@@ -82,9 +83,14 @@ class Crossings(Events):
     strobes: int
     states_room: int  # for so many states of sections, until they are taken
     sought: float  # 1 where sections are asked for
+    widest: float  # the part of a step at whose ends relations are evaluated first
     states_found: float  # so many states have been written
     searched: float = 1.0  # up to this fraction the last step has been searched
     banded: float  # 1 once the bands of the last step are known
+    # Up to this time relations have been evaluated; their values and slopes by t there.
+    known_until: float = -inf
+    last_values: Floats = array("sections")
+    last_slopes: Floats = array("sections")
     # By methods that step over impacts: the fraction of the last step at which the
     # state jumps, or 0; the time by which such impacts are late or early.
     leap: float
@@ -169,10 +175,9 @@ def know_bands(s: Crossings, p: Parameters) -> None:
 def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
     """Return the fraction of the step just past the next crossing, or `end`."""
     first, last, count = s.starts, s.ends, 2 * rows(s)
-    widest = 2.0 / POINTS
-    width = widest
+    width = s.widest
     points = 0
-    sample(CROSSING, s, p, low, BESIDE * width, first)
+    sample_first(s, p, low)
     while low < end:
         x = min(low + width, end)
         half = low + BETWEEN * (x - low)
@@ -196,8 +201,34 @@ def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
             return past
         first[:count] = last[:count]
         low = x
-        width = min(2.0 * width, widest)
+        width = min(2.0 * width, s.widest)
+    store_last(s, end)
     return end
+
+
+def sample_first(s: Crossings, p: Parameters, low: float) -> None:
+    """Write rows and their slopes at the fraction `low` of the last step to `starts`.
+
+    At the start of a step they are those at the end of the step before, unless an arc
+    begins there.
+    """
+    known = low == 0.0 and s.step_t == s.known_until and s.step_t != s.arc_start
+    if LOCALIZED or not known:
+        sample(CROSSING, s, p, low, BESIDE * s.widest, s.starts)
+        return
+    for j in range(s.sections):
+        k = relations(s) + j
+        s.starts[k] = s.last_values[j]
+        s.starts[rows(s) + k] = s.step_h * s.last_slopes[j]
+
+
+def store_last(s: Crossings, end: float) -> None:
+    """Store the relations at the end of the last step, which `starts` contains."""
+    s.known_until = s.t if end == 1.0 else -inf
+    for j in range(s.sections):
+        k = relations(s) + j
+        s.last_values[j] = s.starts[k]
+        s.last_slopes[j] = s.starts[rows(s) + k] / s.step_h
 
 
 def crossed_within(
