@@ -38,6 +38,7 @@ from lagsim.methods.parts.control import scattered
 from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
 from lagsim.plan.plan import coupled
+from lagsim.tolerances import SUM_ROUNDOFF, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -573,17 +574,30 @@ def section_functions(
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
 
+# The bound of the rounding of a condition counts each of its operations with one
+# roundoff, where the size of its terms counts with `SUM_ROUNDOFF`: eight times the
+# bound suffices.
+INNER = 8.0 * UNIT_ROUNDOFF / SUM_ROUNDOFF
+
+
 def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[int]:
     """Return sizes (C,) of the terms of C conditions, then their slopes (C, V).
+
+    Terms within a function, as in `sin(x + 1e6)`, count by their effect on the value.
 
     V : the number of `names`, with respect to which slopes are taken.
     """
     g = e.graph
     variables = [g.variable(name) for name in names]
     rows = [gradient(g, node, variables) for node in nodes]
+    inner = roundings(g, nodes, names)
     scales = [
-        scale_of(g, node, variables, dict(enumerate(row)))
-        for node, row in zip(nodes, rows, strict=True)
+        g.call(
+            "max",
+            scale_of(g, node, variables, dict(enumerate(row))),
+            g.call("mul", g.constant(INNER), rounding),
+        )
+        for node, row, rounding in zip(nodes, rows, inner, strict=True)
     ]
     return [*scales, *(slope for row in rows for slope in row)]
 

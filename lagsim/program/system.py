@@ -79,6 +79,7 @@ _SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
 _CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     truth.look: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
     truth.located_within: (ctypes.c_double, (_POINTER, _POINTER, *_SEEN)),
+    truth.wait: (ctypes.c_int64, (_POINTER, _POINTER, *_SEEN)),
     truth.see: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
     truth.meet: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.hold: (None, (_POINTER, _POINTER)),

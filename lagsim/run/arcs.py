@@ -28,7 +28,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.program.system import BLOCK
 from lagsim.run.arc import first_arc, largest_shift
-from lagsim.run.events.conditions import located_within
+from lagsim.run.events.conditions import located_within, wait
 from lagsim.run.events.constraints import (
     Dependence,
     RankLosses,
@@ -391,6 +391,8 @@ class Run:
     def _decide(self, code: int) -> Ending | None:
         """Apply the decision of the first source that handles the kernel's code."""
         arc = self.arc
+        if code == at.EVENT_FOUND and len(arc.state.orientation) > 1 and wait(arc):
+            return None
         if code in LOCATED:
             self._meet()
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):

@@ -49,6 +49,7 @@ from lagsim.methods.parts.state import (
     section_slopes,
     sections,
 )
+from lagsim.methods.parts.truth import ERRED, PLACES
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
 from lagsim.tolerances import (
@@ -61,10 +62,6 @@ CONSTRAINED = True
 SWITCHES = True
 LOCALIZED = True
 
-# Error of the state in tolerances of a step; its least error relative to the range of a
-# component.
-ERRED = 30.0
-PLACES = 2.0**-40
 # A relation jumps if its change at one fraction exceeds the part JUMP of its change
 # within the part AROUND of the step; beside a pole both are equal.
 AROUND = 2.0**-30

@@ -85,11 +85,12 @@ class Events(Table):
     met_first: float  # the index of the condition located there, or -1
     calm: float  # 1 if no condition changes unless the state or the modes jump
     # 1 where a condition has become true; where it is true and its value stays at 0;
-    # and where its value was off 0 before a change.
+    # and where its value was off 0 before a change; the values before it.
     marked: Floats = array("conditions")
     stays: Floats = array("conditions")
     any_stays: float  # 1 if any value stays at 0
     was_clear: Floats = array("conditions")
+    former: Floats = array("conditions")
 
     # Of each section: the last sign of its relation, 0 before the motion has left the
     # section; and the largest value of the relation on it, see `crossings.band`.

@@ -24,7 +24,7 @@ from math import inf
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.search import Events
 from lagsim.methods.parts.state import derivative, located, located_slopes
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
+from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
 
 # Whether y' is known at an instant; methods with impulses at each step have
 # accelerations after a step only.
@@ -38,6 +38,11 @@ LOCATED = 1e-7
 # multiple of its last zero tolerance, and than NEAR times its leeway.
 FAR = 1024.0
 NEAR = 4.0
+# A value has jumped to 0 if its distance from 0 is at most this part of its jump, and
+# within the error of the state, in tolerances of a step or as a part of the ranges.
+LEAP = 2.0**-20
+ERRED = 30.0
+PLACES = 2.0**-40
 
 
 def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
@@ -175,29 +180,66 @@ def meet(s: Events, p: Parameters) -> int:
 
     Return their number; their indices are set in `marked`. A condition that is about to
     become false at that time counts as false, and so does one that has become false by
-    a jump of a switch within it. The time of the located condition has an
-    error; the distance of another value from 0 is compared with the change of that
-    value within the error, too.
+    a jump of a switch within it.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
     if s.calm > 0.0:
         return 0
-    found = int(s.met_first)
-    late = error_of_time(s, found) if found >= 0 else 0.0
+    count = mark(s)
+    leave(s)
+    turn(s, p)
+    return count
+
+
+def mark(s: Events) -> int:
+    """Set `marked` of the conditions that the motion satisfies; return their number."""
     count = 0
     for k in range(s.conditions):
         side = s.orientation[k]
         miss = s.worth[k] * side
         met = miss + s.leeway[k] <= 0.0
-        comes = s.trend[k] * side < 0.0
-        met = met or (comes and miss <= s.zero[k] + late * abs(s.trend[k]))
-        if (met and side != 0.0) or k == found:
+        met = met or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
+        s.marked[k] = 0.0
+        if (met and side != 0.0) or k == int(s.met_first):
             s.marked[k] = 1.0
             count += 1
-    leave(s)
-    turn(s, p)
     return count
+
+
+def wait(s: Events, p: Parameters, width: float, tolerance: float) -> int:
+    """Decide whether the conditions just located wait for a more precise one.
+
+    The time at which a condition is located has an error by its rounding. If another
+    condition becomes true within this error, both belong to one instant, at the time of
+    the one with the smaller error. Until then the motion goes on, and the others are
+    located later, by twice their rounding. Return 1 if they wait, else 0.
+    """
+    found = int(s.event) - 1
+    s.met_first = float(found)
+    look(s, p, found, width, tolerance)
+    mark(s)
+    late = 0.0
+    for k in range(s.conditions):
+        if s.marked[k] > 0.0:
+            if not abs(s.worth[k]) <= s.zero[k] or s.leeway[k] > 0.0:
+                return 0  # by a jump, at an exact time; or it has waited
+            late = max(late, error_of_time(s, k))
+    waits = 0
+    for k in range(s.conditions):
+        side = s.orientation[k]
+        comes = side != 0.0 and s.trend[k] * side < 0.0
+        if comes and s.marked[k] == 0.0 and s.worth[k] * side <= late * abs(s.trend[k]):
+            waits = 1
+    if waits == 0:
+        return 0
+    for k in range(s.conditions):
+        if s.marked[k] > 0.0:
+            s.leeway[k] = 2.0 * s.zero[k]
+    s.event = 0.0
+    s.fresh = 1.0
+    s.row_limit = s.arc_rows
+    return 1
 
 
 def hold(s: Events, _p: Parameters) -> None:
@@ -215,7 +257,7 @@ def change(s: Events, p: Parameters) -> int:
     Return their number; their indices are set in `marked`.
     """
     s.any_stays = 0.0
-    remember_clear(s)
+    remember(s)
     located(s.t, s.y, p, s.worth)
     return become(s, 0)
 
@@ -233,7 +275,7 @@ def settle(
     if s.calm > 0.0 and jumped == 0:
         return 0
     s.calm = 0.0
-    remember_clear(s)
+    remember(s)
     if jumped > 0:
         located(s.t, s.y, p, s.worth)
     if not may_change(s):
@@ -244,9 +286,10 @@ def settle(
     return count
 
 
-def remember_clear(s: Events) -> None:
-    """Store which values are off 0 by more than their zero tolerance."""
+def remember(s: Events) -> None:
+    """Store the values, and which are off 0 by more than their zero tolerance."""
     for k in range(s.conditions):
+        s.former[k] = s.worth[k]
         s.was_clear[k] = 1.0 if abs(s.worth[k]) > s.zero[k] else 0.0
 
 
@@ -258,7 +301,7 @@ def may_change(s: Events) -> bool:
     for k in range(s.conditions):
         value, side = s.worth[k], s.orientation[k]
         far = NEAR * max(float(s.zero[k]), abs(s.leeway[k]))
-        if side != 0.0 and value * side <= far:
+        if side != 0.0 and value * side <= max(far, LEAP * abs(value - s.former[k])):
             return True
         past = value < -far or (s.equation[k] > 0.0 and abs(value) > far)
         if side == 0.0 and past:
@@ -266,11 +309,22 @@ def may_change(s: Events) -> bool:
     return False
 
 
+def error_of_value(s: Events, k: int) -> float:
+    """Return the error of condition k by that of the state within tolerances."""
+    row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
+    found = 0.0
+    for i in range(s.dynamic.stop):
+        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+        found += abs(row[i]) * max(error, 0.0)
+    return found if found < OVERFLOW else 0.0
+
+
 def become(s: Events, rated: int) -> int:
     """Find the conditions that became true; store the sides of those now false.
 
-    Return their number; their indices are set in `marked`. rated : 1 if a value of 0
-    that rises makes its condition true.
+    Return their number; their indices are set in `marked`. rated : 1 if the state has
+    been looked at: a value of 0 that rises makes its condition true, and so does a
+    value that has jumped to 0, but for the error of the state.
     """
     count = 0
     for k in range(s.conditions):
@@ -281,6 +335,9 @@ def become(s: Events, rated: int) -> int:
         true = miss < -zero or (leeway < 0.0 and miss + leeway <= 0.0)
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))
+        if rated > 0 and side != 0.0 and not true:
+            leap = s.former[k] * side - miss
+            true = miss <= min(LEAP * leap, error_of_value(s, k))
         s.marked[k] = 0.0
         if true and side != 0.0:
             s.marked[k] = 1.0

@@ -33,6 +33,12 @@ def located_within(arc: Arc) -> float:
     return truth.run("located_within", *truth.tolerances)
 
 
+def wait(arc: Arc) -> bool:
+    """Whether the condition just located waits for another one, at the same instant."""
+    truth = Truth(arc)
+    return truth.run("wait", *truth.tolerances) > 0
+
+
 class Truth:
     """Truth of the conditions just before and just after an instant.
 
