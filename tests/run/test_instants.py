@@ -293,3 +293,84 @@ def test_a_condition_met_at_the_time_of_a_beat_acts_at_it(scale, order):
     # The fourth beat is before `hit` or after it: (5, 4) or (4*2 + 1, 3).
     assert modes_at(found, time, "n", "seen") == [4, 4 if order < 0 else 3]
     assert modes_at(found, time, "m") == [10 if order < 0 else 9]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("method", ["auto", "rk4, step: 0.01", "kahan-li8, step: 0.05"])
+@pytest.mark.parametrize("far", [1e3, 1e9])
+def test_one_condition_written_in_several_ways_acts_at_one_instant(far, method, order):
+    """The rounding of each way is its own; the time is that of the least."""
+    ways = {
+        "near": "x >= 0.3",
+        "far": f"x + {far!r} - {far!r} >= 0.3",
+        "scaled": f"x*{far!r} + {far!r} >= 0.3*{far!r} + {far!r}",
+        "within": f"sin(x + {far!r}) >= sin(0.3 + {far!r})",
+    }
+    rises = math.cos(0.3 + far) > 0.0
+    if not rises:
+        ways["within"] = ways["within"].replace(">=", "<=")
+    events = [
+        f"{name}: {{at: {at}, set: {{m: 2*m + {k}}}}}"
+        for k, (name, at) in enumerate(ways.items())
+    ][::order]
+    text = "modes: {m: 1}\nevents:\n  " + "\n  ".join(events)
+    asked = {"method": method, "output_step": 0.07}
+    found = simulate(scene(text, "x: 0.02, x_dot: 0.7", 1, **asked), error_bar="never")
+    listed = acts(found)
+    assert [name for name, _ in listed] == [*ways][::order]
+    assert len({t for _, t in listed}) == 1
+    assert listed[0][1] == pytest.approx(0.4, abs=1e-13)
+    # 1 -> 2 + 0 -> 4 + 1 -> 10 + 2 -> 24 + 3; and 1 -> 2 + 3 -> 10 + 2 -> 24 + 1 -> 50.
+    assert found["m"][-1] == (27 if order > 0 else 50)
+
+
+# Motions that reach the ground at a speed known in closed form, by energy.
+FALLS = [
+    ("x^2/2", "x: 2", "2"),
+    ("-cos(x)", "x: 1", "sqrt(2*(1 - cos(1)))"),
+    ("x^2/2 + x^4/4", "x: 1.3, x_dot: 0.2", "sqrt(0.04 + 1.69 + 1.3^4/2)"),
+]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4, step: 0.002"])
+@pytest.mark.parametrize("e", [0.5, 0.8, 1])
+@pytest.mark.parametrize(("potential", "begin", "speed"), FALLS)
+def test_a_speed_that_an_impact_leaves_is_reached(potential, begin, speed, e, method):
+    """Within the error of the speed, though it falls from there."""
+    body = FREE.replace("potential: 0", f"potential: {potential}")
+    text = f"""
+modes: {{n: 0, m: 0, none: 0}}
+events:
+  up: {{at: "x_dot >= {e}*{speed}", set: {{n: n + 1}}}}
+  scaled: {{at: "x_dot/({speed}) >= {e}", set: {{m: m + 1}}}}
+  less: {{at: "x_dot >= {e}*{speed}*(1 + 1e-6)", set: {{none: none + 1}}}}
+constraints: {{floor: {{relation: x >= 0, restitution: {e}}}}}
+"""
+    asked = {"method": method, "output_step": 0.1}
+    found = simulate(scene(text, begin, 2, body, **asked), error_bar="never")
+    hit = next(x.time for x in found.events if x.kind == "impact")
+    assert acts(found, "up")[0] == acts(found, "scaled")[0] == hit
+    assert not acts(found, "less")
+
+
+@pytest.mark.parametrize(
+    "start", ["l*cos(pi/2)", "l*sin(pi)", "l*(0.1 + 0.2 - 0.3)", "-l*sin(pi)"]
+)
+@pytest.mark.parametrize(
+    ("until", "speed", "end"),
+    [
+        # x = speed*sin(t) to rounding: true at the start, it counts once it was false.
+        ("x <= 0", 1, math.pi),
+        ("x <= 0", -1, 2 * math.pi),
+        ("x >= 0", -1, math.pi),
+        ("x >= 0", 1, 2 * math.pi),
+        ("x = 0", 1, math.pi),
+    ],
+)
+def test_a_start_value_that_is_0_but_for_rounding_is_0(start, until, speed, end):
+    body = FREE.replace("potential: 0", "potential: x^2/2")
+    body = f"parameters: {{l: 1.1}}\n{body}"
+    begin = f'x: "{start}", x_dot: {speed}'
+    found = simulate(scene("", begin, 10, body, until=until), error_bar="never")
+    assert found.outcome == "until"
+    assert found.t[-1] == pytest.approx(end, abs=1e-10)

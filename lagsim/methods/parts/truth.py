@@ -38,8 +38,9 @@ LOCATED = 1e-7
 # multiple of its last zero tolerance, and than NEAR times its leeway.
 FAR = 1024.0
 NEAR = 4.0
-# A value has jumped to 0 if its distance from 0 is at most this part of its jump, and
-# within the error of the state, in tolerances of a step or as a part of the ranges.
+# A value has jumped to 0 if its distance from 0 is within the error of the state, and
+# the error at most this part of the jump; the error of a component, in tolerances of a
+# step or as a part of its range.
 LEAP = 2.0**-20
 ERRED = 30.0
 PLACES = 2.0**-40
@@ -336,8 +337,9 @@ def become(s: Events, rated: int) -> int:
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))
         if rated > 0 and side != 0.0 and not true:
+            error = error_of_value(s, k)
             leap = s.former[k] * side - miss
-            true = miss <= min(LEAP * leap, error_of_value(s, k))
+            true = miss <= error and LEAP * leap > error
         s.marked[k] = 0.0
         if true and side != 0.0:
             s.marked[k] = 1.0

@@ -39,6 +39,17 @@ def wait(arc: Arc) -> bool:
     return truth.run("wait", *truth.tolerances) > 0
 
 
+def rounding_of_start(arc: Arc) -> Floats:
+    """Return twice the change (C,) of the conditions by the rounding of the start.
+
+    That is the rounding of the expressions that state the start values.
+    """
+    errors = {x.name: x.error for x in arc.equations.model.initial}
+    moved = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
+    slopes = arc.state.condition_slopes[len(arc.state.worth) :]
+    return np.asarray(2.0 * np.abs(slopes.reshape(-1, len(moved))) @ moved)
+
+
 class Truth:
     """Truth of the conditions just before and just after an instant.
 
@@ -69,11 +80,13 @@ class Truth:
     def begin(self) -> None:
         """Store the truth of all conditions at the start of the run.
 
-        A condition that is true there to rounding is true; one whose value is 0 and
-        falls is false from then on.
+        A condition that is true there to rounding is true, also to the rounding of the
+        expressions that state the start; one whose value is 0 and falls is false from
+        then on.
         """
         state, equation = self.state, self.state.equation > 0.0
         self.run("look", -1, *self.tolerances)
+        np.maximum(state.zero, rounding_of_start(self.arc), out=state.zero)
         values, zero, fixed = state.worth, state.zero, np.isinf(state.leeway)
         off = (np.abs(values) > zero) & ((values < 0.0) | equation) & ~fixed
         state.orientation[:] = np.where(off, np.sign(values), 0.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lagsim import check, load, simulate
+from tests.support import run
 
 # A ball dropped from 5 cm onto a floor that is there for a while (g = 10).
 TRAP = """
@@ -87,3 +88,27 @@ def test_a_relation_that_guesses_satisfy_by_rounding_holds_from_the_start(
     assert found["p.2.x"][held] == pytest.approx(0.6, abs=1e-15)
     assert found["p.2.y"][held] == pytest.approx(0.0, abs=1e-15)
     assert found["p.2.y"][-1] < -0.01
+
+
+@pytest.mark.parametrize("relation", ["x >= 0", "x_dot >= 0"])
+def test_a_gap_passes_0_while_its_condition_is_false(relation):
+    """It ends no arc, however often it does; in force the constraint holds."""
+    law = "restitution: 0, " if relation == "x >= 0" else ""
+    text = f"""
+modes: {{on: 0}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: x^2/2}}
+events: {{catch: {{at: y >= 30.3, set: {{on: 1}}}}}}
+constraints: {{floor: {{relation: {relation}, {law}when: on > 0}}}}
+initial: {{x: 1, y: 0, y_dot: 1}}
+simulation: {{duration: 40, output_step: 0.5}}
+"""
+    found = run(text, error_bar="never").trajectory
+    # x = cos(t) is 0 ten times before; at 30.3 it rises to 1 at 10 pi, where a ratchet
+    # holds it, and falls onto the floor.
+    assert found.statistics.arcs < 6
+    x = simulate(text, error_bar="never")
+    before = x.t < 30
+    assert x["x"][before] == pytest.approx(np.cos(x.t[before]), abs=1e-9)
+    end = 0.0 if relation == "x >= 0" else 1.0
+    assert x["x"][-1] == pytest.approx(end, abs=1e-9)
