@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 import numpy as np
 
 from lagsim.errors import InputError, Place, Problem, unusable
-from lagsim.methods import WIDTH, options
+from lagsim.methods import WIDTH
+from lagsim.model.reader.fields import OPTIONS, SIMULATION
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Settings(TypedDict, total=False):
-    """Keys of `simulation` that are options of `simulate` and `sweep`."""
+    """Keys of `simulation` in `OPTIONS` that are no options of methods, with types."""
 
     duration: float | str | None
     output_step: float | str | None
@@ -92,36 +93,24 @@ def _renamed(problem: Problem) -> Problem:
 def with_settings(function: F) -> F:
     """Decorate a function with the settings that its `**options` accepts.
 
-    The signature and the docstring then list them. The options of methods come from
-    the tables in `lagsim/methods`.
+    The signature and the docstring then list the options with their descriptions in
+    the schema of the model file. The docstring lists `error_bar` as the first keyword.
     """
     own = inspect.signature(function)
     more = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None)
-        for name in settings()
+        for name in OPTIONS
     ]
     shown = own.replace(parameters=[*list(own.parameters.values())[:-1], *more])
     function.__signature__ = shown  # type: ignore[attr-defined]
     about = ""
-    for key, (name, x) in options().items():
-        text = f"Of the method `{name}`, {x.least:g} to {x.most:g}: {x.about}."
+    for key in OPTIONS:
+        text = SIMULATION[key]["description"]
         about += f"\n{key}\n{indent(fill(text, WIDTH - 4), '    ')}"
-    before, gain, after = inspect.cleandoc(function.__doc__ or "").partition(
-        "\nerror_bar\n"
-    )
-    function.__doc__ = before + about * bool(gain) + gain + after
+    mark = "\nerror_bar"
+    before, _, after = inspect.cleandoc(function.__doc__ or "").partition(mark)
+    function.__doc__ = before + about + mark + after
     return function
-
-
-def settings() -> list[str]:
-    """Return the names of the options of `simulate`: settings, then options of methods.
-
-    Examples
-    --------
-    >>> settings()[:4]
-    ['duration', 'output_step', 'method', 'rtol']
-    """
-    return [*Settings.__annotations__, *options()]
 
 
 def given(options: Mapping[str, Any]) -> dict[str, float | str]:
@@ -139,9 +128,8 @@ def given(options: Mapping[str, Any]) -> dict[str, float | str]:
     {'rtol': 1e-09, 'duration': '2*pi'}
     """
     found = {name: x for name, x in options.items() if x is not None}
-    known = settings()
     for name, value in found.items():
-        if name not in known:
+        if name not in OPTIONS:
             raise TypeError(f"unexpected keyword argument {name!r}")
         if name in ("method", "formulation") and not isinstance(value, str):
             raise TypeError(f"{name}={value!r:.60}: a name is expected, in quotes")

@@ -687,25 +687,6 @@ def simulate(
     model : Model, str or Path
         A model from `load`, the path of a model file, or the text of one: a string
         with a line break.
-    duration
-        The duration of the run, in the model's unit of time.
-    output_step
-        The time between two rows, by default a thousandth of the duration. The steps of
-        methods with step control do not depend on it.
-    method
-        The integrator: `"auto"`, or one of `lagsim methods`.
-    rtol
-        The relative tolerance of a step, for methods with step control.
-    atol
-        The absolute tolerance, in the unit of each coordinate; by default `rtol` times
-        the size of the motion of each coordinate.
-    step
-        The step of methods with a fixed step; `output_step` by default.
-    formulation
-        How constraints are enforced: `"auto"`, or a name in docs/model-file.md.
-    gain
-        The rate, per unit of time, at which constraint violations decay in the
-        formulation `"baumgarte"`.
     error_bar
         When the run is repeated with a smaller tolerance to estimate its error:
         `"always"`, `"never"`, or `"auto"`: if the repeat takes no more than about 2 s.

@@ -212,8 +212,8 @@ def sweep(
         constraints and events take a sixth of the time, and there is no error bar.
     jobs : int, optional
         The number of processes; by default one for each core, where that saves time.
-    error_bar, duration, ...
-        As for `simulate`; they apply to all runs.
+    error_bar
+        As for `simulate`; this and the options above apply to all runs.
 
     Returns
     -------

@@ -43,10 +43,10 @@ from lagsim.cli._shared import (
 from lagsim.codes import failure
 from lagsim.errors import Place, counted, pointed, unusable
 from lagsim.mechanics.constraints import Kind
-from lagsim.methods import names, options
+from lagsim.methods import names
 from lagsim.model.loading import text_of
-from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.model.reader import read
+from lagsim.model.reader.fields import OPTIONS, SIMULATION
 from lagsim.native.link.ahead import helped
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
@@ -78,23 +78,6 @@ if TYPE_CHECKING:
     Document = dict[str, Any]
 
 
-# The keys of `simulation` that commands take: placeholder and help.
-_HELP = {
-    "method": "M Integration method; see `lagsim methods`.",
-    "rtol": f"X Relative tolerance; default {DEFAULT_RTOL:g}.",
-    "atol": "X Absolute tolerance; default rtol times each component's scale.",
-    "step": "H Step of fixed-step methods; default the output step.",
-    "formulation": "F How constraints are satisfied: projection, elimination, "
-    "baumgarte, drift; full: without reduction of the equations.",
-    "gain": "X Gain of baumgarte, per unit of time; "
-    f"default {1 / ROWS_TO_DECAY:g}/output step.",
-    **{
-        key: f"X Of {name}, from {x.least:g} to {x.most:g}."
-        for key, (name, x) in options().items()
-    },
-    "duration": "T Duration of the run.",
-    "output_step": f"H Time between rows; default duration/{DEFAULT_ROWS}.",
-}
 ERROR_BAR: Any = typer.Option(
     ErrorBars.AUTO,
     help="Repeat the run with a smaller tolerance to estimate its error; auto: if the "
@@ -110,13 +93,13 @@ def with_settings(command: Callable[..., int]) -> Callable[..., int]:
 
     @functools.wraps(command)
     def called(**words: Any) -> int:
-        asked = {key: words.pop(key) for key in _HELP}
+        asked = {key: words.pop(key) for key in OPTIONS}
         given = {key: text for key, text in asked.items() if text is not None}
         return command(**words, options=given)
 
     settings = []
-    for key, text in _HELP.items():
-        metavar, _, about = text.partition(" ")
+    for key, metavar in OPTIONS.items():
+        about = SIMULATION[key]["description"]
         known = (lambda: ["auto", *names()]) if key == "method" else None
         option = typer.Option(metavar=metavar, help=about, autocompletion=known)
         kind = inspect.Parameter.KEYWORD_ONLY

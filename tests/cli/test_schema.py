@@ -6,9 +6,11 @@ import re
 import pytest
 import yaml
 
+from lagsim.api import Settings
 from lagsim.errors import UNSEEN as INVISIBLE
 from lagsim.language.functions import JOINING
 from lagsim.methods import options
+from lagsim.model.reader.fields import OPTIONS
 from tests.json_schema import faults
 from tests.model._files import completed
 from tests.model.test_faults import CASES
@@ -61,6 +63,12 @@ def test_the_shipped_file_names_what_is_declared_elsewhere():
     keys = sections["simulation"]["properties"].items()
     own = {k for k, form in keys if "Only for the method" in form["description"]}
     assert own == {*options()}
+
+
+def test_options_have_a_type_in_python_and_a_text_in_the_schema():
+    assert {*Settings.__annotations__, *options()} == {*OPTIONS}
+    keys = SCHEMA["properties"]["simulation"]["properties"]
+    assert all(keys[name]["description"] for name in OPTIONS)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)

@@ -404,6 +404,12 @@ SIMULATION = _keys(SECTIONS["simulation"]) | {
     }
     for key, (name, x) in options().items()
 }
+# The keys of `simulation` that are options of commands and arguments in Python, each
+# with the placeholder of its value. Their descriptions are those of the schema.
+OPTIONS = {
+    "method": "M", "rtol": "X", "atol": "X", "step": "H", "formulation": "F",
+    "gain": "X", **dict.fromkeys(options(), "X"), "duration": "T", "output_step": "H",
+}  # fmt: skip
 # Names that nothing else in a file may have; operators are none in any case.
 _REFUSED: Form = SECTIONS["definitions"]["propertyNames"]["not"]["anyOf"][0]
 RESERVED = tuple(name for name in _REFUSED["enum"] if name not in JOINING)
