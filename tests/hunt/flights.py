@@ -514,6 +514,11 @@ class Flights:
         def choose(reading, tree, point, low, high):
             if slide is None and self._jumps(tree) and tree not in self.tied:
                 self.tied.append(tree)
+            if not np.any(self._gradient(tree, reading)):
+                # Switches make it constant: its value is that of its cells.
+                if float(reading.arguments[tree][0]) == point:
+                    return 0 if tree.kind in HALVES else high
+                return self._rounded(reading, tree, point, low, high)
             if slide is not None and (c := self._along(slide, tree, reading)):
                 return high if (reading.cells is cells[1]) == (c > 0) else low
             slope = reading.arguments[tree][1]
@@ -555,13 +560,14 @@ class Flights:
         """Return the ratio of the gradients of two arguments, or 0 if not parallel."""
         if tree in slide.nodes():
             return 0.0
-        names = [x for x in reading.series if x[0] != "u" and x != "approach_speed"]
-        a, b = (
-            np.array([self._slope(x, reading, name)[0] for name in names])
-            for x in (slide, tree)
-        )
+        a, b = (self._gradient(x, reading) for x in (slide, tree))
         ratio = float(a @ b / (a @ a)) if np.any(a) else 0.0
         return ratio if np.max(np.abs(b - ratio * a)) <= NOTHING else 0.0
+
+    def _gradient(self, tree, reading):
+        """Return the derivatives of a switch's argument by all that moves."""
+        names = [x for x in reading.series if x[0] not in "ua"]
+        return np.array([self._slope(tree, reading, name)[0] for name in names])
 
     def _rests(self, arc, ties):
         """Return the switches of places whose arguments rest at a point."""
@@ -687,7 +693,10 @@ def _same(a, b):
     """Tell whether two arcs have one motion, in the same cells or not."""
     if a.law_modes != b.law_modes:
         return False
-    both = [[*x.accelerations, *x.multipliers] for x in (a, b)]
+    both = [
+        [*x.accelerations, *x.multipliers, *(x.series[z] for z in sorted(x.series))]
+        for x in (a, b)
+    ]
     return all(np.max(np.abs(x - y)) <= NOTHING for x, y in zip(*both, strict=True))
 
 

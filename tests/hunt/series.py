@@ -27,7 +27,7 @@ def constant(value):
 
 
 def times(a, b):
-    return np.convolve(a, b)[: ORDER + 1]
+    return np.correlate(a, b[::-1], "full")[: ORDER + 1]
 
 
 def over(a, b):

@@ -285,9 +285,10 @@ class Reading:
 
     def value(self, tree):
         """Return the series of a tree; of a condition, True or False."""
-        if tree not in self.known:
-            self.known[tree] = getattr(self, f"_{NAMES.get(tree.kind, 'switch')}")(tree)
-        return self.known[tree]
+        found = self.known.get(tree)
+        if found is None:
+            found = self.known[tree] = METHODS[tree.kind](self, tree)
+        return found
 
     def slope(self, tree, by):
         """Return the series of the derivative of a tree by a variable, cells fixed."""
@@ -302,6 +303,8 @@ class Reading:
             return constant(float(tree.data == by))
         if kind == "if":
             return self.slope(args[1] if self.value(args[0]) else args[2], by)
+        if kind == "*" and args[0].kind == "const":
+            return args[0].data * self.slope(args[1], by)
         self.value(tree)
         if kind in ("const", "sign", "heaviside", "floor"):
             return constant(0.0)
@@ -340,6 +343,8 @@ class Reading:
         return self.value(tree.args[0]) + self.value(tree.args[1])
 
     def _product(self, tree):
+        if tree.args[0].kind == "const":
+            return tree.args[0].data * self.value(tree.args[1])
         return times(self.value(tree.args[0]), self.value(tree.args[1]))
 
     def _circle(self, tree):
@@ -405,7 +410,8 @@ def values(reading, tree):
     return [reading.value(x) for x in tree.args]
 
 
-NAMES = {
-    "var": "var", "const": "const", "+": "plus", "*": "product", "sin": "sine",
-    "cos": "cosine", "if": "if", "and": "and", "or": "or", "not": "not",
+METHODS = dict.fromkeys(KINDS, Reading._switch) | {
+    "var": Reading._var, "const": Reading._const, "+": Reading._plus,
+    "*": Reading._product, "sin": Reading._sine, "cos": Reading._cosine,
+    "if": Reading._if, "and": Reading._and, "or": Reading._or, "not": Reading._not,
 }  # fmt: skip
