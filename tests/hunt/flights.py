@@ -476,9 +476,12 @@ class Flights:
                 found = [found[way % len(found)]]
             for arc in found:
                 arc.held = True
-        if len(found) != 1:
-            raise UndecidedError(f"{len(found)} ways on at {t}")
-        return self.observed(found[0])
+        if not found:
+            raise UndecidedError(f"no way on at {t}")
+        way = 0
+        if len(found) > 1:
+            way = self.fork(("ways", t), len(found), f"{len(found)} ways on at {t}")
+        return self.observed(found[way])
 
     def _ways(self, t, y, modes, *, loose):
         found = self._candidates(t, y, modes, None, loose=loose)
