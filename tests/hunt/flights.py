@@ -625,7 +625,9 @@ class Flights:
         if mode == "closed":
             return first_sign(p) >= 0
         if mode == "open" and law.touches(r):
-            return law.rate(r)[0] > TIE or first_sign(law.gap(r)) > 0
+            gap = law.gap(r)
+            gap[:2] = np.where(np.abs(gap[:2]) <= TIE, 0.0, gap[:2])
+            return gap[1] > 0.0 or first_sign(gap) > 0
         return True
 
     # What ends an arc

@@ -96,8 +96,10 @@ def radius(series):
     return h
 
 
-def first_root(x, h):
+def first_root(x, h, grazes=GRAZES):
     """Return the first root of a series in (0, h], or None.
+
+    grazes : the least distance to 0 without a root
 
     Raises
     ------
@@ -105,12 +107,12 @@ def first_root(x, h):
         It comes so near to 0 without a root that rounding decides.
     """
     c = _cut(x * h ** np.arange(len(x)), 1e-18)
-    if len(c) < 2 or abs(c[0]) > np.sum(np.abs(c[1:])) * (1 + 1e-9) + GRAZES:
+    if len(c) < 2 or abs(c[0]) > np.sum(np.abs(c[1:])) * (1 + 1e-9) + grazes:
         return None
     ends = [0.0, *sorted(_roots(c[1:] * np.arange(1, len(c)))), 1.0]
     values = [float(np.polyval(c[::-1], s)) for s in ends]
     for k, (a, b) in enumerate(itertools.pairwise(values)):
-        if k + 2 < len(ends) and abs(b) < GRAZES:
+        if k + 2 < len(ends) and abs(b) < grazes:
             raise UndecidedError("it grazes")
         if (a > 0) != (b > 0) and a != 0.0:
             p = c[::-1]
