@@ -46,10 +46,10 @@ def heeded_signals():
         signal.signal(kind, handler)
 
 
-# Of a test with this many cases or more every eighth is quick, others with each commit;
+# Of a test with this many cases or more every tenth is quick, others with each commit;
 # the rest waits for the slow suite.
 MANY_CASES = 4
-QUICK_ONE_IN = 8
+QUICK_ONE_IN = 10
 # Not where a case takes a millisecond, and not the goldens: all of these are quick. A
 # shipped model takes longer.
 ALL_CASES = tuple(

@@ -29,7 +29,7 @@ def check(seed, **options):
         assert states == pytest.approx(rows, abs=30.0 * near), about
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_sections_of_flights(seed):
     check(seed)
 

@@ -119,6 +119,7 @@ def test_rows_equal_native_ones_in_all_bits(name, method):
     assert same(rows, native)
 
 
+@pytest.mark.slow
 def test_every_function_and_a_condition_that_ends_the_run():
     module, native = made(FUNCTIONS)
     rows, code = by_wasmtime(module)

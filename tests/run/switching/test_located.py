@@ -40,7 +40,7 @@ FIXED = {
     "rk4": (4, 3), "verlet": (2, 2),
 }  # fmt: skip
 # Linear only, or adaptive, or goes over switches.
-NOT_HERE = {"exponential", "dop853", "radau", "taylor", "moreau"}
+NOT_HERE = {"exponential", "dop853", "dopri5", "radau", "taylor", "moreau"}
 
 
 def test_each_method_is_tried():

@@ -272,6 +272,7 @@ def test_friction_at_its_bound_that_turns_and_falls_holds():
 LEGS = np.array([[0.5, 0.4], [-0.5, 0.3], [0.1, -0.6]])
 
 
+@pytest.mark.slow
 def test_a_table_slips_when_no_sharing_of_its_friction_holds_it():
     """When it slips is limit analysis: the least work of friction over all slips.
 
