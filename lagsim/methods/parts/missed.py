@@ -34,7 +34,13 @@ from lagsim.methods.parts.state import (
     signals,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, TERM_ROUNDOFF, TINY, VALUE_ROUNDOFF
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    OVERFLOW,
+    TERM_ROUNDOFF,
+    TINY,
+    VALUE_ROUNDOFF,
+)
 
 # Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
 # or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
@@ -418,6 +424,23 @@ def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
         signals(s.step_t + x * s.step_h, z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
     return variation(s, k) <= most
+
+
+def is_zero(s: Table, p: Parameters, k: int, x: float) -> bool:
+    """Whether signal k is 0 on a stretch except for roundoff; x is the end of it.
+
+    Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
+    """
+    z = s.point
+    now = s.values[events(s) :]
+    most = 0.0
+    for way in range(2):
+        interpolate(s, p, x, z)
+        move_aside(s.size, z, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, way, z)
+        signals(s.step_t + x * s.step_h, z, p, now)
+        most = max(most, float(abs(s.values[k] - s.ends[k])))
+    largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
+    return largest <= CLEAR_OF_ROUNDING * most
 
 
 def is_beyond(s: Table, p: Parameters, x: float) -> bool:

@@ -305,8 +305,18 @@ def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
     for k in range(events(s), events(s) + s.signals):
         if s.kinds[k - events(s)] != missed.FALLING:
             continue
+        a, m, b = s.starts[k], s.middles[k], s.ends[k]
         error = max(missed.off(s, k, width), missed.turned(s, k, width))
-        if width >= FINEST and error > missed.KNOWN * missed.variation(s, k):
+        # An argument far from 0 keeps its sign, whatever rounding leaves of a constant.
+        enough = max(
+            missed.KNOWN * missed.variation(s, k),
+            CLEAR * max(min(a, m, b), -max(a, m, b)),
+        )
+        doubtful = width >= FINEST and error > enough
+        one_sided = min(a, m, b) > 0.0 or max(a, m, b) < 0.0
+        if (doubtful or not one_sided) and missed.is_zero(s, p, k, x):
+            continue
+        if doubtful:
             return low + 0.5 * width
         past = falls_at(s, p, k, low, x) + AT_END * width
         if AT_END * width < past - low < (1.0 - AT_END) * width:
