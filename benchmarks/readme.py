@@ -20,8 +20,8 @@ TABLE = """\
 {}
 """
 TEXT = (
-    "lagsim from energies, and the others from equations that are given, take about "
-    "the same time. The ratio of the best other's time to lagsim's is {tight} in this "
+    "lagsim, from energies, and the others, from given equations, are about equally "
+    "fast. The ratio of the best other's time to lagsim's is {tight} in this "
     "table, and {loose} at an error of 1e-8. lagsim's times include every row with all "
     "columns, projected onto the constraints. The others give states only; they "
     "neither derive equations nor handle contacts. This was measured on an {rivals} "
