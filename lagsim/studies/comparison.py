@@ -58,10 +58,9 @@ def within(t: Floats, pairs: Floats) -> Flags:
     >>> within(np.array([0.0, 1.0, 2.0]), np.array([[1.5, 0.5]]))
     array([False,  True, False])
     """
-    found = np.zeros(len(t), bool)
-    for pair in pairs:
-        found |= (np.min(pair) <= t) & (t <= np.max(pair))
-    return found
+    low, high = np.sort(np.min(pairs, axis=1)), np.sort(np.max(pairs, axis=1))
+    begun = np.searchsorted(low, t, side="right")
+    return np.asarray(begun > np.searchsorted(high, t))
 
 
 def on_grid(rows: Floats, settings: Settings) -> Floats:

@@ -30,6 +30,8 @@ from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import stated_units
+from lagsim.run.error import could_push
+from lagsim.studies.alarms import HIGHER
 from lagsim.studies.comparison import (
     Deviation,
     Pair,
@@ -203,6 +205,8 @@ def _measured(case: Case, base: Motion, stride: int, compiled: Compiled) -> Gold
         largest = functools.reduce(np.fmax, differences, np.zeros_like(rows))
     floors = _floors(case, base, rows)
     sizes = scales(base.columns, rows.T, stated_units(case.equations))
+    rest = _rest(case, base, rows)
+    floors, sizes = floors + rest.rounding, np.maximum(sizes, rest.sizes)
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
     apart = floors + SAFETY * largest
@@ -298,6 +302,43 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     floors = floors + _roundings(case, base, rows)
     floors[at_impacts(rows[:, 0]), 0] = when  # of an impact that is a result
     return np.asarray(floors)
+
+
+class _Rest(NamedTuple):
+    """Sizes and errors by rounding of columns (columns,) of coordinates at rest.
+
+    Both are 0 of other columns.
+    """
+
+    sizes: Floats
+    rounding: Floats
+
+
+def _rest(case: Case, base: Motion, rows: Floats) -> _Rest:
+    """Return the motion of coordinates at rest by each force alone, and its rounding.
+
+    A coordinate rests if it moves no farther than the rounding of its forces moves it.
+    The range of such a motion is no scale of it.
+    """
+    e, n = case.equations, len(case.equations.q)
+    sizes, rounding = np.zeros((2, rows.shape[1]))
+    columns = [base.columns.index(name) for name in ("t", *e.state)]
+    names = [FORCE.of(q) for q in e.q]
+    forces = [base.columns.index(x) for x in names if x in base.columns]
+    held = np.max(np.abs(rows[:, forces]), axis=0) if forces else None
+    motion, span = rows[:, columns], float(np.ptp(rows[:, 0]))
+    if not span > 0.0:
+        return _Rest(sizes, rounding)
+    found = could_push(e, motion, range(n), span, held)
+    rests = np.ptp(motion[:, 1 : 1 + n], axis=0) <= HIGHER * found.moved
+    reach, moved = np.where(rests, (found.reach, found.moved), 0.0)
+    sizes[columns[1 : 1 + n]], rounding[columns[1 : 1 + n]] = reach, moved
+    speeds = columns[1 + n : 1 + 2 * n]
+    sizes[speeds], rounding[speeds] = reach / span, moved / case.settings.output_step
+    for k, name in enumerate(base.columns):
+        if kind(name, base.columns) == "energy":
+            rounding[k] = float(moved @ found.forces)
+    return _Rest(sizes, rounding)
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:

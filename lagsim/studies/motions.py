@@ -27,6 +27,8 @@ from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
@@ -264,10 +266,10 @@ def kept_rows(
         theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
         common = partners(common, theirs)[:, 0]
     reach = np.maximum(late, NEAR_EVENT * spacing)
-    apart = np.abs(t[:, None] - times)
     kept = ~at_impacts(t)
-    near = (apart > SAME_STEP * spacing) & (apart <= ALONE * reach)
-    alone = before_impacts(t) & np.isin(t, common) & ~np.any(near, axis=1)
+    same = np.full(len(times), SAME_STEP * spacing)
+    crowd = _count_within(t, times, ALONE * reach) - _count_within(t, times, same)
+    alone = before_impacts(t) & np.isin(t, common) & (crowd == 0)
     on_grid = alone & (numbers(t, settings.start, spacing) >= 0)
     first = np.flatnonzero(alone & ~on_grid)
     some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
@@ -275,13 +277,52 @@ def kept_rows(
         kept[k : k + 2] = True
     kept[[0, -1]] = True
     rows = np.flatnonzero(kept)
-    beside = []
-    for place, k in enumerate(rows.tolist()):
-        if not at_impacts(t)[k]:
-            close = np.flatnonzero(apart[k] <= reach)
-            close = close[np.argsort(apart[k, close])][:MOST_NEAR]
-            beside += [(place, float(times[i]), float(late[i])) for i in close]
-    return Near(rows.tolist(), beside)
+    own = np.flatnonzero(kept & ~at_impacts(t))
+    near, close = pairs_within(t[own], times, reach)
+    near = own[near]
+    order = np.lexsort((np.abs(t[near] - times[close]), near))
+    near, close = near[order], close[order]
+    rank = np.arange(len(near)) - np.searchsorted(near, near)
+    near, close = near[rank < MOST_NEAR], close[rank < MOST_NEAR]
+    places = np.searchsorted(rows, near).tolist()
+    events_near = zip(places, times[close].tolist(), late[close].tolist(), strict=True)
+    return Near(rows.tolist(), [*events_near])
+
+
+def _count_within(t: Floats, times: Floats, reach: Floats) -> NDArray[np.intp]:
+    """Return the number of events near each row (k,), by `pairs_within`."""
+    first = np.searchsorted(t, times - reach)
+    after = np.searchsorted(t, times + reach, side="right")
+    size = len(t) + 1
+    steps = np.bincount(first, minlength=size) - np.bincount(after, minlength=size)
+    return np.asarray(np.cumsum(steps)[: len(t)])
+
+
+def pairs_within(
+    t: Floats, times: Floats, reach: Floats
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the pairs of a row and an event that is near: indices of both, shape (p,).
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,)
+        Times of the rows, which do not decrease.
+    times, reach : ndarray, shape (e,)
+        Times of the events, and the largest distances at which a row is near.
+
+    Examples
+    --------
+    >>> rows, events = pairs_within(
+    ...     np.array([0.0, 1.0, 2.0]), np.array([0.9, 2.5]), np.array([0.2, 2.0])
+    ... )
+    >>> rows.tolist(), events.tolist()
+    ([1, 1, 2], [0, 1, 1])
+    """
+    first = np.searchsorted(t, times - reach)
+    counts = np.searchsorted(t, times + reach, side="right") - first
+    events = np.repeat(np.arange(len(times)), counts)
+    within = np.arange(len(events)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return first[events] + within, events
 
 
 def jumps(case: Case, base: Motion, near: Near, compiled: Compiled) -> Floats:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import orjson
@@ -16,6 +17,7 @@ from lagsim.studies.motions import (
     _asked,
     at_impacts,
     before_impacts,
+    kept_rows,
     motion_of,
     perturbed,
 )
@@ -408,3 +410,76 @@ def test_twins():
     assert at_impacts(t).tolist() == [k in (1, 2, 7, 8) for k in range(9)]
     for short in ([], [1.0]):
         assert not at_impacts(np.array(short)).any()
+
+
+# At rest: in stable balance of a double pendulum, of masses on springs, in a corner.
+RESTS = {
+    "pendulum": """
+coordinates: {a: {}, b: {}}
+energy:
+  kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
+  potential: -9.81*(2*cos(a) + cos(b)) - p*a - b
+initial: {a: {guess: 0.1}, b: {guess: 0.1}}
+simulation: {duration: 20, output_step: 0.2, begin: rest}
+""",
+    "springs": """
+coordinates: {x(1..3): {}, y(1..3): {}}
+energy:
+  kinetic: sum(i = 1..3, x_dot(i)^2 + y_dot(i)^2)/2
+  potential: 9.81*sum(i = 1..3, y(i)) - 3*p*x(3) + 500*(hypot(x(1), y(1)) - 0.3)^2 +
+    sum(i = 2..3, 500*(hypot(x(i) - x(i-1), y(i) - y(i-1)) - 0.3)^2)
+initial: {x(i = 1..3): {guess: 0.2*i}, y(i = 1..3): {guess: -0.3*i}}
+simulation: {duration: 10, output_step: 0.1, begin: rest}
+""",
+    "corner": """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y*p}
+constraints: {wire: y = 0.5*abs(x)}
+initial: {x: 0, y: 0}
+simulation: {duration: 5, output_step: 0.05}
+""",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RESTS)
+def test_rows_of_a_motion_at_rest_are_kept(name):
+    """What rounding leaves of a balance is no motion that could be lost."""
+
+    def opened(p):
+        return open_case(read(f"parameters: {{p: {p}}}\n{RESTS[name]}", "rest.yaml"))
+
+    case = opened(1)
+    golden, _ = measure(case)
+    assert golden.horizon is None
+    assert len(golden.rows) >= 50
+    assert judge(case, run(case, golden), golden).passed
+    # Another balance differs, also by a little.
+    other = opened(1 + 1e-6)
+    assert not judge(other, run(other, golden), golden).passed
+
+
+def test_rows_beside_twenty_thousand_impacts_are_found():
+    """As a matrix, distances of rows from impacts would take gigabytes."""
+    impacts = np.linspace(0.0005, 19.9995, 20_000)
+    t = np.sort(np.concatenate([np.arange(0, 20.05, 0.1), impacts, impacts]))
+    events = [Event(float(x), "impact", "floor") for x in impacts]
+
+    def motion(by):
+        trial = SimpleNamespace(events=[replace_time(e, e.time + by) for e in events])
+        return SimpleNamespace(rows=t[:, None] + by, trial=trial)
+
+    def replace_time(event, time):
+        return Event(time, event.kind, event.constraint)
+
+    settings = SimpleNamespace(output_step=0.1, start=0.0)
+    near = kept_rows(motion(0.0), [motion(1e-6)], settings)
+    # Each row has an impact on either side, at half of the distance of two.
+    grid = [k for k in near.rows if abs(round(10 * t[k]) - 10 * t[k]) < 1e-9]
+    assert len(grid) >= 201
+    assert not near.events
+    near = kept_rows(motion(0.0), [motion(6e-5)], settings)
+    assert {place for place, *_ in near.events} >= {*range(2, 199)}
+    for place, time, late in near.events:
+        assert abs(time - t[near.rows[place]]) == pytest.approx(5e-4, rel=1e-6)
+        assert late == pytest.approx(6e-4, rel=1e-9)
