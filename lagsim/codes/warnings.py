@@ -106,6 +106,11 @@ ROWS = (
         "for it",
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
         _RUN),
+    warning("W207", "retired",
+        "The method or formulation of an earlier version is named: `auto` takes its "
+        "place.",
+        "leave the key or the option out",
+        "simulation: {duration: 1, method: exponential}\n", _RUN),
     warning("W301", "horizon",
         "After this time the estimated error exceeds 0.1 of a coordinate's range.",
         "end the run there, or use averages and bounds, which remain reliable in "

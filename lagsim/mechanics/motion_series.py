@@ -1,13 +1,9 @@
-"""Taylor series of the motion, and exact matrices of linear scenes.
-
-Both are made of equations that are solved symbolically, on the expression graph.
-"""
+"""Taylor series of the motion, of equations solved symbolically on the graph."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient
 from lagsim.language.forms import normal_form
 from lagsim.language.graph import memoized
 from lagsim.language.series import ORDERS, Recurrence, recurrence, taylor_series
@@ -148,53 +144,3 @@ def _shorter(
         return body + 10.0 * products
 
     return min(forms, key=operations)
-
-
-Entry = tuple[int, int, int]  # row, column, node
-
-
-def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
-    """Return A of z' = A z and P of each power = z^T P z, where z = (q, q', 1).
-
-    The nodes of each matrix are the count of its nonzero entries, then row i, column j
-    and value of each nonzero entry. For scenes whose `Structure` is linear and
-    time-invariant.
-    """
-    g = equations.graph
-    state = [g.variable(name) for name in equations.state]
-    rates = motion_rates(equations, elimination)
-    size = len(state)
-    A = [
-        (i, j, node)
-        for i, rate in enumerate(rates[:size])
-        for j, node in enumerate(_affine(equations, rate, state))
-    ]
-    written = _written(equations, A)
-    for power in rates[size:]:
-        slopes = gradient(g, power, state)
-        at_rest = g.substitute([power, *slopes], dict.fromkeys(state, g.zero))
-        half = g.constant(0.5)
-        P = [(size, size, at_rest[0])]
-        for i, slope in enumerate(slopes):
-            *row, _ = _affine(equations, slope, state)
-            P += [(i, j, g.call("mul", half, node)) for j, node in enumerate(row)]
-            linear = g.call("mul", half, at_rest[1 + i])
-            P += [(i, size, linear), (size, i, linear)]
-        written += _written(equations, P)
-    return written
-
-
-def _affine(equations: Equations, node: int, state: Sequence[int]) -> list[int]:
-    """Return the slopes of an affine expression, and its value at zero."""
-    g = equations.graph
-    at_zero = g.substitute([node], dict.fromkeys(state, g.zero))
-    return [*gradient(g, node, state), *at_zero]
-
-
-def _written(equations: Equations, entries: Sequence[Entry]) -> list[int]:
-    g = equations.graph
-    full = [entry for entry in entries if entry[2] != g.zero]
-    written = [g.constant(len(full))]
-    for i, j, node in full:
-        written += [g.constant(i), g.constant(j), node]
-    return written

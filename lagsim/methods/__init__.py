@@ -148,6 +148,8 @@ def page(name: str) -> str:
     return "\n\n".join(parts)
 
 
+# Methods of earlier versions: a file or a command that names one gets `auto`.
+RETIRED = ("exponential",)
 # Equivalent methods of other programs, in small letters, by method.
 _ELSEWHERE = {
     "dop853": "dopri8 dop ode78 ode89 ode113 lsoda adams",
@@ -177,6 +179,9 @@ def method_problems(
     known = [*(["auto"] if auto else []), *names()]
     if asked in known:
         return []
+    if asked in RETIRED:
+        text = f"the method `{asked}` is retired"
+        return [Problem("unknown-method", text, place, "`auto` chooses another one")]
     import re
     from difflib import get_close_matches
 

@@ -51,6 +51,9 @@ class Settings(NamedTuple):
         Spacing of the rows in time.
     rest : bool
         Whether the start values marked as guesses are solved for a state at rest.
+    retired : tuple of (str, str)
+        Keys and names of a retired method or formulation, in place of which `auto` is
+        set.
     step : float or None
         Step of fixed-step methods.
     gain : float or None
@@ -75,6 +78,7 @@ class Settings(NamedTuple):
     formulation_place: Place | None = None
     moments: tuple[float, ...] = ()
     rest: bool = False
+    retired: tuple[tuple[str, str], ...] = ()
 
     @property
     def duration(self) -> float:

@@ -264,10 +264,7 @@ def _lengths(point: Point) -> Floats:
 
 
 # Needs of a method that are derived from y' as nodes of the graph.
-STRAIGHT_ONLY = frozenset(("series", "linear"))
-# The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
-# 120 nine times as much.
-MOST_STATES = 50
+STRAIGHT_ONLY = frozenset(("series",))
 # With more operations of y' that depend on the state no series pays, and none is tried:
 # the coefficients of an order exceed the processor's first-level cache.
 MOST_MOVING = 1500
@@ -321,9 +318,7 @@ def choose(
     """
     if settings.method == "auto":
         plain = solved is not None and not switching and not equations.quadratures
-        chosen = _automatic(
-            equations, scene, solved if plain else None, settings.tolerance
-        )
+        chosen = _automatic(equations, solved if plain else None, settings.tolerance)
         choices.append(chosen)
         return chosen.choice.removeprefix("method: ")
     name = _asked(equations, scene, settings, choices)
@@ -332,14 +327,8 @@ def choose(
     return name
 
 
-def _automatic(
-    equations: Equations, scene: Structure, solved: Elimination | None, rtol: float
-) -> Choice:
+def _automatic(equations: Equations, solved: Elimination | None, rtol: float) -> Choice:
     if solved is not None:
-        is_constant = scene.linear and scene.autonomous  # y' = J y + c
-        if is_constant and len(equations.state) <= MOST_STATES:
-            reason = "linear equations, and constant in time"
-            return Choice("method: exponential", reason)
         curved = any(t.interpolation != "linear" for t in equations.model.tables)
         gain = 0.0 if curved else _gain(equations, solved, rtol)
         if gain >= PAYS:
@@ -462,8 +451,6 @@ def _check_straight(
     text = "its equations are solved by loops, not by straight-line code"
     hint = "`--method dop853` handles it"
     if elimination is not None:
-        if "series" not in method(name).NEEDS:
-            return
         cost = series_cost(equations, elimination, settings.tolerance)
         operations = cost.operations
         if operations <= MOST_OPERATIONS:

@@ -31,7 +31,7 @@ from lagsim.mechanics.equations import (
     reactions,
 )
 from lagsim.mechanics.ldl import without_rows
-from lagsim.mechanics.motion_series import linear_form, motion_rates
+from lagsim.mechanics.motion_series import motion_rates
 from lagsim.mechanics.pieces import MARK, whole
 from lagsim.mechanics.reduction import with_lengths
 from lagsim.methods.parts.control import scattered
@@ -816,16 +816,9 @@ def _lagrangian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     }
 
 
-def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Return the matrices of a linear scene."""
-    assert plan.elimination is not None
-    return {"linear": linear_form(equations, plan.elimination)}
-
-
 NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     "jacobian": _jacobian,
     "lagrangian": _lagrangian,
-    "linear": _linear,
     # The rates of works by themselves, for scenes without constraints.
     "power": lambda e, plan: {"power": _powers(e, plan)},
 }

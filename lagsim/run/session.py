@@ -11,10 +11,11 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.notes import Caution
 from lagsim.run.interrupt import MOST_STEPS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.admissibility.examination import Start, StartReport
     from lagsim.mechanics.equations import Equations, Instant
@@ -320,7 +321,14 @@ def begun(
     if begun is not equations:
         equations = begun
         report = examine(begun, time, rest=rest, classify=classify)
-    return equations, report
+    return equations, report._replace(warnings=(*report.warnings, *_retired(settings)))
+
+
+def _retired(settings: Settings) -> Iterator[Caution]:
+    for key, name in settings.retired:
+        place = settings.method_place if key == "method" else settings.formulation_place
+        text = f"the {key} `{name}` is retired: `auto` takes its place"
+        yield Caution("retired", text, place)
 
 
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:

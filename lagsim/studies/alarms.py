@@ -466,11 +466,11 @@ HIGHER = 16.0
 def _drift(run: Evidence) -> str:
     """Return the text on an energy drift beyond the tolerance, or "".
 
-    Only methods with step control, and exact methods, are considered. A drift of more
-    than `UNEXPLAINED` is left to `about_energy`.
+    Only methods with step control are considered. A drift of more than `UNEXPLAINED` is
+    left to `about_energy`.
     """
     equations, plan = run.equations, run.plan
-    if plan.rtol is None and math.isfinite(method(plan.method).ORDER):
+    if plan.rtol is None:
         return ""
     least = max(ENERGY_DRIFT, MANY * (plan.rtol or 0.0))
     for balance in sorted(run.balances, key=lambda x: x.part, reverse=True):
@@ -804,8 +804,11 @@ def up_to(session: Session, time: float) -> Session:
 def audit(run: Evidence) -> Finding | None:
     """Return the finding against a complete run, or None."""
     plan = run.plan
-    judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
-    if not judged or not run.trajectory.outcome.complete or plan.formulation in LOOSE:
+    if (
+        plan.rtol is None
+        or not run.trajectory.outcome.complete
+        or plan.formulation in LOOSE
+    ):
         return None
     found = _unsatisfied(run)
     for balance in run.balances:
@@ -879,7 +882,6 @@ def _another_motion(run: Evidence) -> Finding | None:
     return Finding(text, float(bar.times[np.argmax(lost > most)]), refutes=False)
 
 
-EXACT = "exponential"
 # Least mean step of a run whose steps resolve the motion, times the fastest rate of the
 # rows (a series has 0.5 to 1.5). Shorter steps are limited by stability.
 FOLLOWS = 0.05
@@ -905,8 +907,8 @@ def _about_steps(run: Evidence) -> list[Caution]:
     steps = trajectory.statistics.steps
     chosen = plan.step is None and plan.formulation != "baumgarte"
     module = method(plan.method)
-    # Pairs detect steps at the bound themselves, and `exponential` is exact.
-    if not steps or (chosen and (hasattr(module, "PAIR") or module.NAME == EXACT)):
+    # Explicit pairs detect steps at the bound themselves.
+    if not steps or (chosen and hasattr(module, "PAIR")):
         return []
     if chosen and math.isfinite(module.IMAGINARY_LIMIT):
         h = (trajectory.end - trajectory.start) / steps

@@ -227,8 +227,6 @@ AGREED = 1e-8
 # (at order 1) and the whole error. If it is less than this part of another estimate,
 # that estimate is too large.
 LESS = 0.3
-# A method whose steps are exact, whatever their length.
-EXACT = "exponential"
 # The longest step of a repeat relative to the output step (no ratio of small whole
 # numbers, so that steps end elsewhere in each row), and to the steps of the run.
 WITHIN = 0.75**0.5
@@ -335,14 +333,6 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
 
     mean = span / max(trajectory.statistics.steps, 1)
     within = WITHIN * settings.output_step
-    if plan.rtol is None and plan.method == EXACT:
-        yield Repeat(
-            way(replace(plan, method=ANY, rtol=TIGHTEST_RTOL, step=None), within)
-        )
-        assert plan.step is not None
-        others = replace(plan, step=GOLDEN * plan.step)
-        yield Repeat(session._replace(plan=others, longest_step=within), 1.0)
-        return
     if plan.rtol is None:
         free = session.case.asking(
             method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
@@ -682,7 +672,7 @@ class Attempts:
         difference to shorter steps of the method of the run is the better estimate.
         """
         plan = run.session.plan
-        fixed = plan.rtol is None and plan.method not in (EXACT, bar.method)
+        fixed = plan.rtol is None and plan.method != bar.method
         if not fixed or bar.parted or bar.relative > AGREED:
             return bar
         assert plan.step is not None

@@ -1,5 +1,7 @@
 """`lagsim methods`."""
 
+from pathlib import Path
+
 import pytest
 
 from lagsim.methods import names
@@ -36,3 +38,16 @@ def test_the_page_on_one_names_its_source(lagsim, name):
     assert "order " in called.out
     assert max(map(len, called.out.splitlines())) <= 88
     assert [m["name"] for m in lagsim("methods", name, "--json").json] == [name]
+
+
+def test_a_run_by_a_retired_method_takes_another_one(lagsim):
+    Path("model.yaml").write_text(
+        "coordinates: {x: {}}\n"
+        "energy: {kinetic: x_dot^2/2, potential: x^2/2}\n"
+        "initial: {x: 1}\nsimulation: {duration: 1}\n"
+    )
+    options = ("--method", "exponential", "--no-plots", "--json")
+    record = lagsim("run", "model.yaml", *options, code=0).json
+    assert [x["code"] for x in record["warnings"]] == ["retired"]
+    assert record["method"] in names()
+    assert "is retired" in lagsim("methods", "exponential", code=2).err

@@ -172,8 +172,6 @@ REFUSED = [
     ("rattle", BLADE, "`dop853` projects"),
     ("midpoint", HELD, "`rattle`"),
     ("gauss4", BLADE, "`dop853` projects"),
-    ("exponential", DRAG, "not linear"),
-    ("exponential", f"{oscillator()}forces: {{x: cos(t)}}\n", "depend on time"),
 ]
 
 

@@ -132,11 +132,6 @@ def coupled(count, potential, **options):
     )
 
 
-def test_linear_equations_are_solved_exactly_up_to_fifty_states():
-    assert coupled(25, "^2").method == "exponential"
-    assert coupled(26, "^2").method != "exponential"
-
-
 def test_ten_thousand_slopes_are_not_compiled():
     # Of y' = (v, a(q)) by q and v, 2 n^2 for Newton's method.
     told = [coupled(n, "^4", method="radau").tape for n in (70, 71)]

@@ -450,7 +450,7 @@ events: {sample: {every: 0.25, set: {u: 1 - x_dot}}}
 @pytest.mark.parametrize("name", names())
 def test_every_method_samples_at_the_same_times(name):
     step, far = {"euler": (1e-4, 2e-3), "moreau": (1e-4, 2e-3)}.get(name, (0.002, 1e-5))
-    far = 1e-9 if method(name).ADAPTIVE or name == "exponential" else far
+    far = 1e-9 if method(name).ADAPTIVE else far
     text = scene(SAMPLED, "x: 1", method=name, step=step, output_step=0.05)
     if (found := simulated(text)) is None:
         assert not method(name).ADAPTIVE

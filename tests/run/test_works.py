@@ -16,15 +16,13 @@ FORCES = {
     "of time": {"x": "0.3*sin(2*t)", "z": "1e4*cos(t)"},
     "of velocity": {"x": "-0.1*x_dot", "z": "-1e4*z_dot"},
 }
-# What refuses forces of velocities, or whatever is not linear.
+# Methods that refuse forces of velocities.
 FIXED_BY_TIME = ("verlet", "kahan-li6", "kahan-li8", "rattle")
 
 
-def scene(coordinates, forces, linear):
+def scene(coordinates, forces):
     chosen = [PARTS[q] for q in coordinates]
     potential = " + ".join(V for _, V, _ in chosen)
-    if linear:
-        potential = potential.replace(" + x^4/50", "").replace("(1 - cos(w))", "w^2/2")
     pushes = ", ".join(Q.format(**FORCES[forces]) for *_, Q in chosen if Q)
     return f"""
 coordinates: {{{", ".join(f"{q}: {{}}" for q in coordinates)}}}
@@ -42,12 +40,11 @@ def options_of(method):
 @pytest.mark.parametrize("method", sorted(names()))
 def test_by_each_method(method):
     forces = "of time" if method in FIXED_BY_TIME else "of velocity"
-    linear = method == "exponential"
     options = options_of(method)
-    found = run(scene("xzw", forces, linear), **options)
+    found = run(scene("xzw", forces), **options)
     assert np.allclose(found["work"], found["work.x"] + found["work.z"], rtol=1e-14)
     for q in "xz":
-        alone = run(scene(q, forces, linear), **options)
+        alone = run(scene(q, forces), **options)
         size = np.max(np.abs(alone["work"]))
         assert np.max(np.abs(found[f"work.{q}"] - alone["work"])) < 1e-8 * size
 

@@ -102,9 +102,6 @@ def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
 derivative = of_model("derivative")
 # The order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size).
 series = of_model("series")
-# A of z' = A z and P of power = z^T P z, where z = (q, q', 1): of each how many entries
-# are not zero, then i, j and the value of each of them.
-linear = of_model("linear")
 # The Newton step onto the holonomic constraints, in the metric of M (n,); then the
 # largest residual relative to its scale, 0, and a bound of it after the step.
 position_step = of_model("position_step")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.language.evaluate import evaluate
 from lagsim.limits import STEPS
+from lagsim.methods import RETIRED as RETIRED_METHODS
 from lagsim.methods import options
 from lagsim.model.model import (
     CURVE,
@@ -90,6 +91,10 @@ def read_settings(
     return _Simulation(replace(section, found=given), x).read()
 
 
+# Names of earlier versions, by key.
+RETIRED: dict[str, tuple[str, ...]] = {"method": RETIRED_METHODS, "formulation": ()}
+
+
 class _Simulation:
     def __init__(self, given: Fields, x: Expressions) -> None:
         self.given, self.x = given, x
@@ -108,10 +113,15 @@ class _Simulation:
         step, gain = (self._number(key, positive=True) for key in ("step", "gain"))
         own = ((k, self._number(k, o.least, o.most)) for k, (_, o) in options().items())
         places = {key: given.at(key) for key in given.found}
+        names = {
+            "method": self._name("method", "see `lagsim methods`"),
+            "formulation": self._name("formulation", "see docs/model-file.md"),
+        }
+        retired = tuple((k, name) for k, name in names.items() if name in RETIRED[k])
+        names |= dict.fromkeys(dict(retired), "auto")
         asked = Settings(
-            rtol=rtol, atol=atol, step=step, gain=gain,
-            method=self._name("method", "see `lagsim methods`"),
-            formulation=self._name("formulation", "see docs/model-file.md"),
+            rtol=rtol, atol=atol, step=step, gain=gain, retired=retired,
+            method=names["method"], formulation=names["formulation"],
             method_place=places.get("method"),
             formulation_place=places.get("formulation"),
             options=tuple((k, v) for k, v in own if v is not None),

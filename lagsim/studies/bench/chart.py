@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.colors import to_rgba
 
+from lagsim.methods import RETIRED, names
 from lagsim.methods import method as method_named
-from lagsim.methods import names
 from lagsim.outputs.figure import (
     DIM,
     INK,
@@ -167,7 +167,7 @@ def look_of(method: str, formulation: str = "none") -> Look:
     if method in SCIPY:
         line: Pen = {"color": GREY, "linewidth": 0.7}
         return Look(line, mark(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
-    turn, colour = divmod(names().index(method), len(PENS))
+    turn, colour = divmod([*names(), *RETIRED].index(method), len(PENS))
     return look(colour, turn, FORMULATIONS.get(formulation, 0))
 
 

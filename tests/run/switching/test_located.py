@@ -39,8 +39,8 @@ FIXED = {
     "kahan-li6": (6, 6), "kahan-li8": (8, 6), "midpoint": (2, 2), "rattle": (2, 2),
     "rk4": (4, 3), "verlet": (2, 2),
 }  # fmt: skip
-# Linear only, or adaptive, or goes over switches.
-NOT_HERE = {"exponential", "dop853", "dopri5", "radau", "taylor", "moreau"}
+# Adaptive, or goes over switches.
+NOT_HERE = {"dop853", "dopri5", "radau", "taylor", "moreau"}
 
 
 def test_each_method_is_tried():

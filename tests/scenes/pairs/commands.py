@@ -8,8 +8,6 @@ from tests.scenes.pairs.physical import BY_NAME, CHAIN
 from tests.scenes.pairs.scene import HOLDS_AT_TIMES
 
 ALONE = "constraints that hold at times need a method that evaluates y' only"
-NOT_LINEAR = "its equations of motion are not linear"
-IN_TIME = "its equations of motion depend on time"
 CONSTRAINTS = "it has constraints"
 BETWEEN_VELOCITIES = "it has constraints between velocities"
 OF_VELOCITIES = "its forces depend on the velocities"
@@ -39,13 +37,6 @@ METHODS: dict[str, dict[str, str]] = {
     "dop853": {},
     "dopri5": {},
     "euler": {},
-    "exponential": {
-        **_LAWS,
-        "switch in t": IN_TIME,
-        "rheonomic": IN_TIME,
-        "redundant": BY_LOOPS,
-        **dict.fromkeys((*_SWITCHES, "corner", "holonomic", *_VELOCITIES), NOT_LINEAR),
-    },
     "gauss4": {**_LAWS, **_HELD},
     "generalized-alpha": _LAWS,
     "kahan-li6": _EXPLICIT,

@@ -38,7 +38,7 @@ def test_every_method_is_in_the_table():
 @pytest.mark.parametrize(("m", "name"), list(_cases()))
 def test_methods(m, name):
     fragment, module = BY_NAME[name], method(m)
-    steps = not module.ADAPTIVE and m != "exponential"
+    steps = not module.ADAPTIVE
     options = {"method": m, **({"step": STEP} if steps else {})}
     if name in METHODS[m]:
         with pytest.raises(InputError, match=f"`{m}` cannot.*{METHODS[m][name]}"):
