@@ -42,7 +42,7 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from lagsim.api.analysing import Modes, modes
+    from lagsim.api.analysing import Equilibria, Modes, equilibrium, modes
     from lagsim.api.models import Derivation, Model, derive, load
     from lagsim.api.simulating import (
         Examination,
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Derivation",
+    "Equilibria",
     "Examination",
     "InadmissibleError",
     "InputError",
@@ -66,6 +67,7 @@ __all__ = [
     "__version__",
     "check",
     "derive",
+    "equilibrium",
     "load",
     "modes",
     "simulate",
@@ -76,6 +78,7 @@ __all__ = [
 # first access of a name, since every command imports this file, too.
 _PLACES = {
     "Derivation": "models",
+    "Equilibria": "analysing",
     "Examination": "simulating",
     "InadmissibleError": "simulating",
     "Model": "models",
@@ -84,6 +87,7 @@ _PLACES = {
     "Sweep": "sweeping",
     "check": "simulating",
     "derive": "models",
+    "equilibrium": "analysing",
     "load": "models",
     "modes": "analysing",
     "simulate": "simulating",

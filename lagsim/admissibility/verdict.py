@@ -418,8 +418,11 @@ def judge_rest(
             SATISFIED * np.abs(point.array(nodes)) + CAUTION * point.rounding(nodes)
         )
     bounds = np.abs(K) @ np.nan_to_num(bounds) + RESIDUAL_ROUNDOFF * terms
-    # K itself is rounded, also between bodies that nothing joins.
-    bounds += RESIDUAL_ROUNDOFF * float(np.linalg.norm(f / sizes)) / sizes
+    # K itself is rounded, also between bodies that nothing joins, and so are the
+    # multipliers, of which those of dependent rows share one force.
+    pushing = np.abs(point.jacobian(own.rows)).T @ np.abs(own.multipliers)
+    pushing += np.abs(point.array(e.f))
+    bounds += RESIDUAL_ROUNDOFF * float(np.linalg.norm(pushing / sizes)) / sizes
     pairs = zip(e.accelerations, a + K @ pushes, bounds, strict=True)
     return [at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
 

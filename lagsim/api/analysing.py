@@ -1,4 +1,4 @@
-"""Small motions of a model in the Python interface."""
+"""Positions of rest and small motions of a model in the Python interface."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, heading, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.studies import modes as small_motions
+from lagsim.studies import rest
 from lagsim.studies.modes import REST, START, Small
 
 if TYPE_CHECKING:
@@ -147,6 +148,126 @@ class Modes(Analysis):
             table(self._summary()),
             picture(drawn(self._small), f"the modes of {name}"),
         )
+
+
+class Equilibria(Analysis):
+    """Positions of rest. The keys of `lagsim equilibrium --json` are attributes.
+
+    Attributes
+    ----------
+    equilibria : list of dict
+        The nearest first: `coordinates`, `definitions`, `lambda`, `energy`, `stable`,
+        `reason`, `eigenvalues`, `distance`, `from_start`.
+    free : list of str
+        Coordinates that no force depends on.
+    continuum : bool
+        Whether friction that sticks holds other positions, too.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> found = lagsim.equilibrium('''
+    ... name: pendulum
+    ... coordinates: {theta: {unit: rad}}
+    ... energy: {kinetic: theta_dot^2/2, potential: -cos(theta)}
+    ... initial: {theta: 0.3}
+    ... ''')
+    >>> [round(x["coordinates"]["theta"], 6) for x in found.equilibria]
+    [0.0, 3.141593]
+    >>> [x["stable"] for x in found.equilibria]
+    [True, False]
+    """
+
+    equilibria: list[dict[str, Any]]
+    free: list[str]
+    continuum: bool
+
+    def __init__(self, search: rest.Search, found: Sequence[rest.Equilibrium]) -> None:
+        super().__init__(rest.document_of(search.setting, found, search.tried))
+        self._search, self._found = search, found
+
+    def write(self, folder: str | Path, *, plots: bool = True) -> None:
+        """Write the files of `lagsim equilibrium`.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be used.
+        OSError
+            If the disk is full; the folder is then left unchanged.
+        """
+        contents = rest.tables(self._found)
+        if plots:
+            contents["equilibrium.png"] = self._drawn()
+        self._write(folder, rest.MANIFEST, contents)
+
+    def _drawn(self) -> bytes:
+        from lagsim.studies.rest_drawing import picture as drawn
+
+        return drawn(self.record["model"]["name"], self._found)
+
+    def __repr__(self) -> str:
+        count = counted(len(self.equilibria), "position")
+        return block(f"{self.record['model']['name']}: {count} of rest", self._lines())
+
+    def _lines(self) -> list[tuple[str, str]]:
+        words = {True: "stable", False: "unstable", None: "not decided"}
+        found = []
+        for k, x in enumerate(self.equilibria[:12], 1):
+            where = ", ".join(f"{q} {v:.5g}" for q, v in x["coordinates"].items())
+            found.append((str(k), f"{words[x['stable']]}: {where}"))
+        return found
+
+    def _repr_html_(self) -> str:
+        name = self.record["model"]["name"]
+        count = counted(len(self.equilibria), "position")
+        return page(
+            heading(f"{name}: {count} of rest"),
+            table(self._lines()),
+            picture(self._drawn(), f"the positions of rest of {name}"),
+        )
+
+
+def equilibrium(model: Model | str | Path, starts: int = rest.STARTS) -> Equilibria:
+    """Return the positions of rest of a model, and whether they are stable.
+
+    Parameters
+    ----------
+    model : Model, str or Path
+        A model from `load`, the path of a model file, or the text of one: a string
+        with a line break.
+    starts : int
+        The number of other starts of the search, beside that of the file.
+
+    Returns
+    -------
+    Equilibria
+
+    Raises
+    ------
+    InputError
+        If the model has faults.
+    LagsimError
+        If no position of rest is found.
+
+    Examples
+    --------
+    >>> import lagsim
+    >>> found = lagsim.equilibrium('''
+    ... name: spring
+    ... coordinates: {x: {}}
+    ... energy: {kinetic: x_dot^2/2, potential: (x - 2)^2}
+    ... initial: {x: 1}
+    ... ''')
+    >>> found.equilibria[0]["coordinates"], found.equilibria[0]["stable"]
+    ({'x': 2.0}, True)
+    """
+    if type(starts) is not int or starts < 0:
+        raise ValueError(f"starts={starts!r:.60}: a whole number from 0 on is expected")
+    with in_python():
+        search = rest.Search(rest.setting_of(model_of(model)))
+        found = search.all(starts)
+    return Equilibria(search, found)
 
 
 def modes(

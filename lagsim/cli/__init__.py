@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
-    "golden", "bench", "stability", "modes", "methods", "explain", "schema",
+    "golden", "bench", "stability", "equilibrium", "modes", "methods",
+    "explain", "schema",
 )  # fmt: skip
 
 

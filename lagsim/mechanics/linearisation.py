@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import gradient, slopes, tangent
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.sparse import Budget, TooLongError, minimum_degree
 from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.equations import memoized_by_motion
@@ -36,7 +36,9 @@ from lagsim.tolerances import (
     HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
     SOLUTION_ROUNDOFF,
+    STATE_ROUNDOFF,
     TINY,
+    UNIT_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
@@ -223,7 +225,18 @@ class Linearisation:
         ValueError
             If a term of the equations, or a derivative, is not finite at the state.
         """
-        n, m, first, x = self.n, self.m, self.first, self.values(t, q, v, s)
+        return self.linear(self.values(t, q, v, s))
+
+    def linear(self, x: Slopes, noise: Floats | None = None) -> Linear:
+        """Return the linearised motion in the directions that constraints admit.
+
+        Parameters
+        ----------
+        x : Slopes
+        noise : ndarray, shape (n + m + l, 2 n + l), optional
+            Bounds of the errors of `x.slopes`: entries of R below these are set to 0.
+        """
+        n, m, first = self.n, self.m, self.first
         Z, inverse, Zh = x.metric.free, x.metric.inverse, x.held.free
         # Derivatives of q and q' with respect to (a, w, z).
         K = -inverse @ np.hstack([x.B @ Zh, np.zeros((m, Z.shape[1])), x.C])
@@ -238,7 +251,50 @@ class Linearisation:
             turned.T @ G @ K - Z.T @ (x.slopes[:n] @ change),
             x.slopes[n + m :] @ change,
         ])  # fmt: skip
+        if noise is not None:
+            R = self._cleaned(R, x, noise, (Zh.T @ G, Z), (dv, change))
         return Linear(R, Zh, Z, np.asarray(x.metric.L.T), x.rates)
+
+    def _cleaned(
+        self,
+        R: Floats,
+        x: Slopes,
+        noise: Floats,
+        bases: tuple[Floats, Floats],
+        changes: tuple[Floats, Floats],
+    ) -> Floats:
+        """Return R with entries that are no more than rounding errors set to 0."""
+        n, m, (P, Z), (dv, change) = self.n, self.m, bases, map(np.abs, changes)
+        k, end = len(P), len(R) - self.first
+        terms = noise + RESIDUAL_ROUNDOFF * np.abs(x.slopes)
+        error = np.vstack([
+            STATE_ROUNDOFF * np.abs(P) @ dv,
+            np.abs(Z.T) @ terms[:n] @ change,
+            terms[n + m :] @ change,
+        ])  # fmt: skip
+        # Forces that cancel leave their rounding, whatever their size is.
+        stiffness = float(np.max(np.abs(R[k:end, :k]), initial=0.0))
+        damping = float(np.max(np.abs(R[k:end, k:end]), initial=0.0))
+        error[k:end, :k] += UNIT_ROUNDOFF * stiffness
+        error[k:end, k:end] += UNIT_ROUNDOFF * (damping + math.sqrt(stiffness))
+        return np.where(np.abs(R) > error, R, 0.0)
+
+    def noise(self, x: Slopes, errors: Mapping[str, float]) -> Floats:
+        """Return bounds of the rounding errors of `x.slopes`, of their shape.
+
+        Parameters
+        ----------
+        x : Slopes
+        errors : mapping of str to float
+            Bounds of the rounding errors of variables; by default of their rounding.
+        """
+        inexact = {
+            name: (value, errors.get(name, STATE_ROUNDOFF * abs(value)))
+            for name, value in x.values.items()
+        }
+        nodes = self._slopes[: x.slopes.size]
+        found = evaluate_with_error(self.g, nodes, inexact)
+        return np.array([error for _, error in found]).reshape(x.slopes.shape)
 
     def values(
         self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()

@@ -449,6 +449,17 @@ class Stated(Protocol):
         one of these parameters or start values.
         """
 
+    def rewritten(self, values: Mapping[str, float]) -> str:
+        """Return the text of the file with other values of some names.
+
+        Names are those of parameters and start values; comments are kept.
+
+        Raises
+        ------
+        InputError
+            If values of a family cannot be written where the file has one number.
+        """
+
     def structural(self) -> Collection[str]:
         """Return the parameters on which ranges and subscripts depend."""
 

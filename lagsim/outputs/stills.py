@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.figure import Entry, Pen
 
-# Panels of a picture, panels abreast, and the height of a panel in inches.
-MOST, ABREAST, HEIGHT = 12, 3, 1.75
+# Panels of a picture; panels abreast, of more than a few; height of a panel in inches.
+MOST, ABREAST, FEW, HEIGHT = 12, 3, 4, 1.75
 LOWEST, TALLEST = 0.6, 2.4
 # Largest displacement of a point in a mode relative to the extent of the scene, and
 # largest change of a coordinate in a model without one.
@@ -192,8 +192,8 @@ def stills(
     legend : sequence of (str, Pen)
     """
     shown = panels[:MOST]
-    rows = -(-len(shown) // ABREAST)
-    columns = min(len(shown), ABREAST)
+    columns = max(1, len(shown) if len(shown) <= FEW else ABREAST)
+    rows = -(-len(shown) // columns)
     notes = [f"{len(panels) - MOST} more"] if len(panels) > MOST else []
     films = [still.film for still in shown if still.film is not None]
     view = OBLIQUE if films and films[0].dimension == 3 else np.eye(2)
@@ -256,7 +256,9 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
                 ends = LOOKS[look_of](ends[0], ends[1], inch_of(axes))
             line(axes, ends[:, 0], ends[:, 1], pen)
         for name, place in flat.items():
-            still_there = bool(np.ptp(film.tracks[name].place, axis=0).max() == 0.0)
+            still_there = (
+                len(film.t) > 1 and not np.ptp(film.tracks[name].place, axis=0).any()
+            )
             look = mark("s", 2.2) if still_there else mark("o", 2.6, pen["color"])
             point(axes, place[0], place[1], look)
 
@@ -265,7 +267,8 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
 def bars(title: str, subject: str, panels: Sequence[tuple[str, Floats]]) -> Picture:
     """Draw the amplitudes of the coordinates, a panel for each mode."""
     shown = panels[:MOST]
-    rows, columns = -(-len(shown) // ABREAST), min(len(shown), ABREAST)
+    columns = len(shown) if len(shown) <= FEW else ABREAST
+    rows = -(-len(shown) // columns)
     notes = [f"{len(panels) - MOST} more"] if len(panels) > MOST else []
     height = rows * (APART + HEIGHT) + BELOW_PANELS
     picture = Picture(height, title, subject, notes=notes)

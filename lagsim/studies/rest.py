@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import AtRest, Way, find_rest
+from lagsim.admissibility.rest import AtRest, Rest, Way, find_rest
 from lagsim.admissibility.verdict import (
     Verdict,
     acting,
@@ -27,17 +27,26 @@ from lagsim.admissibility.verdict import (
 )
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import addends, evaluate
+from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.linearisation import Linear, Linearisation, Spectrum, spectrum
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
+from lagsim.outputs.manifest import head
+from lagsim.outputs.table import table_of
 from lagsim.run.session import StartError, begun
-from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS, SAME_RESULT, SATISFIED
+from lagsim.tolerances import (
+    COMPUTED_ZERO,
+    HALF_OF_DIGITS,
+    SAME_RESULT,
+    SATISFIED,
+    STATE_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.admissibility.examination import StartReport
     from lagsim.language.arrays import Flags, Floats
@@ -47,6 +56,7 @@ if TYPE_CHECKING:
 
     Progress = Callable[[float], None] | None
 
+MANIFEST = "equilibrium.json"
 # Number of other starts, and the seed of their positions.
 STARTS, SEED = 20, 7
 # Where a coordinate is tested for a period, beside the start, in radians.
@@ -167,6 +177,12 @@ class Steady(NamedTuple):
     sticks: bool = False
 
     @property
+    def energy(self) -> float:
+        """The energy function at the state."""
+        e = self.equations
+        return float(evaluate(e.graph, [e.energy], self.values)[0])
+
+    @property
     def record(self) -> dict[str, float]:
         """The state, flat: t, coordinates, rates and first-order states."""
         e, at = self.equations, self.state
@@ -185,24 +201,27 @@ def _steady(
     e = setting.equations
     e = replace(e, rows=(*e.rows, *held), laws=())
     linearisation = Linearisation(e)
-    linear = linearisation.at(state.t, state.q, state.v, state.s)
-    x = linearisation.values(state.t, state.q, state.v, state.s).values
+    x = linearisation.values(state.t, state.q, state.v, state.s)
+    errors = Point(e, state).solved_errors((setting.point.q, setting.start.v))
+    linear = linearisation.linear(x, linearisation.noise(x, errors))
     return Steady(
-        e, state, linearisation, linear, spectrum(linear.R), x,
+        e, state, linearisation, linear, spectrum(linear.R), x.values,
         tuple(free), sticks,
     )  # fmt: skip
 
 
 def steady_rest(setting: Setting, found: AtRest) -> Steady:
     """Return a rest with the motion linearised about it."""
-    laws, state = setting.equations.laws, found.point.state
-    names = {row.name for row in found.held}
-    sliders = [x.row for x in laws if x.slider and x.row.name not in names]
+    point = found.point
+    laws = point.e.laws
+    held = {row.name: row for row in found.held}
+    if laws:
+        own = acting(point, judge_laws(point, setting.off)).holding
+        held |= {laws[k].row.name: laws[k].row for k in sorted(own)}
     bounded = {x.row.name for x in laws if x.kind.bounded}
-    q = set(setting.equations.q)
-    free = [name for name in found.undetermined if name in q]
-    sticks = bool(bounded & (names | {row.name for row in sliders}))
-    return _steady(setting, state, [*found.held, *sliders], free, sticks=sticks)
+    free = found.undetermined
+    sticks = not bounded.isdisjoint(held)
+    return _steady(setting, point.state, [*held.values()], free, sticks=sticks)
 
 
 def steady_start(setting: Setting) -> Steady:
@@ -335,7 +354,9 @@ class Equilibrium(NamedTuple):
             "energy": energy,
             "stable": self.stable,
             "reason": self.reason,
-            "eigenvalues": [[v.real + 0.0, v.imag + 0.0] for v in eigenvalues],
+            "eigenvalues": [
+                [float(v.real) + 0.0, float(v.imag) + 0.0] for v in eigenvalues
+            ],
             "distance": self.distance,
             "from_start": self.from_start,
             "free": list(x.free),
@@ -376,14 +397,19 @@ class Search:
     Attributes
     ----------
     setting : Setting
-    angles : ndarray of bool, shape (n,)
-        The coordinates that are angles.
+    tried : int
+        The number of other starts from which the last search began.
     """
+
+    tried = 0
 
     def __init__(self, setting: Setting) -> None:
         self.setting, self._point = setting, setting.point
-        n, states = self._point.n, len(setting.equations.states)
-        self._free = range(n), range(states)
+        self._every = range(self._point.n), range(len(setting.equations.states))
+        self._spent = False
+        # Coordinates that no force depends on stay where the start has them.
+        self._moves = ~self._without_force()
+        self._free = np.flatnonzero(self._moves).tolist(), self._every[1]
 
     @cached_property
     def angles(self) -> Flags:
@@ -400,25 +426,42 @@ class Search:
                 return find_rest(point, (), self._free, self.setting.off, ways)
         except np.linalg.LinAlgError:
             return None
+        except TooMuchError:  # as many operations as a file of this size may take
+            self._spent = True
+            self._point.g.unbind()
+            return None
 
     def others(self, count: int) -> Iterator[AtRest | None]:
-        """Generate the rests that are found from `count` other starts."""
+        """Generate the rests found from `count` other starts, two from each."""
         q0, random = self._point.q, np.random.default_rng(SEED)
         sizes = np.where(self.angles, math.pi, self._extent())
         for _ in range(count):
             drawn = random.uniform(-1.0, 1.0, len(q0))
-            start = self._point.at(q0 + sizes * drawn)
-            yield self._found(start, (Way.ROOT,)) or self._found(start, (Way.DOWN,))
+            start = self._point.at(q0 + sizes * drawn * self._moves)
+            yield self._found(start, (Way.ROOT,))
+            yield self._found(start, (Way.DOWN,))
+
+    def _without_force(self) -> Flags:
+        """Return whether no force depends on each coordinate, shape (n,)."""
+        point, random = self._point, np.random.default_rng(SEED)
+        rest = Rest(point, (), [law.row for law in point.e.laws], self._every)
+        found = np.ones(point.n, bool)
+        for part in (0.0, *BESIDE):
+            x = rest.x0 + part * random.standard_normal(len(rest.x0))
+            J = np.nan_to_num(rest.looked_at(x)[1], nan=1.0)
+            found &= np.all(J[:, : point.n] == 0.0, axis=0)
+        return found
 
     def _extent(self) -> float:
-        """Return the extent of the scene and of the start, 1 where both are points."""
+        """Return the extent of the scene, else of the start; 1 where both are 0."""
         point, model = self._point, self.setting.model
         nodes = [x for parts in model.scene.points.values() for x in parts]
         g = point.g
         known = dict.fromkeys(g.depends(nodes), 0.0) | point.values
-        places = [*evaluate(g, nodes, known), *point.q[~self.angles].tolist()]
-        places = [x for x in places if math.isfinite(x)]
-        return float(np.ptp(places)) if places and np.ptp(places) > 0.0 else 1.0
+        places = [x for x in evaluate(g, nodes, known) if math.isfinite(x)]
+        size = float(np.ptp(places)) if places else 0.0
+        far = float(np.max(np.abs(point.q[~self.angles]), initial=0.0))
+        return size or 2.0 * far or 1.0
 
     def distance(self, q: Floats) -> float:
         """Return the largest change of a coordinate from the start."""
@@ -435,13 +478,20 @@ class Search:
         """Return a rest with its stability; None where its slopes are not finite."""
         at = found.point.state
         moved = found.point.at(self.unwound(at.q))
+        found = found._replace(point=moved)
         try:
-            steady = steady_rest(self.setting, found._replace(point=moved))
+            steady = self.steady(found)
             verdict = stability(steady)
         except (ValueError, np.linalg.LinAlgError):
             return None
         far = self.distance(moved.q)
         return Equilibrium(steady, far, from_start, *verdict)
+
+    def steady(self, found: AtRest) -> Steady:
+        """Return a rest with the motion linearised about it."""
+        still = np.flatnonzero(~self._moves).tolist()
+        free = [self._point.e.q[j] for j in still]
+        return steady_rest(self.setting, found._replace(undetermined=free))
 
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
@@ -456,7 +506,7 @@ class Search:
         """
         found = self.nearby(Way.CONTRACTED)
         if found is not None:
-            return steady_rest(self.setting, found)
+            return self.steady(found)
         return self.all(starts)[0].steady
 
     def all(
@@ -473,14 +523,16 @@ class Search:
             If no rest is found.
         """
         kept: list[Equilibrium] = []
+        self.tried = 0
         for k, found in enumerate(self._each(starts)):
             if found is not None:
                 other = self.equilibrium(found, from_start=k == 0)
                 if other is not None:
                     self._add(kept, other)
+            self.tried = (k + 1) // 2
             if progress is not None:
-                progress((k + 1) / (starts + 1))
-            if interrupt is not None and interrupt.asked:
+                progress((k + 1) / (2 * starts + 1))
+            if self._spent or (interrupt is not None and interrupt.asked):
                 break
         if not kept:
             raise NoRestError(self._remaining(starts))
@@ -502,8 +554,9 @@ class Search:
         """Add a rest unless it is, or is of one family with, one of `kept`."""
         for k, one in enumerate(kept):
             if self._is_same(one.steady, other.steady):
-                if other.distance < one.distance and not one.from_start:
-                    kept[k] = other
+                nearer = min(one, other, key=lambda x: x.distance)
+                from_start = one.from_start or other.from_start
+                kept[k] = nearer._replace(from_start=from_start)
                 return
         kept.append(other)
 
@@ -519,12 +572,16 @@ class Search:
             return False
         if one.sticks or other.sticks:
             return one.sticks == other.sticks
-        values = one.spectrum, other.spectrum
-        if not values[0].zero or values[0].zero != values[1].zero:
+        values = [x.spectrum.values for x in (one, other)]
+        zero = one.spectrum.zero
+        if not zero or zero != other.spectrum.zero or len(values[0]) != len(values[1]):
             return False
-        size = max(float(np.max(np.abs(x.values), initial=0.0)) for x in values)
-        apart = np.abs(values[0].values) - np.abs(values[1].values)
-        return bool(np.all(np.abs(apart) <= HALF_OF_DIGITS * size))
+        size = max(float(np.max(np.abs(x), initial=0.0)) for x in values)
+        squares = [np.sort(np.real(x * x)) for x in values]
+        same = np.abs(squares[0] - squares[1]) <= HALF_OF_DIGITS * size * size
+        energies = [x.energy for x in (one, other)]
+        apart = abs(energies[0] - energies[1])
+        return bool(np.all(same)) and apart <= HALF_OF_DIGITS * max(map(abs, energies))
 
 
 # --- Stability
@@ -572,11 +629,58 @@ def _is_rough(e: Equations) -> bool:
     return any(x is None or x.most > 1 for x in degrees)
 
 
-def document_of(found: Sequence[Equilibrium]) -> dict[str, Any]:
-    """Return the equilibria as entries of a document."""
+# --- Document, table and model file
+
+
+def document_of(
+    setting: Setting, found: Sequence[Equilibrium], tried: int
+) -> dict[str, Any]:
+    """Return the content of equilibrium.json."""
     free = dict.fromkeys(name for x in found for name in x.steady.free)
-    return {
+    document = head(setting.model) | {
+        "starts": tried,
         "equilibria": [x.record for x in found],
         "free": list(free),
         "continuum": any(x.steady.sticks for x in found),
     }
+    if cautions := setting.cautions:
+        document["warnings"] = [c.record for c in cautions]
+    return document
+
+
+def tables(found: Sequence[Equilibrium]) -> dict[str, bytes]:
+    """Return equilibrium.csv, with a row for each rest."""
+    rows = []
+    for number, one in enumerate(found, 1):
+        x = one.record
+        row = {"equilibrium": number, **x["coordinates"], **x.get("states", {})}
+        row |= x["definitions"]
+        row |= {f"lambda_{name}": value for name, value in x["lambda"].items()}
+        keys = "energy", "stable", "reason", "distance", "from_start"
+        rows.append(row | {key: x[key] for key in keys})
+    cells = (["" if x is None else x for x in row.values()] for row in rows)
+    return {"equilibrium.csv": table_of(tuple(rows[0]), cells)}
+
+
+def written(
+    setting: Setting, found: Sequence[Equilibrium], given: Mapping[str, Any]
+) -> str:
+    """Return the model file with the nearest stable rest as its start.
+
+    Without a stable one, with the nearest; comments are kept, and parameters in `given`
+    have their values.
+
+    Raises
+    ------
+    InputError
+        If a value of a family has no place of its own in the file.
+    """
+    one = next((x for x in found if x.stable), found[0])
+    model, record = setting.model, one.record
+    size = STATE_ROUNDOFF * max(1.0, float(np.max(np.abs(one.steady.state.q))))
+    values = {**record["coordinates"], **record.get("states", {})}
+    known = {**record["definitions"], **values}
+    new = {x.name: known.get(x.name, 0.0) for x in model.initial if x.text}
+    new = {name: x if abs(x) > size else 0.0 for name, x in new.items()}
+    set_here = {p.name: p.value for p in model.parameters if p.name in given}
+    return model.stated.rewritten(new | set_here)

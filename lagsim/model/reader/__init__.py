@@ -16,7 +16,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from lagsim import limits
-from lagsim.errors import unseen, unusable
+from lagsim.errors import InputError, unseen, unusable
 from lagsim.language.graph import Graph
 from lagsim.model.loading import STDIN, TEXT, load, text_of
 from lagsim.model.model import (
@@ -229,6 +229,22 @@ class File:
         starting = {k for k, m in meanings.items() if m and m.kind in STARTED}
         self.starting = {k: t for k, t in overrides.items() if k in starting}
         self.instead = {k: t for k, t in overrides.items() if k not in starting}
+
+    def rewritten(self, values: MappingType[str, float]) -> str:
+        """Return the text of the file with other values of some names, see `Stated`."""
+        from lagsim.model.reader.rewriting import rewritten
+
+        for text in rewritten(self.node, values):
+            try:
+                model = read(text, self.file)
+            except InputError:
+                continue
+            numbers = model.parameter_values
+            numbers |= {x.name: x.value for x in model.initial}
+            if all(numbers.get(name, x) == x for name, x in values.items()):
+                return text
+        text = "the values of its families cannot be written one by one"
+        raise unusable("usage", f"{self.file}: {text}")
 
     def read(self, sha256: str) -> Model:
         """Return the model of the file.

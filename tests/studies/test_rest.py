@@ -1,0 +1,260 @@
+"""Positions of rest and their stability against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.errors import LagsimError
+from tests.studies.test_modes import CARTESIAN, HOOP
+
+DOUBLE = """
+parameters: {l: 0.5, g: 9.81, m: 2}
+coordinates: {a: {unit: rad}, b: {unit: rad}}
+definitions:
+  x1: l*sin(a)
+  y1: -l*cos(a)
+  x2: x1 + l*sin(b)
+  y2: y1 - l*cos(b)
+energy:
+  kinetic: m*(x1_dot^2 + y1_dot^2 + x2_dot^2 + y2_dot^2)/2
+  potential: m*g*(y1 + y2)
+initial: {a: 0.4, b: -0.3}
+"""
+TRUSS = """
+parameters: {b: 1, h: 0.3, k: 1000, m: 1, P: 5}
+coordinates: {y: {unit: m}}
+energy:
+  kinetic: m*y_dot^2/2
+  potential: k*(hypot(b, y) - hypot(b, h))^2 + P*y
+initial: {y: h}
+scene: {points: {left: [-b, 0], right: [b, 0], top: [0, y]}}
+"""
+ZIEGLER = """
+parameters: {m: 1, l: 1, k: 1, P: 1, c: 0}
+coordinates: {a: {unit: rad}, b: {unit: rad}}
+definitions:
+  x1: l*sin(a)
+  y1: l*cos(a)
+  x2: x1 + l*sin(b)
+  y2: y1 + l*cos(b)
+energy:
+  kinetic: m*(2*(x1_dot^2 + y1_dot^2) + x2_dot^2 + y2_dot^2)/2
+  potential: k*(a^2 + (b - a)^2)/2
+  dissipation: c*(a_dot^2 + (b_dot - a_dot)^2)/2
+forces: {x2: -P*sin(b), y2: -P*cos(b)}
+initial: {a: 0, b: 0}
+"""
+# Ziegler's column with masses 2 m and m: flutter at P l/k = 7/2 - sqrt(2).
+FLUTTER = 3.5 - math.sqrt(2)
+EULER = """
+parameters: {n: 6, L: 1, h: L/n, B: 2, P: 10, m: 0.1}
+coordinates: {q(1..n): {unit: rad}}
+definitions:
+  x(0): 0
+  y(0): 0
+  x(i = 1..n): x(i-1) + h*cos(q(i))
+  y(i = 1..n): y(i-1) + h*sin(q(i))
+energy:
+  kinetic: sum(i = 1..n, m*(x_dot(i)^2 + y_dot(i)^2)/2)
+  potential: B/h*sum(i = 1..n-1, (q(i+1) - q(i))^2)/2 + P*x(n)
+constraints: {end: y(n) = 0}
+initial: {q(1..n): 0}
+"""
+BLOCK = """
+parameters: {m: 2, k: 50, g: 9.81, mu: 0.4}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + m*g*y}
+constraints:
+  floor: {relation: y >= 0, restitution: 0, friction: mu, slip: x_dot}
+initial: {x: 0.1, y: 0}
+"""
+
+
+def one(found, **where):
+    """Return the rest at given coordinates."""
+    near = {q: pytest.approx(value, abs=1e-9) for q, value in where.items()}
+    [x] = [
+        x for x in found.equilibria if {q: x["coordinates"][q] for q in where} == near
+    ]
+    return x
+
+
+def test_a_double_pendulum_has_four_rests():
+    found = lagsim.equilibrium(DOUBLE)
+    assert len(found.equilibria) == 4
+    hanging = found.equilibria[0]
+    assert hanging["coordinates"] == pytest.approx({"a": 0, "b": 0}, abs=1e-9)
+    assert (hanging["stable"], hanging["reason"]) == (True, "energy minimum")
+    assert hanging["from_start"]
+    assert hanging["distance"] == pytest.approx(0.4)
+    assert hanging["energy"] == pytest.approx(-2 * 9.81 * 1.5)
+    rates = [abs(complex(*x)) for x in hanging["eigenvalues"]]
+    roots = math.sqrt(9.81 / 0.5) * np.sqrt(2 + np.array([-1, 1]) * math.sqrt(2))
+    assert sorted(rates) == pytest.approx(sorted([*roots, *roots]), rel=1e-9)
+    for a in (0, math.pi):
+        for b in (0, -math.pi if a else math.pi):
+            near = [
+                x for x in found.equilibria
+                if math.cos(x["coordinates"]["a"]) == pytest.approx(math.cos(a))
+                and math.cos(x["coordinates"]["b"]) == pytest.approx(math.cos(b))
+            ]  # fmt: skip
+            assert len(near) == 1
+            assert near[0]["stable"] is (a == b == 0)
+
+
+def test_a_cartesian_pendulum_hangs_by_its_constraint():
+    found = lagsim.equilibrium(CARTESIAN)
+    assert len(found.equilibria) == 2
+    below = one(found, y=-0.7)
+    assert below["stable"] is True
+    # m g = 2 y lambda.
+    assert below["lambda"]["rod"] == pytest.approx(3 * 9.81 / (2 * -0.7))
+    assert one(found, y=0.7)["reason"] == "eigenvalues"
+
+
+@pytest.mark.parametrize(("w", "count"), [(3.0, 2), (5.0, 4)])
+def test_a_bead_on_a_turning_hoop(w, count):
+    found = lagsim.equilibrium(lagsim.load(HOOP).bind(w=w, theta=0.2))
+    assert len(found.equilibria) == count
+    assert one(found, theta=0)["stable"] is (w * w < 9.81 / 0.8)
+    if count == 4:
+        angle = math.acos(9.81 / (0.8 * 25))
+        assert one(found, theta=angle)["stable"] is True
+        assert one(found, theta=-angle)["stable"] is True
+
+
+def test_a_truss_snaps_through():
+    found = lagsim.equilibrium(TRUSS)
+    states = sorted((x["coordinates"]["y"], x["stable"]) for x in found.equilibria)
+    assert [stable for _, stable in states] == [True, False, True]
+    # The roots of 2 k y (1 - a/sqrt(b^2 + y^2)) + P, by an independent search.
+    y = np.linspace(-0.4, 0.4, 8001)
+    force = 2000 * y * (1 - math.hypot(1, 0.3) / np.hypot(1, y)) + 5
+    roots = y[:-1][np.diff(np.sign(force)) != 0]
+    assert [y for y, _ in states] == pytest.approx(roots, abs=2e-4)
+
+
+@pytest.mark.parametrize(("part", "stable"), [(0.9, None), (1.01, False)])
+def test_a_follower_force_is_not_decided_below_flutter(part, stable):
+    model = lagsim.load(ZIEGLER).bind(P=part * FLUTTER)
+    found = lagsim.equilibrium(model, starts=0)
+    [x] = found.equilibria
+    assert x["stable"] is stable
+    assert (stable is None) == x["reason"].startswith("not decided: ")
+
+
+@pytest.mark.parametrize(("part", "stable"), [(0.999, True), (1.001, False)])
+def test_a_column_of_links_buckles(part, stable):
+    # P = 4 B/h^2 sin(pi/(2 n))^2 of n links between pins.
+    load = 4 * 2 * 36 * math.sin(math.pi / 12) ** 2
+    model = lagsim.load(EULER).bind(P=part * load)
+    [x] = lagsim.equilibrium(model, starts=0).equilibria
+    assert x["stable"] is stable
+
+
+def test_gyroscopic_forces_alone_do_not_decide():
+    text = """
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2)/2 + 2*(x*y_dot - y*x_dot)
+  potential: -(x^2 + y^2)/2
+initial: {x: 0, y: 0}
+"""
+    [x] = lagsim.equilibrium(text, starts=2).equilibria
+    assert x["stable"] is None
+    assert "gyroscopic" in x["reason"]
+    damped = text + "forces: {x: -0.1*x_dot, y: -0.1*y_dot}\n"
+    [x] = lagsim.equilibrium(damped, starts=0).equilibria
+    assert (x["stable"], x["reason"]) == (False, "eigenvalues")
+
+
+@pytest.mark.parametrize(("power", "sign", "stable"), [(2, 1, True), (4, 1, None)])
+def test_a_level_energy_is_not_decided(power, sign, stable):
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: {sign}*x^{power}}}
+initial: {{x: 0}}
+"""
+    [x] = lagsim.equilibrium(text, starts=0).equilibria
+    assert x["stable"] is stable
+
+
+def test_damping_decides_by_eigenvalues():
+    text = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: x^2, dissipation: 0.1*x_dot^2}
+initial: {x: 0.5}
+"""
+    [x] = lagsim.equilibrium(text).equilibria
+    assert (x["stable"], x["reason"]) == (True, "eigenvalues")
+
+
+def test_coordinates_without_force_stay_and_are_named():
+    text = """
+coordinates: {s: {unit: m}, a: {unit: rad}}
+energy: {kinetic: s_dot^2 + a_dot^2/2 + s_dot*a_dot*cos(a), potential: -cos(a)}
+initial: {s: 0.7, a: 0.4}
+"""
+    found = lagsim.equilibrium(text)
+    assert found.free == ["s"]
+    assert [x["coordinates"]["s"] for x in found.equilibria] == [0.7, 0.7]
+    assert [x["stable"] for x in found.equilibria] == [True, False]
+
+
+def test_friction_that_sticks_holds_where_the_start_is():
+    found = lagsim.equilibrium(BLOCK)
+    assert found.continuum
+    [x] = found.equilibria
+    assert x["coordinates"]["x"] == pytest.approx(0.1)
+    assert x["lambda"]["floor"] == pytest.approx(2 * 9.81)
+    assert x["friction"] == {"friction.floor": pytest.approx(50 * 0.1)}
+    assert x["stable"] is True
+
+
+@pytest.mark.slow
+def test_a_contact_opens_or_holds():
+    text = BLOCK.replace(", friction: mu, slip: x_dot", "")
+    [x] = lagsim.equilibrium(text).equilibria
+    assert x["coordinates"] == pytest.approx({"x": 0, "y": 0}, abs=1e-9)
+    assert not lagsim.equilibrium(text).continuum
+    hung = text.replace("m*g*y", "m*g*y + 20*(y - 1)^2")
+    [x] = lagsim.equilibrium(hung).equilibria
+    assert x["coordinates"]["y"] == pytest.approx(1 - 2 * 9.81 / 40)
+    assert x["lambda"]["floor"] == 0
+
+
+@pytest.mark.slow
+def test_a_rest_far_from_the_origin_and_in_other_units():
+    text = TRUSS.replace("{y: h}", "{y: h + Y}").replace("h: 0.3", "h: 300, Y: 1e6")
+    text = text.replace("b: 1,", "b: 1000,").replace("P: 5", "P: 5000")
+    text = text.replace("(b, y)", "(b, y - Y)").replace("[0, y]", "[0, y - Y]")
+    found = lagsim.equilibrium(text)
+    near = sorted(x["coordinates"]["y"] - 1e6 for x in found.equilibria)
+    own = sorted(x["coordinates"]["y"] for x in lagsim.equilibrium(TRUSS).equilibria)
+    assert near == pytest.approx([1e3 * y for y in own], rel=1e-6)
+
+
+def test_no_rest_is_an_error_with_the_accelerations():
+    text = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: -3*x}
+initial: {x: 0}
+"""
+    with pytest.raises(LagsimError, match="x_ddot = 3 remain"):
+        lagsim.equilibrium(text, starts=2)
+
+
+def test_states_come_to_rest():
+    text = """
+coordinates: {x: {}}
+states: {s: {rate: 1 - x - 0.5*s}}
+energy: {kinetic: x_dot^2/2, potential: x^2, dissipation: 2*x_dot^2}
+forces: {x: s}
+initial: {x: 0, s: 0}
+"""
+    [x] = lagsim.equilibrium(text, starts=3).equilibria
+    # s = 2 x and 1 - x - s/2 = 0.
+    assert x["coordinates"]["x"] == pytest.approx(0.5)
+    assert x["states"]["s"] == pytest.approx(1.0)
