@@ -38,7 +38,6 @@ from lagsim.tolerances import (
     SOLUTION_ROUNDOFF,
     STATE_ROUNDOFF,
     TINY,
-    UNIT_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
@@ -272,11 +271,12 @@ class Linearisation:
             np.abs(Z.T) @ terms[:n] @ change,
             terms[n + m :] @ change,
         ])  # fmt: skip
-        # Forces that cancel leave their rounding, whatever their size is.
+        # Forces and directions that cancel leave their rounding, whatever their size.
+        error[:k] += STATE_ROUNDOFF * np.linalg.norm(x.metric.L.T @ dv, axis=0)
         stiffness = float(np.max(np.abs(R[k:end, :k]), initial=0.0))
         damping = float(np.max(np.abs(R[k:end, k:end]), initial=0.0))
-        error[k:end, :k] += UNIT_ROUNDOFF * stiffness
-        error[k:end, k:end] += UNIT_ROUNDOFF * (damping + math.sqrt(stiffness))
+        error[k:end, :k] += STATE_ROUNDOFF * stiffness
+        error[k:end, k:end] += STATE_ROUNDOFF * (damping + math.sqrt(stiffness))
         return np.where(np.abs(R) > error, R, 0.0)
 
     def noise(self, x: Slopes, errors: Mapping[str, float]) -> Floats:
