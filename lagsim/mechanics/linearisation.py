@@ -272,7 +272,9 @@ class Linearisation:
             terms[n + m :] @ change,
         ])  # fmt: skip
         # Forces and directions that cancel leave their rounding, whatever their size.
-        error[:k] += STATE_ROUNDOFF * np.linalg.norm(x.metric.L.T @ dv, axis=0)
+        lengths = np.linalg.norm(x.metric.L.T @ dv, axis=0)
+        lengths[:k] = np.max(lengths[:k], initial=0.0)
+        error[:k] += STATE_ROUNDOFF * lengths
         stiffness = float(np.max(np.abs(R[k:end, :k]), initial=0.0))
         damping = float(np.max(np.abs(R[k:end, k:end]), initial=0.0))
         error[k:end, :k] += STATE_ROUNDOFF * stiffness
