@@ -230,8 +230,7 @@ simulation: {duration: 2, output_step: 0.1}
     ("N", "speed", "length"),
     [
         (1, 1, 1.0), (2, 1, 1.0), (3, 1, 1.0), (2, 5, 1.0), (3, -0.5, 3.0), (4, 1, 1.7),
-        # A dead point of ten is reported at a time that is off by more than 1.1e-4.
-        pytest.param(10, 1, 1.0, marks=pytest.mark.xfail(strict=True)),
+        (10, 1, 1.0),
         pytest.param(40, 1, 1.0, marks=pytest.mark.nightly),
     ],
 )  # fmt: skip

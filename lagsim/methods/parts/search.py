@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
-from lagsim.methods.parts.constraints import sigma_at
+from lagsim.methods.parts.constraints import MARGIN, sigma_at
 from lagsim.methods.parts.missed import (
     APPROACH,
     BESIDE,
@@ -808,14 +808,17 @@ def loses_rank(s: Events, p: Parameters) -> bool:
 def lost_within(s: Events, p: Parameters, low: float, x: float) -> float:
     """Return the fraction of the step between two points at which rank is lost, or 0.
 
-    Sigma has a kink there, and small jumps where rows change their order: only the sign
-    of its slope is used.
+    Sigma has a kink there, and small jumps where rows change their order, which may
+    hide the sign of its slope: a stretch is searched where values or slopes fall and
+    rise again, or where sigma could vanish in between at the steepest slope so far.
     """
     k = rows(s) - 1
     slopes = rows(s) + k
     falls = s.starts[slopes] < 0.0 or s.middles[k] < s.starts[k]
     rises = s.ends[slopes] > 0.0 or s.middles[k] < s.ends[k]
-    if not falls or not rises:
+    steepest = MARGIN * s.sigma_slope * s.step_h * (x - low)
+    vanishes = s.starts[k] + s.ends[k] <= steepest
+    if not (falls and rises) and not vanishes:
         return 0.0
     # The slope at the start is that just before.
     low = max(low - BESIDE * (x - low), 0.0)
