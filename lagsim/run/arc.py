@@ -11,6 +11,7 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
+from lagsim.methods.parts.state import MOST_LISTED
 from lagsim.run.instants import width
 from lagsim.tolerances import (
     NEARLY_DEPENDENT_ROWS,
@@ -287,8 +288,16 @@ class Arc(NamedTuple):
         rows, budget : the most output rows, and the most steps, of this call.
         """
         if self.settings.moments and self.state.extras:
-            self.state.extra = self._moment
+            self._list_moments()
         return self.runner.advance(self.state, rows, budget)
+
+    def _list_moments(self) -> None:
+        """List the next requested times between rows for the kernel."""
+        state, moments = self.state, self.settings.moments
+        first = len(moments) - int(state.extras)
+        times = moments[first : first + MOST_LISTED]
+        state.extra_times[: len(times)] = times[::-1]
+        state.extra, state.listed = times[0], float(len(times))
 
     @property
     def _moment(self) -> float:

@@ -381,7 +381,10 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write interpolated rows; return 0 after an extra state or in a full block."""
+    """Write interpolated rows; return 0 after the last listed state beside the rows.
+
+    Return 0 in a full block, too.
+    """
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
@@ -408,8 +411,12 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
         s.emitted += 1.0
         if beside:
             s.extras -= 1.0
-            return 0
-        s.row += 1.0
+            s.listed -= 1.0
+            if s.listed < 1.0:
+                return 0
+            s.extra = s.extra_times[int(s.listed) - 1]
+        else:
+            s.row += 1.0
 
 
 def tabulate(

@@ -41,6 +41,10 @@ class Clock(Blocks):
     exact_rates: Floats = array("size")
 
 
+# The largest number of states beside the rows that one call of a kernel writes.
+MOST_LISTED = 64
+
+
 class Output(Clock):
     """The end of the arc and its rows: set by the run, used by `driver`."""
 
@@ -51,13 +55,16 @@ class Output(Clock):
     row_limit: float  # ... while that is less than this ...
     arc_rows: float  # ... or, before an end has been located, this
     row: float  # the next row
-    extras: float  # states asked for beside the rows that are still to be written ...
-    extra: float  # ... and the time of the next
+    extras: float  # number of states beside the rows that are still to be written ...
+    extra: float  # ... the time of the next one ...
+    listed: float  # ... and the number of their times in `extra_times`
     emitted: float  # rows written by this call
     located: float  # 1 if arcs may end within a step: every step is interpolated
     cut: (
         float  # the fraction of the last step that counts, until rows are written; or 0
     )
+    # Times of the next states beside the rows, the latest first.
+    extra_times: Floats = array(lambda _: MOST_LISTED)
 
 
 # The part of the tolerance that one step may use: errors of many steps add up, and the
