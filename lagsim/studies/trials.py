@@ -36,6 +36,7 @@ import functools
 import math
 import pickle
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -49,7 +50,7 @@ from lagsim.run.trajectory import Outcome, Statistics
 from lagsim.studies.workers import Died, cores, processes, shared
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
@@ -85,11 +86,15 @@ class Variant(NamedTuple):
         Times of the rows, in any order, by the dense output of the method: the steps
         are those of the run without these times. None for the rows of the run: all
         output times and both rows of each impact.
+    guesses : collection of str
+        Start values that are solved for from the constraints, as if the file marked
+        these as guesses, so that another start value can be varied.
     """
 
     values: Mapping[str, float | str] = {}
     settings: Mapping[str, Any] = {}
     times: Floats | None = None
+    guesses: Collection[str] = ()
 
 
 # The run of the file.
@@ -326,7 +331,9 @@ class Form:
         self.compiled = Compiled()
         self._tried: list[Mapping[str, Any]] = []
 
-    def session(self, texts: Texts, settings: Mapping[str, Any]) -> Session | None:
+    def session(
+        self, texts: Texts, settings: Mapping[str, Any], guesses: Collection[str]
+    ) -> Session | None:
         """Return the session of a variant; None if it needs another form.
 
         Raises
@@ -337,6 +344,11 @@ class Form:
         if structure(self.model, texts) != self.structure:
             return None
         model = self.model.bind(**texts)
+        if guesses:
+            initial = (
+                x._replace(guess=x.guess or x.name in guesses) for x in model.initial
+            )
+            model = replace(model, initial=tuple(initial))
         asked = wanted(model, self._who, self._options)._replace(**settings)
         case = examined(self.equations, model, asked)
         plan = case.plan()
@@ -383,7 +395,10 @@ class Forms:
         return Form(pickle.loads(self._model), texts, self._options, self._who)
 
     def session(
-        self, texts: Texts, settings: Mapping[str, Any] = STATED.settings
+        self,
+        texts: Texts,
+        settings: Mapping[str, Any] = STATED.settings,
+        guesses: Collection[str] = (),
     ) -> Session:
         """Return the session of a variant, compiled if no earlier functions fit.
 
@@ -393,13 +408,13 @@ class Forms:
             If a value cannot be used, or the start is not admissible.
         """
         for k, form in enumerate(self.known):
-            session = form.session(texts, settings)
+            session = form.session(texts, settings, guesses)
             if session is not None:
                 self.known.insert(0, self.known.pop(k))
                 return session
         new = self.form(texts)
         self.known = [new, *self.known[: MOST_FORMS - 1]]
-        session = new.session(texts, settings)
+        session = new.session(texts, settings, guesses)
         assert session is not None
         return session
 
@@ -441,7 +456,7 @@ class Trials:
             name: x if isinstance(x, str) else repr(float(x))
             for name, x in variant.values.items()
         }
-        return self._forms.session(texts, variant.settings)
+        return self._forms.session(texts, variant.settings, variant.guesses)
 
     def run(
         self,

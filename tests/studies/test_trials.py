@@ -129,6 +129,15 @@ def test_a_run_beyond_its_time_is_given_up():
     assert len(found.rows) == 0
 
 
+def test_start_values_follow_as_guesses_do():
+    some = trials(ROD)
+    variant = Variant({"x": 0.61}, times=np.zeros(1), guesses=("y", "x_dot", "y_dot"))
+    assert some.run(variant._replace(guesses=())).outcome == INADMISSIBLE
+    [y] = some.run(variant).column("y")
+    assert y == pytest.approx(-np.sqrt(1 - 0.61**2), rel=1e-15)
+    assert some.run(Variant(times=np.zeros(1))).column("y") == [-0.8]
+
+
 VARIANTS = [Variant({"k": k}) for k in (1.0, 4.0, -1e400, 9.0)]
 
 
