@@ -8,74 +8,83 @@ is refused with a message that names the limit.
 from __future__ import annotations
 
 MODEL_BYTES = 16 << 20
-"""Of a model file: 10^5 members, a line of 160 letters for each."""
+"""Largest model file: 10^5 members with a line of 160 letters each."""
 
 DOCUMENT_BYTES = 256 << 20
-"""Of a record, a golden's or a journal, which are read as a whole."""
+"""Largest record, golden or journal, which are read as a whole."""
 
 TABLE_BYTES = 4 << 30
-"""Of a table of results; what is read of one takes as much memory."""
+"""Largest table of results that is read; it needs as much memory."""
 
 TABLE_NUMBERS = 1_000_000
-"""Coefficients of a table of a model: of a cubic curve four for each point."""
+"""Largest number of coefficients of a table of a model: a cubic curve has four per
+point."""
 
 NODES = 1_000_000
-"""Scalars and collections of YAML in a model file, half a kilobyte each."""
+"""Largest number of scalars and collections of YAML in a model file; half a kilobyte
+each."""
 
 EXPRESSION_LETTERS = 1_000_000
-"""Of one expression; its tokens take a hundred times as much."""
+"""Longest expression; its tokens need a hundred times as much memory."""
 
 MEMBERS = 100_000
-"""Of all families of a file: numbers, so that a vector counts with its components."""
+"""Largest number of members of all families of a file; each component of a vector
+counts."""
 
 TERMS = 1_000_000
-"""Of all sums over ranges in a file, those in one another multiplied."""
+"""Largest number of terms of all sums over ranges in a file; nested sums are
+multiplied."""
 
 LARGEST_INDEX = 1e15
-"""Of subscripts and ends of ranges, which are whole numbers."""
+"""Largest magnitude of subscripts and ends of ranges, which are integers."""
 
 GRAPH_NODES = 3_000_000
-"""Operations in a model and its equations, 260 bytes each, ..."""
+"""Largest number of operations in a model and its equations, 260 bytes each, ..."""
 
 GRAPH_NODES_PER_BYTE = 30
-"""... or this many for each byte of the file, where that is more."""
+"""... or this number for each byte of the file, if that is more."""
 
 WORK = 2_500_000
-"""Operations made until a model is checked and planned, and shares of them for what is
-looked through or evaluated: 4 microseconds each, ..."""
+"""Largest work until a model is checked and planned, in operations created (4
+microseconds each); an operation that is traversed or evaluated counts as a fraction
+..."""
 
 WORK_PER_BYTE = 25
-"""... and so many for each byte of the file beyond USUAL_BYTES."""
+"""... plus this number for each byte of the file beyond USUAL_BYTES."""
 
 USUAL_BYTES = 100_000
-"""Of a model file, which is checked within 10 s or refused."""
+"""Size of a model file that is checked, or refused, within 10 s."""
 
 INERTIAS = 1_000_000
-"""Of a mass matrix, entries that are not 0: those of 1,000 coordinates, all coupled."""
+"""Largest number of nonzero entries of a mass matrix: 1,000 coordinates, all
+coupled."""
 
 STEPS = 100_000_000
-"""Of a run, unless it is told otherwise: hours."""
+"""Largest number of steps of a run without another limit: hours."""
 
 EXACT_DIGITS = 4000
-"""Of a number that is written out exactly; Python itself writes no more than 4300."""
+"""Largest number of digits of an exact number; Python writes at most 4300."""
 
 WRITTEN_OPERATIONS = 100_000
-"""Of energies and constraints that are written out; nobody reads as many."""
+"""Largest number of operations of energies and constraints that are written out."""
 
 DERIVED_OPERATIONS = 700_000
-"""Of the equations that are written out: those of a chain of 60 rods in angles."""
+"""Largest number of operations of written-out equations: a chain of 60 rods in
+angles."""
 
 WRITTEN_DEPTH = 150
-"""Of what is written out: sympy recurses into it."""
+"""Deepest nesting of written-out expressions: sympy is recursive."""
 
 WRITTEN_TERMS = 1_000
-"""Of a sum, and factors of a product: sympy takes milliseconds for each of them."""
+"""Largest number of terms of a sum, or factors of a product: sympy needs milliseconds
+for each."""
 
 TIDYING_PRODUCTS = 400_000
-"""Of terms, for making equations short; later they are written as they come."""
+"""Largest number of products of terms for simplification; further expressions are not
+simplified."""
 
 DERIVING_SECONDS = 20.0
-"""For all of a derivation; what is not done by then is refused."""
+"""Processor time of a derivation, after which it is refused."""
 
 
 def graph_nodes(size_of_file: int) -> int:
