@@ -1,10 +1,11 @@
 """Tolerances: constants that decide that a number is zero, equal, small or done.
 
-Each is defined here once, with its meaning. Where rounding decides, the value is a multiple
-of the unit roundoff; where an error of a method or of a solve decides, it is a share of
-the scale that its docstring names. Budgets (how many, how long, how large a file) stand
-in `limits`; coefficients, safety factors and step ratios of a method in its file.
-Kernels read these like any global of their module: they are constants when compiled.
+Each is defined here once, with its meaning. Where rounding decides, the value is a
+multiple of the unit roundoff; where an error of a method or of a solve decides, it is a
+share of the scale that its docstring names. Budgets (how many, how long, how large a
+file) stand in `limits`; coefficients, safety factors and step ratios of a method in its
+file. Kernels read these like any global of their module: they are constants when
+compiled.
 """
 
 from __future__ import annotations
