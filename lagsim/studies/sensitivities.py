@@ -1,0 +1,430 @@
+"""Derivatives of columns by parameters and start values, from differences of runs.
+
+A derivative is a central difference of order 8 of runs at a relative tolerance of
+1e-13; where values on one side cannot be used (a restitution above 1, a coefficient of
+friction below 0) it is one-sided, of order 6. Differences of lower orders of the same
+runs estimate the error and select the step. Rows at which the orders differ are not
+differentiable: an event crosses the time of the row, or the sequence of events changes.
+Runs with constraints, switches, impacts and friction have derivatives like others, and
+no equations of their own are derived.
+
+Examples
+--------
+The amplitude of an oscillator enters its motion linearly:
+
+>>> from lagsim.model.reader import read
+>>> model = read('''
+... parameters: {k: 4}
+... coordinates: {x: {}}
+... energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+... initial: {x: 1}
+... simulation: {duration: 1}
+... ''', "<model>")
+>>> study = Sensitivities(model, times=np.array([0.25, 0.5, 1.0]), columns=("x",))
+>>> found = study.by("x")
+>>> np.allclose(found.values[:, 0], np.cos(2.0 * study.times), rtol=0, atol=1e-11)
+True
+>>> found.runs, found.error < 1e-9
+(8, True)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.language.names import rate_of
+from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.model.model import Model
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.trials import Trial
+
+# Relative tolerance of the runs.
+RTOL = 1e-13
+# First step, relative to the scale of the name, and the factor between steps.
+FIRST, FACTOR = 1e-3, 3.0
+# Relative error of a derivative with which its step is accepted.
+ENOUGH = 1e-10
+# Difference of two orders, relative to the largest value of a derivative, above which a
+# row is not differentiable.
+NOT_DIFFERENTIABLE = 1e-6
+# Number of runs of the first step, and of all steps of a name on average.
+FIRST_RUNS, MOST_RUNS = 8, 14
+# Weights of (f(jh) - f(-jh))/(2h), j = 1, 2, ..., by order.
+CENTRAL = {
+    8: (8 / 5, -2 / 5, 8 / 105, -1 / 140),
+    6: (3 / 2, -3 / 10, 1 / 30),
+    4: (4 / 3, -1 / 6),
+    2: (1.0,),
+}
+# Weights of f(jh)/h, j = 0, 1, ..., by order.
+ONE_SIDED = {
+    6: (-49 / 20, 6.0, -15 / 2, 20 / 3, -15 / 4, 6 / 5, -1 / 6),
+    5: (-137 / 60, 5.0, -5.0, 10 / 3, -5 / 4, 1 / 5),
+    4: (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4),
+    3: (-11 / 6, 3.0, -3 / 2, 1 / 3),
+}
+# The rounding error of a difference relative to its deviation from the next lower
+# order: the ratio of the norms of their weights. Where the differences of three
+# successive orders do not fall by like factors, the last one is rounding.
+ROUNDING, FALLS = 12.0, 1.5
+# Relative error that all runs have in common, which no difference of them shows.
+COMMON = 10.0 * RTOL
+
+
+class Derivative(NamedTuple):
+    """Derivatives of columns by one name.
+
+    Attributes
+    ----------
+    name : str
+        The parameter or start value.
+    values : ndarray, shape (k, columns)
+        In the units of the columns divided by the unit of the name; nan in rows that
+        are not differentiable, or that a run does not reach.
+    lost : ndarray of bool, shape (k,)
+        Rows that are not differentiable.
+    step : float
+        The step of the differences, in the unit of the name.
+    error : float
+        Estimated error, the largest over rows, relative to the largest value of each
+        column.
+    runs : int
+        Number of runs.
+    """
+
+    name: str
+    values: Floats
+    lost: Flags
+    step: float
+    error: float
+    runs: int
+
+
+class _Difference(NamedTuple):
+    """Differences at one step: of the highest order, with its error by column."""
+
+    values: Floats
+    lost: Flags
+    # By column, relative: errors by truncation and by rounding.
+    truncation: Floats
+    rounding: Floats
+
+    @property
+    def error(self) -> float:
+        """The largest error of a column."""
+        return COMMON + float(np.max(self.truncation + self.rounding, initial=0.0))
+
+    @property
+    def score(self) -> tuple[int, float]:
+        """The number of rows lost, then the error: less is better."""
+        return int(np.count_nonzero(self.lost)), self.error
+
+
+@dataclass
+class _Runs:
+    """Rows of the runs at multiples of a step, each computed once.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+        The value of the name in the file.
+    unit : float
+        The first step.
+    known : dict
+        Rows by the numerator of the offset, and the power of FACTOR it is divided by.
+    """
+
+    study: Sensitivities
+    name: str
+    value: float
+    unit: float
+    held: bool = False
+    known: dict[tuple[int, int], Trial] = field(default_factory=dict)
+
+    def trial(self, j: int, power: int) -> Trial:
+        """Return the run at `j` steps of the size unit*FACTOR**power."""
+        while j and j % int(FACTOR) == 0:
+            j, power = j // int(FACTOR), power + 1
+        key = (j, power) if j else (0, 0)
+        if j == 0:
+            return self.study.centre
+        if key not in self.known:
+            shift = j * self.unit * FACTOR**power
+            self.known[key] = self.study.trial(self.name, self.value + shift, self.held)
+        return self.known[key]
+
+    def rows(self, offsets: Sequence[int], power: int) -> Floats:
+        """Return the rows at several offsets, shape (offsets, k, columns)."""
+        return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
+
+    def usable(self, side: int) -> bool:
+        """Whether runs can begin at the farthest and the nearest offset of a side."""
+        found = [self.trial(side * j, 0) for j in (4, 1)]
+        return all(x.outcome not in (INADMISSIBLE, UNUSABLE) for x in found)
+
+
+def _judged(estimates: Sequence[Floats], rows: Sequence[Floats]) -> _Difference:
+    """Return the difference of the highest order with its errors.
+
+    Parameters
+    ----------
+    estimates : sequence of ndarray, shape (k, columns)
+        The derivatives by differences of four orders, the highest first.
+    rows : sequence of ndarray
+        The rows of all runs.
+    """
+    best = estimates[0]
+    with np.errstate(invalid="ignore", over="ignore"):
+        first, second, third = (np.abs(x - y) for x, y in pairwise(estimates))
+        missing = ~np.all(np.isfinite(best), axis=1)
+        # Rounding of the runs, of a column that does not depend on the name at all.
+        floor = RTOL * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0)
+        lost, scale = missing.copy(), floor
+        while True:
+            kept = ~lost
+            scale = np.max(np.abs(best[kept]), axis=0, initial=0.0)
+            apart = first > NOT_DIFFERENTIABLE * np.maximum(scale, floor)
+            more = kept & np.any(apart, axis=1)
+            if not more.any():
+                break
+            lost |= more
+    e1, e2, e3 = (np.max(x[kept], axis=0, initial=0.0) for x in (first, second, third))
+    falls = np.minimum(1.0, np.divide(e2, e3, out=np.ones_like(e2), where=e3 > 0.0))
+    beyond = np.maximum(0.0, e1 - FALLS * e2 * falls)
+    size = np.where(scale > 0.0, scale, 1.0)
+    values = np.where(lost[:, np.newaxis], np.nan, best)
+    return _Difference(values, lost, e1 * falls / size, ROUNDING * beyond / size)
+
+
+class Sensitivities:
+    """Derivatives of a run of a model by names, at given times.
+
+    Parameters
+    ----------
+    model : Model
+    options : mapping of str to float or str, optional
+        Options of the run.
+    times : ndarray, shape (k,)
+        Times of the rows.
+    columns : sequence of str, optional
+        Columns of the rows to differentiate, by default the coordinates, their rates,
+        first-order states and definitions of the table.
+    values : mapping of str to float, optional
+        Values of names that differ from the file.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        options: Mapping[str, float | str] | None = None,
+        *,
+        times: Floats,
+        columns: Sequence[str] | None = None,
+        values: Mapping[str, float] | None = None,
+        who: str = "run",
+    ) -> None:
+        self.model, self.times = model, times
+        self.trials = Trials(model, options, who)
+        self.values = dict(values or {})
+        self.settings: dict[str, Any] = {"rtol": RTOL}
+        self.interrupt: Interrupt | None = None
+        self.columns = tuple(columns if columns is not None else motion_columns(model))
+        self.centre = self.trials.run(self._variant({}))
+        if not self.centre.columns:
+            raise InputError([Problem(self.centre.code, self.centre.reason)])
+        self._which = [self.centre.columns.index(x) for x in self.columns]
+        self._start: dict[str, float] | None = None
+
+    def _variant(self, values: Mapping[str, float], **more: Any) -> Variant:
+        at = {**self.values, **values}
+        return Variant(at, self.settings, self.times, **more)
+
+    def rows(self, trial: Trial) -> Floats:
+        """Return the differentiated columns of a run, shape (k, columns).
+
+        All are nan for a run that could not begin.
+        """
+        if not trial.columns:
+            return np.full((len(self.times), len(self.columns)), np.nan)
+        return np.asarray(trial.rows[:, self._which])
+
+    def start(self) -> dict[str, float]:
+        """Return the solved start: positions, rates and first-order states by name."""
+        if self._start is None:
+            state = self.trials.session(self._variant({})).case.start
+            equations = self.trials.session(self._variant({})).case.equations
+            solved = np.concatenate([state.q, state.v, state.s]).tolist()
+            self._start = dict(zip(equations.state, solved, strict=True))
+        return self._start
+
+    def trial(self, name: str, value: float, held: bool) -> Trial:
+        """Return the run with one value replaced.
+
+        Parameters
+        ----------
+        held : bool
+            Whether all start values but `name` are guesses, which follow as the
+            constraints require.
+        """
+        if not held:
+            return self.trials.run(self._variant({name: value}))
+        at = {**self.start(), name: value}
+        guesses = frozenset(self.start()) - {name}
+        return self.trials.run(self._variant(at, guesses=guesses))
+
+    def by(
+        self,
+        name: str,
+        *,
+        scale: float | None = None,
+        first: float = FIRST,
+        spare: int = MOST_RUNS,
+    ) -> Derivative:
+        """Return the derivatives of all columns by a parameter or start value.
+
+        Parameters
+        ----------
+        scale : float, optional
+            Size of the name to which steps are relative, by default see `scale_of`.
+        first : float
+            The first step relative to the scale.
+        spare : int
+            Number of runs beyond which no further step is tried.
+
+        Raises
+        ------
+        InputError
+            If the name is unknown, or constraints determine it.
+        """
+        value = self.value_of(name)
+        size = scale if scale is not None else scale_of(self.model, name, value)
+        runs = _Runs(self, name, value, first * size)
+        sides = runs.usable(1), runs.usable(-1)
+        if not any(sides) and self._determined(runs):
+            runs = _Runs(self, name, value, first * size, held=True)
+            sides = runs.usable(1), runs.usable(-1)
+        if not any(sides):
+            raise _not_free(name, runs.trial(1, 0))
+
+        def at(power: int) -> _Difference:
+            return _central(runs, power) if all(sides) else _aside(runs, power, sides)
+
+        found, power = at(0), 0
+        for step in (-1, 1):
+            while len(runs.known) + 2 <= spare and found.score > (0, ENOUGH):
+                wanted = -1 if found.lost.any() or _truncated(found) else 1
+                if wanted != step:
+                    break
+                other = at(power + step)
+                if other.score >= found.score:
+                    break
+                found, power = other, power + step
+        return Derivative(
+            name, found.values, found.lost & self._reached(), runs.unit * FACTOR**power,
+            found.error, len(runs.known),
+        )  # fmt: skip
+
+    def by_each(self, names: Sequence[str]) -> Iterator[Derivative]:
+        """Yield the derivatives by each name, with at most MOST_RUNS runs for a name.
+
+        Runs that one name does not need are left to the names after it.
+        """
+        left = MOST_RUNS * len(names) - 1
+        for k, name in enumerate(names):
+            found = self.by(name, spare=left - FIRST_RUNS * (len(names) - k - 1))
+            left -= found.runs
+            yield found
+
+    def _reached(self) -> Flags:
+        """Mark the rows that the run itself reaches."""
+        return np.asarray(np.all(np.isfinite(self.rows(self.centre)), axis=1))
+
+    def _determined(self, runs: _Runs) -> bool:
+        """Whether the start is inadmissible beside the value of a name."""
+        return any(runs.trial(j, 0).outcome == INADMISSIBLE for j in (1, -1))
+
+    def value_of(self, name: str) -> float:
+        """Return the value of a parameter or start value.
+
+        Raises
+        ------
+        InputError
+            If the model has no such name.
+        """
+        known = self.model.parameter_values
+        if name in self.values:
+            return self.values[name]
+        if name in known:
+            return known[name]
+        if name in (start := self.start()):
+            return start[name]
+        text = f"there is no parameter or start value `{name}`"
+        raise InputError([Problem("unknown-name", text)])
+
+
+def _truncated(found: _Difference) -> bool:
+    return bool(np.max(found.truncation) > np.max(found.rounding))
+
+
+def _central(runs: _Runs, power: int) -> _Difference:
+    """Return the central difference of order 8."""
+    h = runs.unit * FACTOR**power
+    above, below = (runs.rows([s * j for j in (1, 2, 3, 4)], power) for s in (1, -1))
+    odd = (above - below) / (2.0 * h)
+    estimates = [
+        np.tensordot(CENTRAL[order], odd[: order // 2], axes=1) for order in CENTRAL
+    ]
+    return _judged(estimates, [*above, *below])
+
+
+def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
+    """Return the one-sided difference of order 6, on the side that can be used."""
+    side = 1 if sides[0] else -1
+    h = side * runs.unit * FACTOR**power
+    rows = runs.rows([side * j for j in range(7)], power)
+    estimates = [
+        np.tensordot(ONE_SIDED[order], rows[: order + 1], axes=1) / h
+        for order in ONE_SIDED
+    ]
+    return _judged(estimates, [*rows])
+
+
+def _not_free(name: str, trial: Trial) -> LagsimError:
+    text = f"`{name}` cannot be varied: {trial.reason}"
+    return InputError([Problem(trial.code or "not-free", text)])
+
+
+def motion_columns(model: Model) -> list[str]:
+    """Return the names of coordinates, rates, first-order states and definitions."""
+    own = [x.name for x in model.coordinates]
+    rates = [rate_of(x) for x in own]
+    return [*own, *rates, *(x.name for x in model.states), *model.output.columns]
+
+
+def scale_of(model: Model, name: str, value: float) -> float:
+    """Return the size of a name to which steps of differences are relative.
+
+    The absolute value, or, for 0, the largest absolute value of parameters and start
+    values of the same unit, or 1.
+    """
+    if value:
+        return abs(value)
+    units = {p.name: p.unit for p in model.parameters}
+    units |= {x.name: x.unit for x in model.coordinates}
+    own: Callable[[str], str | None] = units.get
+    values = model.parameter_values | {x.name: x.value for x in model.initial}
+    others = [
+        abs(x) for k, x in values.items() if own(k) is not None and own(k) == own(name)
+    ]
+    return max(others, default=0.0) or 1.0
