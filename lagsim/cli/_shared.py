@@ -362,6 +362,24 @@ def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
     return table_of(columns, ([row[name] for name in columns] for row in rows))
 
 
+def methods_of(text: str | None) -> tuple[str, ...] | None:
+    """Return the methods of an option A,B; None without it, or with retired ones alone.
+
+    A retired method is left out with a warning.
+    """
+    if text is None:
+        return None
+    from lagsim.methods import RETIRED
+    from lagsim.notes import Caution
+
+    found = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
+    for name in found:
+        if name in RETIRED:
+            caution = Caution("retired", f"the method `{name}` is retired: left out")
+            complain(f"warning: {caution.text} [{caution.number}]")
+    return tuple(name for name in found if name not in RETIRED) or None
+
+
 def numbers(
     problems: Problems,
     option: str,

@@ -22,6 +22,7 @@ from lagsim.cli._shared import (
     headline,
     left_out,
     listed,
+    methods_of,
     numbers,
     option,
     output_folder,
@@ -163,9 +164,8 @@ def _wish(
 ) -> Wish:
     """Parse the options of the command."""
     problems = Problems()
-    chosen = None
-    if methods is not None:
-        chosen = tuple(name.strip() for name in methods.split(","))
+    chosen = methods_of(methods)
+    if chosen is not None:
         known = [*names(), *SCIPY]
         hint = f"of {', '.join(known)}; `lagsim methods` describes lagsim's own"
         problems += [

@@ -23,6 +23,7 @@ from lagsim.cli._shared import (
     headline,
     left_out,
     listed,
+    methods_of,
     numbers,
     option,
     output_folder,
@@ -119,11 +120,9 @@ def _check_parameter(model: Model, name: str | None) -> None:
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
     """Parse the options of the command."""
     problems = Problems()
-    names = None
-    if methods is not None:
-        names = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
-        for method in names:
-            problems += method_problems(method, auto=False)
+    names = methods_of(methods)
+    for method in names or ():
+        problems += method_problems(method, auto=False)
     different = partial(numbers, problems, what="different numbers", allowed=lt)
     between = None
     if steps is not None:

@@ -51,3 +51,15 @@ def test_a_run_by_a_retired_method_takes_another_one(lagsim):
     assert [x["code"] for x in record["warnings"]] == ["retired"]
     assert record["method"] in names()
     assert "is retired" in lagsim("methods", "exponential", code=2).err
+
+
+def test_commands_on_several_methods_leave_a_retired_one_out(lagsim):
+    Path("model.yaml").write_text(
+        "coordinates: {x: {}}\n"
+        "energy: {kinetic: x_dot^2/2, potential: x^2/2}\n"
+        "initial: {x: 1}\nsimulation: {duration: 1}\n"
+    )
+    options = ("--methods", "exponential,rk4", "--steps", "0.01:0.02", "--json")
+    found = lagsim("stability", "model.yaml", *options, code=0)
+    assert "`exponential` is retired: left out [W207]" in found.err
+    assert list(found.json["borders"]) == ["rk4"]
