@@ -160,7 +160,16 @@ def rank_losses(result, name):
 
 @pytest.mark.parametrize(
     ("start", "method"),
-    [("0.5", "auto"), ("1", "auto"), ("0", "auto"), ("0.5", "radau"), ("0", "radau")],
+    [
+        ("0.5", "auto"),
+        ("1", "auto"),
+        ("0", "auto"),
+        ("0.5", "radau"),
+        ("0", "radau"),
+        ("0.5", "dopri5"),
+        ("1", "dopri5"),
+        ("0", "dopri5"),
+    ],
 )
 def test_parallelogram_coasts_through_collinear(start, method):
     # Without weight both cranks turn evenly: M is constant along this branch.
