@@ -502,7 +502,9 @@ class Trials:
         progress : callable, optional
             Called with the part of the variants that is done.
         hired : callable
-            Returns a context manager of a crew of processes.
+            Returns a context manager of a crew of processes, such as
+            `workers.processes`. In repeated calls that of `workers.standing` keeps the
+            processes and their compiled functions.
         """
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0

@@ -144,6 +144,17 @@ def processes(most: int) -> Iterator[Crew]:
         theirs.close()
 
 
+@contextlib.contextmanager
+def standing(most: int) -> Iterator[Hired]:
+    """Context manager: a crew of processes that is hired again and again.
+
+    Its processes start at the first call, and keep the functions that they compile from
+    one study to the next.
+    """
+    with processes(most) as crew:
+        yield lambda _most: contextlib.nullcontext(crew)
+
+
 def _enlist(stop: connection.Connection) -> None:
     """Initialise a worker process: signals, garbage collector, watching thread."""
     for kind in (signal.SIGINT, signal.SIGTERM):
@@ -273,7 +284,6 @@ def shared(
     hired : callable
         Returns a context manager of a crew, such as `processes`.
     """
-    wanted |= hired is not processes
     others = 0 if most == 1 and hired is processes else most
     # The processor time of this process alone.
     done, began, lasted = 0, time.process_time(), 0.0

@@ -1,5 +1,8 @@
 """Trials: runs in variants, whose faults are results, alike in one process and two."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,7 @@ from lagsim.studies.trials import (
     Trials,
     Variant,
 )
+from lagsim.studies.workers import spread, standing
 from tests.small_scenes import CONTACT, PENDULUM
 
 SPRING = """
@@ -156,6 +160,27 @@ def test_an_interrupt_keeps_what_is_computed():
         if k == 1:
             interrupt.stop()
     assert found == [0, 1]
+
+
+def number_of_process(_item, _interrupt):
+    """Wait, so that no process has two of two pieces."""
+    time.sleep(0.2)
+    return os.getpid()
+
+
+@pytest.mark.slow
+def test_a_standing_crew_is_hired_again():
+    some, variants = trials(CONTACT), [Variant({"y": 1.0 + k / 8}) for k in range(4)]
+    with standing(2) as hired:
+        first, second = (
+            dict(spread(number_of_process, range(2), 2, Interrupt(), hired))
+            for _ in range(2)
+        )
+        found = dict(some.runs(variants, 2, hired=hired))
+    assert {*first.values()} == {*second.values()}
+    assert os.getpid() not in first.values()
+    alone = dict(some.runs(variants))
+    assert all(np.array_equal(found[k].rows, x.rows) for k, x in alone.items())
 
 
 @pytest.mark.slow

@@ -169,6 +169,7 @@ def sweep(
     own = runs_of(found.work)
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
+    wanted |= hired is not processes
     for results in shared(
         own.made, found.missing, most, interrupt, wanted=wanted, hired=hired
     ):
