@@ -334,7 +334,8 @@ def _retired(settings: Settings) -> Iterator[Caution]:
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     """Return the case of derived equations with the parameter values of `model`.
 
-    The equations are derived anew if the values change the pieces of a gap.
+    The equations are derived anew if the values change the pieces of a gap, or if
+    `model` was read anew and so has another graph.
 
     Parameters
     ----------
@@ -346,7 +347,7 @@ def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     InputError, StartError
     """
     equations.graph.unbind()  # they were examined before
-    if equations.has_pieces_of(model):
+    if model.graph is equations.graph and equations.has_pieces_of(model):
         return _examined(equations.of(model), settings, Clock())
     return open_case(model, settings)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from lagsim.errors import LagsimError
 from lagsim.program.functions import stated_units
-from lagsim.run.session import examined, open_case
+from lagsim.run.session import examined
 from lagsim.studies.comparison import on_grid, scales
 from lagsim.studies.golden import SAFETY, Golden, judge, run
 from lagsim.studies.motions import SEEDS, motion_of, perturbed
@@ -230,7 +230,8 @@ class _Changes:
 
     def _of(self, changed: Callable[[float], Model], by: float) -> Response:
         try:
-            case = self._opened(changed(by))
+            model = changed(by)
+            case = examined(self.case.equations, model, model.settings())
             motion = run(case, self.golden, self.compiled)
         except LagsimError as error:
             return Response(by, math.inf, error.code)
@@ -239,13 +240,6 @@ class _Changes:
         if verdict.passed:
             return Response(by, ratio, "", self._against_rounding(case))
         return Response(by, ratio if verdict.failed else math.inf)
-
-    def _opened(self, model: Model) -> Case:
-        case = self.case
-        settings = model.settings()
-        if model.graph is not case.model.graph:
-            return open_case(model, settings)
-        return examined(case.equations, model, settings)
 
     # Runs with rounding errors alone
 
