@@ -28,7 +28,7 @@ CISM 302 (1988) 1-82; M. Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235-2
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
@@ -45,7 +45,12 @@ from lagsim.methods.parts.parameters import (
 )
 from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effort
 from lagsim.native.layout import after, array, part
-from lagsim.tolerances import OVERFLOW, SETTLED_IMPULSE, SLIP_AT_REST
+from lagsim.tolerances import (
+    OVERFLOW,
+    SETTLED_IMPULSE,
+    SLIP_AT_REST,
+    SUM_ROUNDOFF,
+)
 
 __all__ = ["step"]
 
@@ -198,6 +203,7 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
             s.coarse = h
     s.leap = 0.5 * s.struck
     sweeps = relax(p, count, h, s.z[s.velocities], s.w)
+    share_out(p, count, h, s.z[s.velocities])
     for i in range(count):
         s.new[first + int(p.acting[i])] = p.struck[i] / h
     return sweeps
@@ -422,6 +428,80 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
         if worst <= SETTLED_IMPULSE:
             return sweep + 1
     return 0
+
+
+def share_out(p: Impulses, count: int, h: float, v: Floats) -> None:
+    """Share the impulses of parallel rows, within their limits: the least norm.
+
+    The motion does not depend on the shares, which relaxation leaves to the order of
+    the rows. `v` : (n,), the velocities before.
+    """
+    worst = 1.0
+    sweep = 0
+    while worst > SETTLED_IMPULSE and sweep < PATIENT:
+        worst = 0.0
+        sweep += 1
+        for i in range(count):
+            for j in range(i if is_shared(p, i) else 0):
+                ratio = parallel(p, i, j) if is_shared(p, j) else 0.0
+                if ratio != 0.0:
+                    worst = max(worst, share(p, i, j, ratio, h, v))
+
+
+def is_shared(p: Impulses, i: int) -> bool:
+    """Whether active row i may share its impulse: a limit or an equality, no slip."""
+    k = int(p.acting[i])
+    return float(p.row_kind[k]) >= LIMITED and float(p.row_pair[k]) < 0.0
+
+
+def parallel(p: Impulses, i: int, j: int) -> float:
+    """Return the ratio of active row j to active row i; 0 if they are not parallel."""
+    first = int(p.slope_starts[int(p.acting[i])])
+    other = int(p.slope_starts[int(p.acting[j])])
+    width = int(p.slope_starts[int(p.acting[i]) + 1]) - first
+    if int(p.slope_starts[int(p.acting[j]) + 1]) - other != width:
+        return 0.0
+    ratio = 0.0
+    for e in range(width):
+        own, its = p.met_slopes[first + e], p.met_slopes[other + e]
+        if p.slope_columns[first + e] != p.slope_columns[other + e]:
+            return 0.0
+        if ratio == 0.0 and own != 0.0:
+            ratio = its / own
+        if not abs(its - ratio * own) <= SUM_ROUNDOFF * abs(its):
+            return 0.0
+    return float(ratio)
+
+
+def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> float:
+    """Share the impulse of active rows i and j; return the relative change.
+
+    Beside an equality a limited row transmits nothing. `ratio` is that of row j to i.
+    """
+    before = float(p.struck[j])
+    whole = p.struck[i] + ratio * before
+    found = ratio * whole / (1.0 + ratio * ratio)
+    kind, other = p.row_kind[int(p.acting[i])], p.row_kind[int(p.acting[j])]
+    if other == LIMITED and kind != LIMITED:
+        found = 0.0
+    elif kind == LIMITED and other != LIMITED:
+        found = whole / ratio
+    most = bound_of(p, i, h, v)
+    if whole - ratio * found > most:
+        found = (whole - most) / ratio
+    elif whole - ratio * found < -most:
+        found = (whole + most) / ratio
+    most = bound_of(p, j, h, v)
+    found = min(max(found, -most), most)
+    p.struck[j] = found
+    p.struck[i] = whole - ratio * found
+    return abs(found - before) / abs(whole) if whole != 0.0 else 0.0
+
+
+def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
+    """Return the largest impulse of active row i that rests; inf of an equality."""
+    k = int(p.acting[i])
+    return limit(p, k, h, v, 0.0) if p.row_kind[k] == LIMITED else inf
 
 
 def satisfy(

@@ -8,7 +8,7 @@ import pytest
 from tests.scenes.contact.motions import contact, scene
 from tests.scenes.contact.scenes import ball, balls, dry, incline, sphere
 from tests.small_scenes import bounced
-from tests.support import run
+from tests.support import run, simulate
 
 MOREAU = {"method": "moreau", "step": 0.001}
 
@@ -168,3 +168,42 @@ def test_hundreds_of_contacts():
     assert not found.trajectory.warnings
     assert np.max(np.diff(found["energy"])) < 25 * 25 * 0.002**2 / 2
     assert np.max(np.abs(found["energy"] - found["work"] - found["energy"][0])) < 1e-9
+
+
+# Rows on one velocity, the least norm of whose multipliers is known: each bears in
+# proportion to its factor, up to its limit; beside an equality no limit bears.
+SHARED = [
+    ({"a": ("x_dot = 0", 1), "b": ("x_dot = 0", 2)}, 1.2, {"a": 0.6, "b": 0.6}),
+    ({"a": ("x_dot = 0", 0.4), "b": ("x_dot = 0", 2)}, 1.2, {"a": 0.4, "b": 0.8}),
+    ({"a": ("x_dot = 0", 1), "b": ("-2*x_dot = 0", 2)}, 1, {"a": 0.2, "b": -0.4}),
+    ({"a": ("x_dot = 0", 1), "b": ("x_dot = 0", None)}, 1.2, {"a": 0, "b": 1.2}),
+    ({"a": ("x_dot = 0", None), "b": ("3*x = 0", None)}, 1, {"a": 0.1, "b": 0.3}),
+    (
+        {"a": ("x_dot = 0", 1), "b": ("x_dot = 0", 0.3), "c": ("x_dot = 0", 2)},
+        1.3,
+        {"a": 0.5, "b": 0.3, "c": 0.5},
+    ),
+]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(("rows", "force", "expected"), SHARED)
+def test_parallel_rows_share_a_load_by_least_norm(rows, force, expected, order):
+    relations = [
+        f"  {name}: {{relation: {relation}{'' if most is None else f', limit: {most}'}}}"
+        for name, (relation, most) in rows.items()
+    ][::order]
+    written = "\n".join(relations)
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: {force}}}
+constraints:
+{written}
+initial: {{x: 0}}
+simulation: {{duration: 1, output_step: 0.1, method: moreau, step: 0.01}}
+"""
+    found = simulate(text, error_bar="never")
+    for name, share in expected.items():
+        assert found[f"lambda_{name}"] == pytest.approx(-share, abs=1e-9)
+    assert np.max(np.abs(found["x"])) < 1e-12
