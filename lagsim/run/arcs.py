@@ -295,11 +295,28 @@ class Run:
         # The start, before its switches have the modes of the first arc.
         jumps = self._may_jump and (system.switches.modes or system.switches.corners)
         before = at_start(self.arc) if jumps else None
+        values = self.arc.located(self.arc.t, self.arc.y)
         ending = self._set_modes() or self._past_table() or self._strike(before)
+        if ending is None and self.transitions is not None:
+            struck = values if self.impacts else None
+            due = self.transitions.look_at_start(self.arc, struck)
+            if due != NOTHING:
+                ending = self._act_at_start(due)
         if ending is None:
-            if self.transitions is not None:
-                self.transitions.look_at_start(self.arc)
             self._set_out(self.arc.settings.end)
+        return ending
+
+    def _act_at_start(self, due: Due) -> Ending | None:
+        """Apply the events that become due at the start, and all that follow them."""
+        assert self.transitions is not None
+        before = before_event(self.arc) if self._may_jump else None
+        impacts = self.impacts
+        ending = self._let_act(due)
+        ending = ending or self._settle(None, Turn.MODES, before, impacts)
+        if self.transitions.is_over:
+            return Ending(Outcome.UNTIL)
+        if self.after is not None:
+            self.after = self._row()
         return ending
 
     @unless_overflow

@@ -374,3 +374,50 @@ def test_a_start_value_that_is_0_but_for_rounding_is_0(start, until, speed, end)
     found = simulate(scene("", begin, 10, body, until=until), error_bar="never")
     assert found.outcome == "until"
     assert found.t[-1] == pytest.approx(end, abs=1e-10)
+
+
+JUMPS = [
+    # (x at the start, condition, whether it becomes true just after)
+    (0, "mod(-x, 2) >= 1", True),
+    (4, "mod(-x, 2) >= 1", True),
+    (-6, "mod(-x, 2) >= 1", True),
+    (0, "sign(x) >= 1", True),
+    (0, "-ceil(x) <= -1", True),
+    (0, "if(x <= 0, -1, 2) >= 0", True),
+    (0.3, "mod(-x, 2) >= 1.9", False),
+    (0, "sin(x) >= 1e-9", False),
+    (0, "x >= 1e-9", False),
+]
+
+
+@pytest.mark.parametrize(("start", "at", "jumps"), JUMPS)
+def test_a_jump_just_after_the_start_is_at_its_instant(start, at, jumps):
+    text = f'modes: {{u: 0}}\nevents: {{up: {{at: "{at}", set: {{u: u + 1}}}}}}\n'
+    begin = f"x: {start}, x_dot: 0.25"
+    asked = {"output_step": 0.25}
+    found = simulate(scene(text, begin, 1, **asked), error_bar="never")
+    assert (acts(found)[:1] == [("up", 0.0)]) == jumps
+    assert found["u"][0] == jumps
+    ended = simulate(scene("", begin, 1, until=at, **asked), error_bar="never")
+    assert (ended.t[-1] == 0.0) == jumps
+
+
+@pytest.mark.parametrize(
+    ("at", "acts_there"),
+    [("x_dot >= 0.5", True), ("x_dot >= 1", True), ("x_dot >= 1.1", False)],
+)
+def test_an_impact_at_the_start_makes_conditions_true(at, acts_there):
+    ball = FREE.replace("potential: 0", "potential: 10*x")
+    text = f"""
+modes: {{n: 0}}
+events: {{up: {{at: {at}, set: {{n: n + 1}}}}}}
+constraints: {{floor: {{relation: x >= 0, restitution: 0.5}}}}
+"""
+    begin = "x: 0, x_dot: -2"
+    found = simulate(scene(text, begin, 0.15, ball, output_step=0.1), error_bar="never")
+    assert found["x_dot"][:2].tolist() == [-2, 1]
+    assert found["n"].tolist() == ([0, 1, 1, 1] if acts_there else [0, 0, 0, 0])
+    assert acts(found) == ([("up", 0.0)] if acts_there else [])
+    floor = text.split("}\n", 2)[2]
+    ended = simulate(scene(floor, begin, 0.15, ball, until=at), error_bar="never")
+    assert (ended.outcome == "until") == (ended.t[-1] == 0.0) == acts_there

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 # Least distance of a condition's value from 0 after an impact; smaller than any other
 # distance, and not 0.
 LEAST = 1e-250
+# Time after the start, as a part of the output step, at which jumps show.
+SOON = 2.0**-40
+# Least number of units in the last place by which the state moves meanwhile.
+PLACES = 4.0
 # Increment of the difference quotients, relative to the size of a component.
 PART = 2.0**-10
 
@@ -96,6 +100,40 @@ class Truth:
         true &= state.orientation == 0.0
         if true.any() and self.arc.equations.model.constraints:
             give_leeway(self.arc, values, true)
+
+    def become_at_start(self, before: Floats | None) -> set[int]:
+        """Return the conditions that become true at the start, and mark them as due.
+
+        By an impact at the start, or by a jump of a switch in an inequality just after
+        it, as in `mod(-x, 2) >= 1` where x rises from 0.
+
+        Parameters
+        ----------
+        before : ndarray, shape (C,), or None
+            Values of the conditions before the impacts at the start, if any.
+        """
+        state, arc = self.state, self.arc
+        now, late = state.worth, SOON * arc.settings.output_step
+        soon, sooner = self._located_after(late, 1.0), self._located_after(late, PART)
+        inequality = (state.equation == 0.0) & np.isfinite(state.leeway)
+        jumps = np.abs(sooner - now) > np.abs(soon - now) / 2.0
+        found = (state.orientation < 0.0) & (sooner >= 0.0) & (soon >= 0.0) & jumps
+        if before is not None:
+            found |= (now >= -state.zero) & (before < -state.zero)
+        found &= inequality
+        state.marked[:] = found
+        return self._marked(float(found.any()))
+
+    def _located_after(self, late: float, part: float) -> Floats:
+        """Return the conditions (C,) a `part` of the time `late` after the start.
+
+        Time and state move by at least some units in the last place.
+        """
+        arc, places = self.arc, PLACES * part / PART
+        moved = arc.later(0.0 * arc.y, arc.rates(arc.t, arc.y), late * part)
+        moved += np.sign(moved) * places * np.spacing(np.abs(arc.y))
+        time = arc.t + max(late * part, places * float(np.spacing(abs(arc.t))))
+        return arc.located(time, arc.y + moved)
 
     def see(self, found: int = -1) -> None:
         """Evaluate the conditions at the state just before an instant.

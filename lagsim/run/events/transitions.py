@@ -23,6 +23,7 @@ from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
 # An event chatters where `sequence.STUCK` successive acts are on average at most this
@@ -100,10 +101,18 @@ class Transitions(Source):
             ending = Ending(Outcome.EVENTS_CHATTER, quoted(begun.chatter))
         return Decision(acts, ending=ending)
 
-    def look_at_start(self, arc: Arc) -> None:
-        """Store which conditions are true at the start, after all modes are set."""
-        if len(arc.state.orientation):
-            Truth(arc).begin()
+    def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
+        """Store which conditions are true at the start, after all modes are set.
+
+        Return those that become true there, see `Truth.become_at_start`; `before` are
+        the values before the impacts at the start, if any.
+        """
+        if not len(arc.state.orientation):
+            return NOTHING
+        self._truth = Truth(arc, set_by_modes=self.set_by_modes)
+        self._truth.begin()
+        found = self._truth.become_at_start(before)
+        return Due(conditions=frozenset(found)) if found else NOTHING
 
     def times(self, arc: Arc) -> Iterator[float]:
         """Return the times of the next acts of periodic events."""

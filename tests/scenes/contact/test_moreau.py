@@ -190,7 +190,9 @@ SHARED = [
 @pytest.mark.parametrize(("rows", "force", "expected"), SHARED)
 def test_parallel_rows_share_a_load_by_least_norm(rows, force, expected, order):
     relations = [
-        f"  {name}: {{relation: {relation}{'' if most is None else f', limit: {most}'}}}"
+        f"  {name}: {{relation: {relation}, limit: {most}}}".replace(
+            ", limit: None", ""
+        )
         for name, (relation, most) in rows.items()
     ][::order]
     written = "\n".join(relations)
