@@ -24,6 +24,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.program.functions import on_rates
 from lagsim.run.events.kinematics import NO_LAWS
 from lagsim.tolerances import (
+    HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
     SOLUTION_ROUNDOFF,
     TINY,
@@ -70,12 +71,15 @@ class Trial(NamedTuple):
         selected: where negative, the selection is wrong. Else infinity.
     modes : Modes
         The modes of the laws, then of the surfaces that attract.
+    by_laws : list of int
+        The surfaces at which rows of laws may hold the motion alone.
     """
 
     mode: list[int]
     w: Floats
     leads: Floats
     modes: RowModes
+    by_laws: list[int]
 
 
 class FilippovCone:
@@ -231,9 +235,60 @@ class FilippovCone:
     def _solved(self, sides: Corner) -> Trial | None:
         """Solve for the modes where surfaces that do not attract have these sides.
 
-        The surfaces that attract and the laws are rows of one problem. A surface at its
-        level because other surfaces are has a constant share. None where the problem
-        has no solution.
+        A surface at which laws alone hold the motion has the value at its level. None
+        where the problem has no solution.
+        """
+        trial = self._solved_beside(sides, ())
+        if trial is None or not trial.by_laws:
+            return trial
+        level = list[int]()
+        for k in trial.by_laws:
+            if not self._is_mean(k, trial.w):
+                level.append(k)
+            elif abs(trial.w[k] - 0.5) <= SOLUTION_ROUNDOFF:
+                trial.mode[k] = LEVEL
+        held = tuple(LEVEL if k in level else x for k, x in enumerate(sides))
+        other = self._solved_beside(held, level) if level else None
+        if other is None or other.leads[level].any():
+            return trial
+        other.leads[level] = math.inf
+        return other if self._is_inside(held, other) else trial
+
+    def _is_mean(self, k: int, w: Floats) -> bool:
+        """Whether rates at the level of surface k are the means of both sides' rates.
+
+        They are for `sign`, and are not for a condition. w : shape (count,), the shares
+        of the other surfaces.
+        """
+        at, mean = w.copy(), w.copy()
+        at[k], mean[k] = LEVEL, 0.5
+        off = np.abs(self._blended(at) - self._blended(mean))[: self.count]
+        return bool(np.all(off <= self.tolerance))
+
+    def _is_inside(self, sides: Corner, trial: Trial) -> bool:
+        """Whether all laws that hold in a trial are clearly inside their bounds."""
+        closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
+        for k, kind in enumerate(closed.kinds):
+            if kind.bounded and trial.modes.mode[k] in HOLDING:
+                n, pair = closed.normals[k], closed.pairs[k]
+                size = math.hypot(p[k], p[pair] if pair >= 0 else 0.0)
+                limit = closed.statics[k] * (p[n] if n >= 0 else 1.0)
+                if not size < (1.0 - HALF_OF_DIGITS) * limit:
+                    return False
+        return True
+
+    def _solved_beside(self, sides: Corner, level: Sequence[int]) -> Trial | None:
+        """Solve for the modes of the laws and of the surfaces that attract.
+
+        These are rows of one problem. A surface at its level because other surfaces are
+        has a constant share. None where the problem has no solution.
+
+        Parameters
+        ----------
+        sides
+            The sides of the surfaces that do not attract.
+        level
+            The surfaces that count among these, although they attract.
         """
         n, at = self.count, np.array(sides)
         w = at.astype(float)
@@ -246,6 +301,7 @@ class FilippovCone:
             B[:n], base[:n] = unit[:, None] * B[:n], unit * base[:n]
             tolerance = unit * self.tolerance
             attract = B.diagonal() < -tolerance
+            attract[[*level]] = False
             if np.any(attract & (w == LEVEL)):
                 w[attract] = BELOW
                 continue
@@ -265,12 +321,11 @@ class FilippovCone:
         mode = at.copy()
         for k, way, now in zip(some, found.direction[r:], found.mode[r:], strict=True):
             mode[k] = WAYS.get(now, BELOW if way > 0.0 else ABOVE)
-            if r and mode[k] == REDUNDANT and not way:
-                mode[k] = LEVEL  # laws alone hold the surface
+        by_laws_alone = [k for k in some.tolist() if r and mode[k] == REDUNDANT]
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
         leads = np.where(np.abs(rho) <= tolerance, 0.0, off)
         leads[some] = math.inf
-        return Trial(mode.tolist(), w, leads, found)
+        return Trial(mode.tolist(), w, leads, found, by_laws_alone)
 
     def _modes(
         self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
@@ -594,6 +649,22 @@ class Modes:
         self.restore(*former)
         self.write()
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
+
+    def drifts(self) -> Floats:
+        """Return the changes (K,) of the expressions by rounding of balanced forces.
+
+        That is in the duration of the run: where laws hold the motion at rest, the
+        sizes of positions and velocities so far may all be 0.
+        """
+        arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
+        bounds = arc.runner.function("rounding")(arc.t, arc.y)[:n]
+        reach = np.zeros(len(arc.y))
+        reach[arc.velocities] = span * VALUE_ROUNDOFF * np.abs(bounds)
+        reach[arc.state.positions] = span * reach[arc.velocities]
+        here, found = self.values(arc.t, arc.y), np.zeros(self.count)
+        for aside in self.asides(reach):
+            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
+        return np.asarray(found)
 
     def _aside(self, t: float) -> Floats:
         """Return a state (size,) changed by a part of each range or expected range.

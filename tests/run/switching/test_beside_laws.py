@@ -244,3 +244,60 @@ def _spiralled_in():
         times.append(t)
     ratio = (times[-1] - times[-3]) / (times[-3] - times[-5])
     return t + (t - times[-3]) * ratio / (1 - ratio), y[1]
+
+
+# Conditions that hold, and that do not, where a position x and a velocity v are 0.
+HOLD = ("v <= 0", "not (v > 0)", "-v >= 0.5*x", "2*v >= x", "0.5*x <= -v")
+FAIL = ("v < 0", "not (v <= 0)", "-v > 0.5*x", "not (0.5*x <= -v)", "v > x")
+
+
+@pytest.mark.parametrize("unit", one_quick(1.0, 1e-3))
+@pytest.mark.parametrize("law", one_quick("limit", "friction"))
+@pytest.mark.parametrize(
+    ("low", "high"), one_quick((-0.2, 0.1), (0.1, -0.2), (0.1, 0.2))
+)
+def test_a_body_that_a_law_holds_has_the_force_of_a_switch_at_its_level(
+    low, high, law, unit
+):
+    """Each of ten bodies rests by friction of 0.3, beside a force of a condition."""
+    conditions = {f"x{k}": text for k, text in enumerate(HOLD + FAIL)}
+    laws, push = {}, {}
+    for q, text in conditions.items():
+        laws[f"rub{q}"] = {"relation": f"{q}_dot = 0", "limit": 0.3 * unit}
+        if law == "friction":
+            laws[f"rub{q}"] = {
+                "relation": f"h{q} >= 0", "restitution": 0, "friction": 0.03,
+                "slip": f"{q}_dot",
+            }  # fmt: skip
+        place = text.replace("x", f"({q}/{unit})").replace("v", f"({q}_dot/{unit})")
+        push[q] = f"{unit}*if({place}, {low}, {high})"
+    heights = [f"h{q}" for q in conditions] if law == "friction" else []
+    names = [*conditions, *heights]
+    text = mechanical(
+        " ".join(names), " + ".join(f"{q}_dot^2/2" for q in names),
+        " + ".join(f"{10 * unit}*{h}" for h in heights) or "0", laws,
+        dict.fromkeys(names, 0), forces=push, duration=1, output_step=0.125,
+    )  # fmt: skip
+    found = run(read(text, "level.yaml"))
+    assert not found.trajectory.events
+    for q, text in conditions.items():
+        force = low if text in HOLD else high
+        column = "friction." if law == "friction" else "lambda_"
+        expected = np.full(len(found["t"]), -force * unit)
+        assert found[f"{column}rub{q}"] == pytest.approx(expected, rel=1e-12)
+        assert np.max(np.abs(found[q])) < 1e-20
+
+
+def test_a_nested_switch_beside_a_law_has_its_value_at_its_level():
+    # The inner condition is true at rest: 0.5 - 1.94*0.39 < t.
+    found = run("""
+coordinates: {x: {}}
+definitions: {push: "if(0.5 + 1.94*if(not (x <= -2*x_dot), 0.29, -0.39) > t, 0.1, 0.3)"}
+energy: {kinetic: 1.24*x_dot^2, potential: 0}
+forces: {x: push}
+constraints: {rub: {relation: x_dot = 0, limit: 0.5}}
+initial: {x: 0}
+simulation: {duration: 2, output_step: 0.125}
+""")
+    assert set(found["push"]) == {0.3}
+    assert found["lambda_rub"] == pytest.approx(np.full(17, -0.3), rel=1e-12)
