@@ -567,16 +567,20 @@ class _Rows:
         """Indices of contacts and freewheels."""
         return [k for k, kind in enumerate(self.closed.kinds) if kind.one_sided]
 
-    def rounding(self, p: Floats, limits: Floats) -> Floats:
+    def rounding(self, p: Floats, limits: Floats, *, coupled: bool = False) -> Floats:
         """Return roundoff bounds (r,) of the accelerations at multipliers p (r,).
 
         The scale is that of the largest multipliers, |p| or `limits` (r,): a row at
         rest without a force has the scale of its friction.
+
+        coupled : whether the bounds are those of all rows coupled with discs, whose
+        multipliers are known less exactly.
         """
         problem = self.problem
         pushes = np.maximum(np.abs(p), limits)
         terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
-        parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
+        on_discs = (problem.pairs >= 0) | coupled
+        parts = np.where(on_discs, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
         return np.asarray(np.maximum(self.roundoff, parts * terms))
 
     def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:
@@ -847,7 +851,8 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
     """
     p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
     limits = rows.problem.limits(p)
-    rests = (np.abs(solution.w) <= rows.rounding(p, limits)) & ~rows.given
+    rests = np.abs(solution.w) <= rows.rounding(p, limits, coupled=True)
+    rests &= ~rows.given
     rests &= closed.columns.any(axis=0)
     rubs, pushes = rests & (limits > 0.0), rests & (p > 0.0)
     pushes &= np.array([kind.one_sided for kind in kinds])
@@ -876,8 +881,9 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
     eased, free = p.copy(), np.linalg.qr(free)[0]
     parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
     eased[some] = parts * bounds
-    better = largest(eased) < min(1.0, largest(p))
-    return solution._replace(p=eased) if better else solution
+    if not largest(eased) < min(1.0, largest(p)):
+        return solution
+    return solution._replace(p=eased, w=np.where(rests, 0.0, solution.w))
 
 
 def _expressed(
