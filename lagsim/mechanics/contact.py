@@ -851,7 +851,10 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
     """
     p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
     limits = rows.problem.limits(p)
-    rests = np.abs(solution.w) <= rows.rounding(p, limits, coupled=True)
+    rounding = rows.rounding(p, limits, coupled=True)
+    rests = np.abs(solution.w) <= rounding
+    for disc in rows.problem.discs:  # both of its rows rest, or neither
+        rests[disc] = np.linalg.norm(solution.w[disc]) <= rounding[disc].max()
     rests &= ~rows.given
     rests &= closed.columns.any(axis=0)
     rubs, pushes = rests & (limits > 0.0), rests & (p > 0.0)

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 import lagsim
 from lagsim.errors import InputError
@@ -522,3 +522,57 @@ def test_an_impact_has_static_friction_where_the_slip_was_0(friction, law, c, v)
     if abs(dx + c * rise) > mu * (c * dx + rise):
         dx = rise * (mu - c) / (1 - mu * c)
     assert found["x_dot"][-1] == pytest.approx(v + dx, abs=GLOBAL)
+
+
+def first_slip(rows, force):
+    """Give when a force that grows with t exceeds what rows bear, as a convex set.
+
+    A disc of radius L bears L in each direction n, a row a with limit L bears
+    L |a . n|; the sets add up.
+    """
+
+    def bears(angle):
+        n = np.array([math.cos(angle), math.sin(angle)])
+        most = sum(L * (1.0 if a is None else abs(n @ a)) for a, L in rows)
+        return most / max(n @ force, 1e-9)
+
+    angles = np.linspace(0.0, 2.0 * math.pi, 2001)
+    best = angles[np.argmin([bears(x) for x in angles])]
+    ends = best - 4e-3, best + 4e-3
+    found = minimize_scalar(bears, bounds=ends, method="bounded", options={"xatol": 0})
+    kinks = [math.atan2(s * a[0], -s * a[1]) for a, _ in rows if a for s in (1, -1)]
+    return float(min(found.fun, *map(bears, kinks)))
+
+
+@pytest.mark.parametrize("mass", [1.0, 30.0])
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("rows", "force"),
+    [
+        ([(None, 1.54), (None, 1.08), (None, 0.87), ((1, 0), 1.28), ((2, 1), 0.95)],
+         (-0.74, 0.78)),
+        ([((2, 1), 1.74), ((0, 1), 1.59), ((0, 1), 1.64), (None, 1.0)], (0.9, 0.8)),
+        ([(None, 0.33), ((0, 1), 1.2), (None, 0.75), ((2, 1), 1.07)], (-0.83, 0.42)),
+        ([(None, 1.0), ((1, 1), 1.0), ((0, 1), 0.7)], (1.0, 0.5)),
+    ],
+)  # fmt: skip
+def test_redundant_discs_slip_where_no_multipliers_hold_them(rows, force, order, mass):
+    """Whatever the masses are, and in either order of the file."""
+    laws = {
+        f"c{k}": {
+            "relation": ["x_dot = 0", "y_dot = 0"]
+            if a is None
+            else f"{a[0]}*x_dot + {a[1]}*y_dot = 0",
+            "limit": {"static": L, "dynamic": 0.5 * L},
+        }
+        for k, (a, L) in [*enumerate(rows)][::order]
+    }
+    end = first_slip(rows, np.array(force))
+    found = play(scene(
+        "x y", f"{mass}*x_dot^2/2 + y_dot^2/2", "0", laws, {"x": 0, "y": 0},
+        forces={"x": f"{force[0]}*t", "y": f"{force[1]}*t"}, duration=1.02 * end,
+    ))  # fmt: skip
+    # Multipliers beside discs are known to 1e-10 of their bounds, and by the mass.
+    assert found.times("slip")[0] == pytest.approx(end, rel=1e-8)
+    before = found.t < end * (1.0 - 1e-8)
+    assert np.max(np.abs(found["x"][before])) < 1e-12
