@@ -51,6 +51,7 @@ from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     DEPENDENT_ROWS,
     DEPENDENT_SQUARE,
+    HALF_OF_DIGITS,
     SETTLED_IMPULSE,
     SOLUTION_ROUNDOFF,
     SOLVED_LAWS,
@@ -513,7 +514,8 @@ def modes(
         if begins.any():
             begun |= begins
             continue
-        return _decided(rows, found, directions_found)
+        decided = _decided(rows, found, directions_found)
+        return _farther(rows, decided, directions_found) if problem.discs else decided
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
@@ -942,6 +944,46 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
         slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
     )
     return Modes(tuple(modes), directions * parts, p, jams, is_open)
+
+
+# Number of halvings of the loads that redundant rows take over.
+TAKEN_OVER = 5
+
+
+def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
+    """Return modes in which redundant limits bear as much as their bounds permit.
+
+    Their loads are constant in a mode, so that those of the rows that hold change. The
+    less these bear at first, the later they reach their bounds: where all loads grow
+    alike, when no multipliers suffice any more.
+
+    Parameters
+    ----------
+    rows : _Rows
+    decided : Modes
+        The modes with loads in the least parts of the bounds.
+    directions : ndarray, shape (r,)
+        As given to `_decided`.
+    """
+    own = rows.closed.bounded & (np.array(rows.closed.normals) < 0)
+    spare, held = (
+        [k for k, mode in enumerate(decided.mode) if mode is wanted and own[k]]
+        for wanted in (Mode.REDUNDANT, Mode.HELD)
+    )
+    most = max((np.linalg.norm(directions[rows.disc(k)]) for k in spare), default=0.0)
+    if not (0.0 < most < 1.0 - HALF_OF_DIGITS and held):
+        return decided
+    more = 1.0 / most - 1.0
+    for _ in range(TAKEN_OVER):
+        larger = directions.copy()
+        larger[spare] *= 1.0 + more
+        found = _decided(rows, list(decided.mode), larger)
+        limits = most * rows.problem.limits(found.multipliers)
+        sizes = [np.linalg.norm(found.multipliers[rows.disc(k)]) for k in held]
+        if all(x < limits[k] for x, k in zip(sizes, held, strict=True)):
+            return found
+        more *= 0.5
+    return decided
 
 
 def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:

@@ -544,6 +544,7 @@ def first_slip(rows, force):
     return float(min(found.fun, *map(bears, kinks)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [1.0, 30.0])
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize(
