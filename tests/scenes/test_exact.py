@@ -41,12 +41,6 @@ def test_rounding_in_other_words_costs_no_steps(name, word):
     check(SCENES[name], word)
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a row one rounding past a jump is kept")
-def test_no_row_lies_past_a_jump():
-    check(SCENES["runs into y >= 0.2*heaviside(x - 1) from 0.0"], "grams")
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", SCENES)
 def test_it_does_so_in_the_words_of_a_commit(name):

@@ -14,7 +14,7 @@ from lagsim.tolerances import SAME_STEP, TERM_ROUNDOFF
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings
 
@@ -318,6 +318,12 @@ class EnergyMonitor:
 GROWN = 1.1
 
 
+def _records(sizes: Floats, least: float) -> Flags:
+    """Return which sizes (k,) exceed `least` and all sizes before."""
+    top = np.maximum.accumulate(np.where(sizes > least, sizes, 0.0))
+    return np.diff(top, prepend=0.0) > 0.0
+
+
 class Growth:
     """Greatest magnitude of a value, its row, and the history of its growth.
 
@@ -332,8 +338,8 @@ class Growth:
     def __init__(self) -> None:
         self.size = 0.0
         self.row: Floats | None = None
-        self._noted: list[tuple[float, float]] = []
-        self._next = 0.0
+        self._noted: list[tuple[float, float, float]] = []  # time, size, noted size
+        self._next = self._next_size = 0.0
 
     def grows(self, size: float, noted: float) -> bool:
         """Whether rows with these largest magnitudes, or nan, would change the record.
@@ -360,15 +366,25 @@ class Growth:
         # np.maximum, and not max, which would lose a nan.
         self.size = float(np.maximum(self.size, sizes[k]))
         grown = sizes if noted is None else noted
-        top = np.maximum.accumulate(np.where(grown > self._next, grown, 0.0))
-        for k in np.flatnonzero(np.diff(top, prepend=0.0)).tolist():
-            if top[k] > self._next:
-                self._noted.append((float(rows[k, 0]), float(top[k])))
-                self._next = GROWN * float(top[k])
+        new = _records(grown, self._next) | _records(sizes, self._next_size)
+        for k in np.flatnonzero(new).tolist():
+            size, own = float(sizes[k]), float(grown[k])
+            if own > self._next or size > self._next_size:
+                self._noted.append((float(rows[k, 0]), size, own))
+                self._next = max(self._next, GROWN * own)
+                self._next_size = max(self._next_size, GROWN * size)
 
-    def since(self, bound: float) -> float | None:
-        """Return the first recorded time at which the magnitude exceeds `bound`."""
-        return next((t for t, size in self._noted if size > bound), None)
+    def since(self, bound: float, part: float = 0.0) -> float | None:
+        """Return the first recorded time at which the noted magnitude exceeds `bound`.
+
+        Magnitudes up to the part `part` of the greatest one are left out. Where no
+        other one is recorded, the time is that of the greatest magnitude.
+        """
+        over = [(t, size) for t, size, noted in self._noted if noted > bound]
+        found = next((t for t, size in over if not size <= part * self.size), None)
+        if found is None and over and self.row is not None:
+            return float(self.row[0])
+        return found
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
@@ -441,8 +457,12 @@ class ResidualMonitor:
         return float(worst[0]) - self._start
 
     def constraint_since(self, name: str, part: float) -> float | None:
-        """Return the time when |residual| first exceeds `part` of its scale so far."""
-        return self._residuals[name].since(part)
+        """Return the time when |residual| first exceeds `part` of its scale so far.
+
+        It also exceeds that part of the greatest |residual|: where all terms are 0 but
+        for roundoff, they are no scale.
+        """
+        return self._residuals[name].since(part, part)
 
     @property
     def constraint_residual(self) -> float:

@@ -39,3 +39,13 @@ def test_what_is_not_finite_is_not_passed_over(bad):
     assert not math.isfinite(monitor.constraint_residual)
     monitor = monitor_of(FULL, [good], [[1, bad, bad, 0, 0, 1, 1]], [good])
     assert not math.isfinite(monitor.drift.size)
+
+
+def test_roundoff_beside_terms_that_are_0_is_not_the_first_residual():
+    # Of a, roundoff of terms of its size, a small residual, and a jump.
+    rows = [[0, 0, 0, 1e-33, 0, 1e-33, 1], [1, 0, 0, 0.1, 0, 0.1, 1]]
+    jump = [2, 0, 0, 0.2, 0, 0.2, 1]
+    assert monitor_of(FULL, [*rows, jump]).constraint_since("a", 1e-6) == 1.0
+    assert monitor_of(FULL, [rows[0], jump]).constraint_since("a", 1e-6) == 2.0
+    assert monitor_of(FULL, rows[:1]).constraint_since("a", 1e-6) == 0.0
+    assert monitor_of(FULL, [[0, 0, 0, 0, 0, 1, 1]]).constraint_since("a", 1e-6) is None

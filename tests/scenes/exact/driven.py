@@ -142,6 +142,5 @@ for relation in ("y >= 0.2*floor(x)", "y >= if(x >= 1, 0.2, 0)",
                 {"x": 0.5, "y": y, "x_dot": 1}, duration=3, output_step=0.05,
             ),
             lambda t, e=e, y=y: {"x": 0.5 + t, "y": bounced(t, e, y)},
-            # In grams: tests/scenes/test_exact.py, test_no_row_lies_past_a_jump.
-            fails=("constraint-jumps", 0.5), unlike=("grams",),
+            fails=("constraint-jumps", 0.5),
         )  # fmt: skip
