@@ -11,6 +11,7 @@ from lagsim.errors import counted
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, heading, page, picture, table
 from lagsim.outputs.results import open_results
+from lagsim.studies import branches as branching
 from lagsim.studies import modes as small_motions
 from lagsim.studies import rest
 from lagsim.studies.modes import REST, START, Small
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.state_space import StateSpace
+    from lagsim.studies.branches import Branches
 
 
 class Analysis:
@@ -182,9 +184,15 @@ class Equilibria(Analysis):
     free: list[str]
     continuum: bool
 
-    def __init__(self, search: rest.Search, found: Sequence[rest.Equilibrium]) -> None:
-        super().__init__(rest.document_of(search.setting, found, search.tried))
-        self._search, self._found = search, found
+    def __init__(
+        self,
+        search: rest.Search,
+        found: Sequence[rest.Equilibrium],
+        branches: Branches | None = None,
+    ) -> None:
+        record = rest.document_of(search.setting, found, search.tried)
+        super().__init__(record | (branches.record if branches else {}))
+        self._search, self._found, self._branches = search, found, branches
 
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write the files of `lagsim equilibrium`.
@@ -197,13 +205,18 @@ class Equilibria(Analysis):
             If the disk is full; the folder is then left unchanged.
         """
         contents = rest.tables(self._found)
+        if self._branches is not None:
+            contents = branching.tables(self.record)
         if plots:
             contents["equilibrium.png"] = self._drawn()
         self._write(folder, rest.MANIFEST, contents)
 
     def _drawn(self) -> bytes:
+        from lagsim.studies.rest_drawing import diagram
         from lagsim.studies.rest_drawing import picture as drawn
 
+        if self._branches is not None:
+            return diagram(self._search.setting.model, self.record)
         return drawn(self.record["model"]["name"], self._found)
 
     def __repr__(self) -> str:
@@ -228,7 +241,11 @@ class Equilibria(Analysis):
         )
 
 
-def equilibrium(model: Model | str | Path, starts: int = rest.STARTS) -> Equilibria:
+def equilibrium(
+    model: Model | str | Path,
+    starts: int = rest.STARTS,
+    vary: Mapping[str, tuple[float, float]] | None = None,
+) -> Equilibria:
     """Return the positions of rest of a model, and whether they are stable.
 
     Parameters
@@ -238,6 +255,9 @@ def equilibrium(model: Model | str | Path, starts: int = rest.STARTS) -> Equilib
         with a line break.
     starts : int
         The number of other starts of the search, beside that of the file.
+    vary : mapping of str to (float, float), optional
+        One parameter or start value with its range: the branches of rests over it are
+        followed, and `branches` and `points` are entries of the result.
 
     Returns
     -------
@@ -264,10 +284,16 @@ def equilibrium(model: Model | str | Path, starts: int = rest.STARTS) -> Equilib
     """
     if type(starts) is not int or starts < 0:
         raise ValueError(f"starts={starts!r:.60}: a whole number from 0 on is expected")
+    if vary is not None and len(vary) != 1:
+        raise ValueError("vary: one name with its range is expected")
     with in_python():
-        search = rest.Search(rest.setting_of(model_of(model)))
-        found = search.all(starts)
-    return Equilibria(search, found)
+        read = model_of(model)
+        search = rest.Search(rest.setting_of(read))
+        if vary is None:
+            return Equilibria(search, search.all(starts))
+        [(name, (low, high))] = vary.items()
+        branches = branching.varied(read, name, (float(low), float(high)))
+        return Equilibria(search, branches.follow(starts), branches)
 
 
 def modes(

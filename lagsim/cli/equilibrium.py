@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import lt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,19 +20,24 @@ from lagsim.cli._shared import (
     assignments,
     complain,
     experiment,
+    listed,
+    numbers,
     option,
     output_folder,
     put_file,
     quiet,
     table,
 )
-from lagsim.errors import counted
+from lagsim.errors import Problems, counted, did_you_mean
 from lagsim.model.reader import read_file
+from lagsim.studies import branches as branching
 from lagsim.studies import rest
 
 if TYPE_CHECKING:
     from lagsim.cli._shared import Progress
+    from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.branches import Branches
 
     Document = dict[str, Any]
 
@@ -54,6 +60,12 @@ def command(
         "FILE", "Write the model file with the nearest stable rest as its start.",
         "--write",
     ),
+    vary: str | None = option(
+        "NAME=A:B", "Follow the branches over a parameter or a start value.", "--vary"
+    ),
+    plot: str | None = option(
+        "NAME", "The coordinate in the picture of branches.", "--plot"
+    ),
     form: Picture = FORMAT,
     no_plots: bool = NO_PLOTS,
     as_json: bool = JSON,
@@ -63,19 +75,29 @@ def command(
     given = assignments(sets)
     read = read_file(model, given)
     search = rest.Search(rest.setting_of(read))
+    branches = _branches(read, vary, plot)
     for caution in search.setting.cautions:
         complain(f"warning: {caution.text} [{caution.number}]")
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
-        found = search.all(starts, interrupt, progress)
-        document = rest.document_of(search.setting, found, search.tried)
+        if branches is None:
+            found = search.all(starts, interrupt, progress)
+        else:
+            found = branches.follow(starts, interrupt, progress)
+        document = rest.document_of(search.setting, found, search.tried or starts)
         document["complete"] = not interrupt.asked
+        cells = rest.tables(found)
+        if branches is not None:
+            document |= branches.record
+            cells = branching.tables(document)
         if write is not None:
             put_file(write, rest.written(search.setting, found, given).encode())
 
         def draw() -> bytes:
-            from lagsim.studies.rest_drawing import picture
+            from lagsim.studies.rest_drawing import diagram, picture
 
+            if branches is not None:
+                return diagram(read, document, plot, form.value)
             return picture(read.name, found, form.value)
 
         def summary(files: str) -> str:
@@ -83,12 +105,33 @@ def command(
 
         name = f"equilibrium.{form.value}"
         drawer = None if no_plots else draw
-        return Measured(document, rest.tables(found), name, drawer, summary)
+        return Measured(document, cells, name, drawer, summary)
 
     where = folder or Path("results") / read.name / "equilibrium"
     return experiment(
         "equilibrium", measure, where, rest.MANIFEST, quiet=quiet, as_json=as_json
     )
+
+
+def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | None:
+    """Parse the options on branches; None without `--vary`."""
+    problems = Problems()
+    coordinates = [c.name for c in read.coordinates]
+    if plot is not None and plot not in coordinates:
+        hint = did_you_mean(plot, coordinates) or f"one of {', '.join(coordinates)}"
+        text = f"--plot {plot}: the model has no such coordinate"
+        problems.add("unknown-name", text, hint=hint)
+    if vary is None:
+        problems.refuse()
+        return None
+    name, _, after = (part.strip() for part in vary.partition("="))
+    ends = numbers(
+        problems, f"--vary {name}", after, what="different numbers",
+        example="--vary K=10:1000", allowed=lt,
+    )  # fmt: skip
+    problems.refuse()
+    assert ends is not None
+    return branching.varied(read, name, ends)
 
 
 def _summary(document: Document, files: str) -> str:
@@ -109,7 +152,16 @@ def _summary(document: Document, files: str) -> str:
     lines.append(aligned(rows, lefts=len(rows[0])))
     if len(found) > MOST:
         lines.append(f"  ... {len(found) - MOST} more")
-    more = []
+    more = list[tuple[str, str]]()
+    if "vary" in document:
+        counts = [len(x) for x in document["branches"]]
+        count = f"{counted(len(counts), 'branch')} of {sum(counts)} points"
+        more.append(("branches", count))
+        name = document["vary"]["name"]
+        points = (
+            f"{x['kind']} at {name} = {x['value']:.9g}" for x in document["points"]
+        )
+        more += listed("points", points)
     if document["free"]:
         more.append(("free", ", ".join(document["free"])))
     if document["continuum"]:

@@ -18,6 +18,7 @@ local coordinates.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import Counter
 from itertools import accumulate
@@ -206,6 +207,13 @@ class Linearisation:
         ]
         self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
         self.holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
+
+    def bound(self, equations: Equations) -> Linearisation:
+        """Return the linearisation of the same equations with other parameters."""
+        found = copy.copy(self)
+        found.e = equations
+        found._parameters = equations.model.parameter_values  # noqa: SLF001
+        return found
 
     def at(self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()) -> Linear:
         """Linearise about a state.

@@ -397,6 +397,8 @@ class Search:
     Attributes
     ----------
     setting : Setting
+    unknowns : tuple of sequence of int
+        The positions and the first-order states that are searched for.
     tried : int
         The number of other starts from which the last search began.
     """
@@ -409,7 +411,7 @@ class Search:
         self._spent = False
         # Coordinates that no force depends on stay where the start has them.
         self._moves = ~self._without_force()
-        self._free = np.flatnonzero(self._moves).tolist(), self._every[1]
+        self.unknowns = np.flatnonzero(self._moves).tolist(), self._every[1]
 
     @cached_property
     def angles(self) -> Flags:
@@ -423,7 +425,7 @@ class Search:
     def _found(self, point: Point, ways: Sequence[Way]) -> AtRest | None:
         try:
             with np.errstate(all="ignore"):
-                return find_rest(point, (), self._free, self.setting.off, ways)
+                return find_rest(point, (), self.unknowns, self.setting.off, ways)
         except np.linalg.LinAlgError:
             return None
         except TooMuchError:  # as many operations as a file of this size may take
@@ -434,7 +436,7 @@ class Search:
     def others(self, count: int) -> Iterator[AtRest | None]:
         """Generate the rests found from `count` other starts, two from each."""
         q0, random = self._point.q, np.random.default_rng(SEED)
-        sizes = np.where(self.angles, math.pi, self._extent())
+        sizes = np.where(self.angles, math.pi, self.extent)
         for _ in range(count):
             drawn = random.uniform(-1.0, 1.0, len(q0))
             start = self._point.at(q0 + sizes * drawn * self._moves)
@@ -452,7 +454,8 @@ class Search:
             found &= np.all(J[:, : point.n] == 0.0, axis=0)
         return found
 
-    def _extent(self) -> float:
+    @cached_property
+    def extent(self) -> float:
         """Return the extent of the scene, else of the start; 1 where both are 0."""
         point, model = self._point, self.setting.model
         nodes = [x for parts in model.scene.points.values() for x in parts]

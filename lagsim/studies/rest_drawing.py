@@ -1,23 +1,38 @@
-"""Picture of the positions of rest of a model in its scene."""
+"""Pictures of positions of rest in the scene, and of their branches."""
 
 from __future__ import annotations
 
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
-from typing import TYPE_CHECKING
+from itertools import groupby, pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.outputs.figure import PENS, content
+from lagsim.outputs.figure import (
+    INK,
+    PENS,
+    SMALL,
+    Picture,
+    content,
+    in_house_style,
+    mark,
+    stack_height,
+)
+from lagsim.outputs.letters import letters_of, mathtext, raised
+from lagsim.outputs.scale import name_axis, read_off
 from lagsim.outputs.stills import Still, bars, film_at, stills
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.model.model import Model
     from lagsim.outputs.figure import Pen
     from lagsim.studies.rest import Equilibrium
 
+# Height of a diagram of branches, in inches.
+HIGH = 3.4
 # Pens and words by the verdict on stability.
 LOOKS: dict[bool | None, tuple[str, Pen]] = {
     True: ("stable", {**PENS[0], "linewidth": 1.1}),
@@ -44,3 +59,65 @@ def picture(name: str, found: Sequence[Equilibrium], form: str = "png") -> bytes
         return content(bars(name, f"{subject}, by coordinates", curves), form)
     used = dict.fromkeys(one.stable for one in found)
     return content(stills(name, subject, panels, [LOOKS[x] for x in used]), form)
+
+
+# Dashes of branches by the verdict on stability.
+DASHES: dict[bool | None, Pen] = {
+    True: {"linewidth": 1.3},
+    False: {"linewidth": 0.9, "dashes": (4.0, 2.0)},
+    None: {"linewidth": 0.9, "dashes": (1.0, 1.2)},
+}
+MARKERS = {"fold": "o", "branch": "s", "hopf": "^"}
+
+
+def diagram(
+    model: Model, record: dict[str, Any], shown: str | None = None, form: str = "png"
+) -> bytes:
+    """Return the picture of branches: a coordinate against the varied name."""
+    return content(_diagram(model, record, shown), form)
+
+
+@in_house_style
+def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture:
+    branches, name, letters = (
+        record["branches"],
+        record["vary"]["name"],
+        letters_of(model),
+    )
+    every = [x for places in branches for x in places]
+    spread = {q: np.ptp([x["coordinates"][q] for x in every]) for q in _names(every)}
+    up = shown or max(spread, key=lambda q: float(spread[q]), default="")
+    verdicts = dict.fromkeys(x["stable"] for x in every)
+    legend = [(LOOKS[x][0], DASHES[x] | {"color": INK}) for x in verdicts]
+    kinds = dict.fromkeys(x["kind"] for x in record["points"])
+    legend += [(kind, mark(MARKERS[kind], 4.0, INK, "white")) for kind in kinds]
+    picture = Picture(
+        stack_height(1, HIGH), model.name, "branches of rest", legend=legend
+    )
+    axes = picture.subplots()
+    for number, places in enumerate(branches):
+        colour = PENS[number % len(PENS)]["color"]
+        for verdict, group in groupby(pairwise(places), lambda pair: pair[1]["stable"]):
+            pairs = list(group)
+            points = [pairs[0][0], *(pair[1] for pair in pairs)]
+            x = [point["value"] for point in points]
+            y = [point["coordinates"][up] for point in points]
+            axes.plot(x, y, color=colour, **DASHES[verdict])
+    for point in record["points"]:
+        at = point["value"], point["coordinates"][up]
+        axes.plot(*at, **mark(MARKERS[point["kind"]], 4.0, INK, "white"), zorder=4.0)
+        axes.annotate(
+            mathtext(read_off(at[0])), at, (4.0, 4.0), textcoords="offset points",
+            size=SMALL,
+        )  # fmt: skip
+    axes.set_xlim(record["vary"]["from"], record["vary"]["to"])
+    axes.margins(y=0.08)
+    units = {p.name: p.unit for p in model.parameters}
+    units |= {c.name: c.unit for c in model.coordinates}
+    name_axis(axes.xaxis, letters.name(name), raised(units.get(name, "")))
+    name_axis(axes.yaxis, letters.name(up), raised(units.get(up, "")))
+    return picture
+
+
+def _names(every: Sequence[dict[str, Any]]) -> list[str]:
+    return list(every[0]["coordinates"]) if every else []

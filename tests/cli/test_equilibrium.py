@@ -78,3 +78,32 @@ def test_the_model_file_is_written_with_its_comments(lagsim, write):
 def test_a_negative_number_of_starts_is_refused(lagsim, write):
     called = lagsim("equilibrium", write(CHAIN), "--starts", "-1", code=2)
     assert "--starts" in called.err
+
+
+@pytest.mark.slow
+def test_branches_are_written(lagsim, write):
+    path = write("name: truss\n" + TRUSS)
+    options = "--vary", "P=-20:20", "--plot", "y", "--starts", "2"
+    called = lagsim("equilibrium", path, *options, code=0, err="")
+    assert "fold at P = 9.9499" in called.out
+    folder = Path("results/truss/equilibrium")
+    with (folder / "equilibrium.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["branch", "P", "y", "stable"]
+    assert (folder / "equilibrium.png").exists()
+    document = json.loads((folder / "equilibrium.json").read_text())
+    assert sum(map(len, document["branches"])) == len(rows)
+    assert [x["kind"] for x in document["points"]] == ["fold", "fold"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--vary", "P"), "two different numbers"),
+        (("--vary", "y_dit=0:1"), "did you mean `y_dot`?"),
+        (("--plot", "z"), "no such coordinate"),
+    ],
+)
+def test_wrong_options_are_refused(lagsim, write, options, said):
+    path = write("name: truss\n" + TRUSS)
+    assert said in lagsim("equilibrium", path, *options, code=2, out="").err

@@ -1,0 +1,546 @@
+"""Branches of rests over a parameter: pseudo-arclength continuation, special points.
+
+With the unknowns y of a rest (positions, first-order states, multipliers) and the
+parameter p, F(y, p) = 0 is a curve. A step goes along its tangent, and Newton's method
+returns to the curve within the plane normal to the tangent. At a fold the tangent's
+p-component changes its sign, at a branch point the determinant of F' with the tangent
+as its last row; at a Hopf point a pair of eigenvalues begins to grow. Each is located
+along the arc between two points.
+
+Source: H. B. Keller, Numerical solution of bifurcation and nonlinear eigenvalue
+problems, in: Applications of Bifurcation Theory (1977); E. L. Allgower and K. Georg,
+Introduction to Numerical Continuation Methods (2003), chapters 2, 8.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import Rest
+from lagsim.errors import did_you_mean, unusable
+from lagsim.language.names import member_hint
+from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.equations import Instant
+from lagsim.mechanics.linearisation import Linearisation, spectrum
+from lagsim.outputs.table import table_of
+from lagsim.studies.rest import NoRestError, Search, Steady, setting_of, stability
+from lagsim.tolerances import COMPUTED_ZERO
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.rest import Equilibrium
+
+    Progress = Callable[[float], None] | None
+
+FOLD, BRANCH, HOPF = "fold", "branch", "hopf"
+# Lengths of steps, in parts of the ranges: the first, the least and the greatest.
+FIRST, LEAST, GREATEST = 0.005, 1e-7, 0.02
+# Most points of a branch, and branches; iterations of a step, and few of them.
+MOST, MOST_BRANCHES, ITERATIONS, FEW = 3000, 24, 12, 3
+# Change of the parameter, in parts of its range, of differences; of a step aside.
+STEP, ASIDE = 1e-6, 0.01
+# Least cosine of the angle between the tangents of two points.
+TURNED = 0.9
+# Parts of an interval at which it is divided, the second where the first fails.
+PARTS = (0.5, 0.41)
+# Bisections that locate a point, and the end of Newton's method.
+BISECTIONS, CONVERGED = 48, 1e-12
+# Distance at which a point lies on a branch, in parts of the ranges.
+NEAR = 0.02
+
+
+class Place(NamedTuple):
+    """Point of a branch.
+
+    Attributes
+    ----------
+    y : ndarray, shape (k + 1,)
+        Scaled unknowns, and last the parameter.
+    tangent : ndarray, shape (k + 1,)
+        Of length 1.
+    sign : float
+        Sign of the determinant of F' with the tangent.
+    steady : Steady
+    stable : bool or None
+    """
+
+    y: Floats
+    tangent: Floats
+    sign: float
+    steady: Steady
+    stable: bool | None
+
+    @property
+    def whirls(self) -> bool:
+        """Whether an oscillating mode grows."""
+        found = self.steady.spectrum
+        return bool(np.any(found.growing & (np.abs(found.values.imag) > found.errors)))
+
+
+class Special(NamedTuple):
+    """Special point: its kind, and its place."""
+
+    kind: str
+    place: Place
+
+
+class Curve:
+    """Curve of rests with given active rows, through one rest.
+
+    Parameters
+    ----------
+    model : Model
+    name : str
+        The parameter, or start value.
+    ends : (float, float)
+        Its range.
+    search : Search
+        At the rest's value of the parameter.
+    steady : Steady
+        The rest.
+    value : float
+        The value of the parameter there.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        name: str,
+        ends: tuple[float, float],
+        search: Search,
+        steady: Steady,
+        value: float,
+    ) -> None:
+        self.model, self.name, self.ends = model, name, ends
+        self._e = search.setting.equations
+        free, states = search.unknowns
+        held = steady.equations.rows[len(self._e.rows) :]
+        self._held = held
+        at = steady.state
+        point = Point(self._e, Instant(at.t, at.q, np.zeros_like(at.v), at.s))
+        self._rest = Rest(point, (), held, (free, states))
+        self._free, self._linear = free, Linearisation(steady.equations)
+        lam = [steady.values[f"lambda_{row.name}"] for row in self._rest.rows]
+        x = np.concatenate([at.q[free], at.s, lam])
+        sizes = np.where(search.angles, 1.0, search.extent)[free]
+        force = float(np.max(np.abs(lam), initial=0.0)) or 1.0
+        self._sizes = np.concatenate([
+            sizes, np.maximum(1.0, np.abs(at.s)), np.full(len(lam), force),
+            [ends[1] - ends[0]],
+        ])  # fmt: skip
+        self._bound: dict[float, Any] = {}
+        self.start = np.append(x, value) / self._sizes
+        _, J = self._at(self.start)
+        lengths = np.linalg.norm(J, axis=1)
+        self._rows = np.flatnonzero(lengths > COMPUTED_ZERO * np.max(lengths))
+        self._weights = 1.0 / lengths[self._rows]
+        self.is_regular = len(self._rows) == J.shape[1] - 1
+
+    @property
+    def held(self) -> list[str]:
+        """Names of the active rows."""
+        return [row.name for row in self._held]
+
+    def visible(self, y: Floats) -> Floats:
+        """Return the scaled positions and states, and the parameter, of unknowns."""
+        count = len(y) - 1 - len(self._rest.rows)
+        return np.append(y[:count], y[-1])
+
+    def value(self, y: Floats) -> float:
+        """Return the parameter at scaled unknowns."""
+        return float(y[-1] * self._sizes[-1])
+
+    def _model_at(self, value: float) -> Any:
+        """Return equations and rest with a value of the parameter."""
+        if value not in self._bound:
+            if len(self._bound) > 8:
+                self._bound.clear()
+            model = self.model.bind({}, None, **{self.name: value})
+            e, old = self._e.of(model), self._rest.point.state
+            q, own = old.q.copy(), {x.name: x.value for x in model.initial}
+            for j in set(range(len(q))).difference(self._free):
+                q[j] = own[e.q[j]]
+            rest = copy.copy(self._rest)
+            rest.point = Point(e, Instant(old.t, q, old.v, old.s))
+            self._bound[value] = e, rest
+        return self._bound[value]
+
+    def _at(self, y: Floats) -> tuple[Floats, Floats]:
+        """Return F (m,) and its slopes (m, k + 1) in scaled unknowns."""
+        value = self.value(y)
+        x = (y * self._sizes)[:-1]
+        r, J = self._model_at(value)[1].looked_at(x)
+        step = STEP * self._sizes[-1]
+        sides = [self._model_at(value + s)[1].looked_at(x)[0] for s in (-step, step)]
+        by_value = (sides[1] - sides[0]) / (2.0 * step)
+        return r, np.column_stack([J, by_value]) * self._sizes
+
+    def _scaled(self, y: Floats) -> tuple[Floats, Floats]:
+        r, J = self._at(y)
+        return r[self._rows] * self._weights, J[self._rows] * self._weights[:, None]
+
+    def returned(self, y: Floats, normal: Floats) -> tuple[Floats, int] | None:
+        """Return the point of the curve in the plane through y, by Newton's method.
+
+        With the number of iterations; None if it does not converge.
+        """
+        begun = y
+        for k in range(ITERATIONS):
+            r, J = self._scaled(y)
+            if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+                return None
+            right = np.append(-r, normal @ (begun - y))
+            try:
+                step = np.linalg.solve(np.vstack([J, normal]), right)
+            except np.linalg.LinAlgError:
+                return None
+            y = y + step
+            if np.linalg.norm(step) <= CONVERGED:
+                return y, k
+        return None
+
+    def place(self, y: Floats, along: Floats) -> Place:
+        """Return the point of the curve at y, with the tangent in a direction."""
+        _, J = self._scaled(y)
+        _, _, V = np.linalg.svd(J)
+        tangent = V[-1] * (1.0 if V[-1] @ along >= 0.0 else -1.0)
+        sign, _ = np.linalg.slogdet(np.vstack([J, tangent]))
+        steady = self._steady(y)
+        return Place(y, tangent, float(sign), steady, stability(steady)[0])
+
+    def aside(self, place: Place) -> Floats:
+        """Return the direction of the other branch at a branch point."""
+        _, J = self._scaled(place.y)
+        _, _, V = np.linalg.svd(J)
+        plane = V[-2:]
+        other = plane[0] - (plane[0] @ place.tangent) * place.tangent
+        if np.linalg.norm(other) < 0.5:
+            other = plane[1] - (plane[1] @ place.tangent) * place.tangent
+        return np.asarray(other / np.linalg.norm(other))
+
+    def _steady(self, y: Floats) -> Steady:
+        e, rest = self._model_at(self.value(y))
+        state = rest.at((y * self._sizes)[:-1]).state
+        whole = replace(e, rows=(*e.rows, *self._held), laws=())
+        linear = self._linear.bound(whole)
+        x = linear.values(state.t, state.q, state.v, state.s)
+        errors = Point(whole, state).solved_errors()
+        found = linear.linear(x, linear.noise(x, errors))
+        free = [q for j, q in enumerate(e.q) if j not in self._free]
+        kinds = {law.row.name: law.kind for law in self._e.laws}
+        sticks = any(
+            row.name in kinds and kinds[row.name].bounded for row in self._held
+        )
+        return Steady(
+            whole,
+            state,
+            linear,
+            found,
+            spectrum(found.R),
+            x.values,
+            tuple(free),
+            sticks,
+        )
+
+    def holds(self, place: Place) -> bool:
+        """Whether contacts push, and others are not penetrated, at a point."""
+        values, names = place.steady.values, {row.name for row in self._held}
+        e, own = self._e, place.steady.state
+        for law in e.laws:
+            if law.kind is Kind.CONTACT and law.row.name in names:
+                if values[f"lambda_{law.row.name}"] < 0.0:
+                    return False
+            elif law.kind is Kind.CONTACT:
+                gap = Point(place.steady.equations, own).array([law.row.residual])[0]
+                if gap < 0.0:
+                    return False
+        return True
+
+    # Along the curve
+
+    def followed(self, first: Place) -> Iterator[Place]:
+        """Generate the points of the curve from one on, to the ends of the range."""
+        here, step = first, FIRST
+        if self._leaves(first):
+            return
+        for count in range(MOST):
+            there, iterations = self._next(here, step)
+            if there is None:
+                step /= 2.0
+                if step < LEAST:
+                    return
+                continue
+            if not self.holds(there):
+                return
+            ended = self._at_end(here, there)
+            yield ended or there
+            if ended:
+                return
+            closed = np.linalg.norm(there.y - first.y) < step
+            if count > FEW and closed and there.tangent @ first.tangent > 0.0:
+                return
+            here = there
+            if iterations <= FEW:
+                step = min(GREATEST, 1.5 * step)
+
+    def _leaves(self, first: Place) -> bool:
+        """Whether a curve leaves the range at its first point, at an end."""
+        value, rate = self.value(first.y), float(first.tangent[-1])
+        low, high = self.ends
+        return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
+
+    def _next(self, here: Place, step: float) -> tuple[Place | None, int]:
+        """Return the point after a step, None where it fails, and the iterations."""
+        found = self.returned(here.y + step * here.tangent, here.tangent)
+        if found is None:
+            return None, ITERATIONS
+        there = self.place(found[0], here.tangent)
+        return (there if there.tangent @ here.tangent > TURNED else None), found[1]
+
+    def _at_end(self, here: Place, there: Place) -> Place | None:
+        """Return the point at the end of the range, if it lies between two points."""
+        low, high = self.ends
+        value = self.value(there.y)
+        if low <= value <= high:
+            return None
+        end = (high if value > high else low) / self._sizes[-1]
+        part = (end - here.y[-1]) / (there.y[-1] - here.y[-1])
+        y = here.y + part * (there.y - here.y)
+        y[-1] = end
+        found = self.returned(y, np.eye(len(y))[-1])
+        return self.place(found[0] if found else y, here.tangent)
+
+    def specials(self, here: Place, there: Place) -> Iterator[Special]:
+        """Generate the special points between two points of the curve."""
+        tests: list[tuple[str, Callable[[Place], bool]]] = [
+            (FOLD, lambda x: x.tangent[-1] > 0.0),
+            (BRANCH, lambda x: x.sign > 0.0),
+            (HOPF, lambda x: x.whirls),
+        ]
+        for kind, test in tests:
+            if test(here) is not test(there):
+                yield Special(kind, self._located(here, there, test))
+
+    def _located(
+        self, here: Place, there: Place, test: Callable[[Place], bool]
+    ) -> Place:
+        """Locate the point between two points at which a test changes, by bisection."""
+        low, high, before = 0.0, float((there.y - here.y) @ here.tangent), test(here)
+        best = there
+        for _ in range(BISECTIONS):
+            for part in PARTS:  # at a branch point itself F' is singular
+                middle = low + part * (high - low)
+                found = self.returned(here.y + middle * here.tangent, here.tangent)
+                if found is not None:
+                    break
+            else:
+                return best
+            best = self.place(found[0], here.tangent)
+            if test(best) is before:
+                low = middle
+            else:
+                high = middle
+            if high - low <= CONVERGED:
+                break
+        return best
+
+
+class Branches:
+    """All branches of rests of a model over a parameter.
+
+    Attributes
+    ----------
+    name : str
+    ends : (float, float)
+    branches : list of list of Place
+        With the curve of each in `curves`.
+    points : list of (Curve, Special)
+    skipped : int
+        The number of rests in continuous families, which are not followed.
+    """
+
+    def __init__(self, model: Model, name: str, ends: tuple[float, float]) -> None:
+        self.model, self.name, self.ends = model, name, ends
+        self.branches: list[list[Place]] = []
+        self.curves: list[Curve] = []
+        self.points: list[tuple[Curve, Special]] = []
+        self.skipped = 0
+        self._waiting: list[tuple[Curve, Place, Floats]] = []
+
+    def follow(
+        self,
+        starts: int,
+        interrupt: Interrupt | None = None,
+        progress: Progress = None,
+    ) -> list[Equilibrium]:
+        """Follow the branches through the rests, and return the rests of the file.
+
+        Rests are searched at the value of the file, and at both ends of the range.
+        """
+        own = {p.name: p.value for p in self.model.parameters}
+        own |= {x.name: x.value for x in self.model.initial}
+        low, high = self.ends
+        values = dict.fromkeys([min(max(own[self.name], low), high), low, high])
+        rests: list[Equilibrium] = []
+        for k, value in enumerate(values):
+            model = self.model.bind({}, None, **{self.name: value})
+            search = Search(setting_of(model))
+            try:
+                found = search.all(starts, interrupt)
+            except NoRestError:
+                if k == 0:
+                    raise
+                continue
+            rests = rests or found
+            for one in found:
+                curve = Curve(
+                    self.model, self.name, self.ends, search, one.steady, value
+                )
+                self.skipped += not curve.is_regular
+                if curve.is_regular and not self._is_known(curve, curve.start):
+                    self._both_ways(curve, curve.start, interrupt)
+            if progress is not None:
+                progress((k + 1) / len(values))
+        return rests
+
+    def _both_ways(self, curve: Curve, y: Floats, interrupt: Interrupt | None) -> None:
+        """Follow a curve in both directions from a point, and the others that begin."""
+        along = np.eye(len(y))[-1]
+        first = curve.place(y, along)
+        back = first._replace(tangent=-first.tangent)
+        ways = [list(curve.followed(x)) for x in (back, first)]
+        places = [*ways[0][::-1], first, *ways[1]]
+        if len(places) > 1:
+            self._add(curve, places)
+        while self._waiting and len(self.branches) < MOST_BRANCHES:
+            if interrupt is not None and interrupt.asked:
+                return
+            curve, place, aside = self._waiting.pop(0)
+            for way in (aside, -aside):
+                found = curve.returned(place.y + ASIDE * way, way)
+                if found is None or self._is_known(curve, found[0]):
+                    continue
+                begun = curve.place(found[0], way)
+                self._add(curve, [place, begun, *curve.followed(begun)], begins=1)
+
+    def _add(self, curve: Curve, places: list[Place], begins: int = 0) -> None:
+        self.branches.append(places)
+        self.curves.append(curve)
+        # The first step aside from a branch point is no part of a smooth curve.
+        for here, there in pairwise(places[begins:]):
+            turned = there
+            if there.tangent @ (there.y - here.y) < 0.0:  # the way back, reversed
+                turned = there._replace(tangent=-there.tangent, sign=-there.sign)
+            if here.tangent @ (there.y - here.y) < 0.0:
+                here = here._replace(tangent=-here.tangent, sign=-here.sign)  # noqa: PLW2901
+            for special in _alone(list(curve.specials(here, turned))):
+                if self._is_new(curve, special):
+                    self.points.append((curve, special))
+                    if special.kind == BRANCH:
+                        aside = curve.aside(special.place)
+                        self._waiting.append((curve, special.place, aside))
+
+    def _is_new(self, curve: Curve, special: Special) -> bool:
+        y = curve.visible(special.place.y)
+        return not any(
+            other.kind == special.kind
+            and own.held == curve.held
+            and np.linalg.norm(own.visible(other.place.y) - y) < ASIDE / 4.0
+            for own, other in self.points
+        )
+
+    def _is_known(self, curve: Curve, y: Floats) -> bool:
+        """Whether a point of a curve lies on a branch that has been followed."""
+        y = curve.visible(y)
+        for places, own in zip(self.branches, self.curves, strict=True):
+            if own.held != curve.held:
+                continue
+            for here, there in pairwise([own.visible(x.y) for x in places]):
+                chord = there - here
+                square = float(chord @ chord) or 1.0
+                part = min(1.0, max(0.0, float(chord @ (y - here)) / square))
+                if np.linalg.norm(y - here - part * chord) < ASIDE / 5.0:
+                    return True
+        return False
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The entries `vary`, `branches` and `points` of the document."""
+        pairs = zip(self.branches, self.curves, strict=True)
+        return {
+            "vary": {"name": self.name, "from": self.ends[0], "to": self.ends[1]},
+            "skipped": self.skipped,
+            "branches": [[_entry(c, x) for x in places] for places, c in pairs],
+            "points": [
+                {"kind": special.kind, **_entry(curve, special.place)}
+                for curve, special in sorted(
+                    self.points, key=lambda x: x[0].value(x[1].place.y)
+                )
+            ],
+        }
+
+
+def _alone(found: Sequence[Special]) -> list[Special]:
+    """Return special points without folds at which branches meet."""
+    meets = [x.place.y for x in found if x.kind == BRANCH]
+    return [
+        x
+        for x in found
+        if x.kind != FOLD
+        or all(np.linalg.norm(x.place.y - y) > ASIDE / 4.0 for y in meets)
+    ]
+
+
+def _entry(curve: Curve, place: Place) -> dict[str, Any]:
+    e, at = place.steady.equations, place.steady.state
+    found: dict[str, Any] = {
+        "value": curve.value(place.y),
+        "coordinates": dict(zip(e.q, (at.q + 0.0).tolist(), strict=True)),
+    }
+    if e.states:
+        names = [x.name for x in e.states]
+        found["states"] = dict(zip(names, at.s.tolist(), strict=True))
+    return found | {"stable": place.stable}
+
+
+def varied(model: Model, name: str, ends: tuple[float, float]) -> Branches:
+    """Return the branches over a parameter or a start value, to be followed.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, or it counts or names members of families.
+    """
+    known = [*(p.name for p in model.parameters), *(x.name for x in model.initial)]
+    if name not in known:
+        hint = member_hint(name, known) or did_you_mean(name, known)
+        hint = hint or f"one of {', '.join(known[:20])}"
+        text = f"`{name}` is no parameter and no start value"
+        raise unusable("unknown-name", text, hint=hint)
+    if name in model.stated.structural():
+        text = f"`{name}` cannot be varied: members of families are counted by it"
+        raise unusable("usage", text, hint=f"take each of its values: --set {name}=3")
+    return Branches(model, name, ends)
+
+
+def tables(record: dict[str, Any]) -> dict[str, bytes]:
+    """Return equilibrium.csv with a row for each point of each branch."""
+    rows, names = [], list[str]()
+    for number, places in enumerate(record["branches"], 1):
+        for x in places:
+            values = {**x["coordinates"], **x.get("states", {})}
+            names = names or list(values)
+            stable = "" if x["stable"] is None else x["stable"]
+            rows.append([number, x["value"], *values.values(), stable])
+    header = ("branch", record["vary"]["name"], *names, "stable")
+    return {"equilibrium.csv": table_of(header, rows)}

@@ -1,0 +1,112 @@
+"""Branches of rests over a parameter: folds, branch points and Hopf points."""
+
+import math
+
+import numpy as np
+import pytest
+
+import lagsim
+from tests.studies.test_rest import BLOCK, EULER, FLUTTER, HOOP, TRUSS, ZIEGLER
+
+pytestmark = pytest.mark.slow  # some seconds each
+
+
+def points(found, kind):
+    return [x for x in found.points if x["kind"] == kind]
+
+
+def test_the_hoop_has_a_pitchfork():
+    found = lagsim.equilibrium(HOOP, starts=4, vary={"w": (1, 6)})
+    [point] = found.points
+    assert point["kind"] == "branch"
+    assert point["value"] == pytest.approx(math.sqrt(9.81 / 0.8), rel=1e-8)
+    assert point["coordinates"]["theta"] == pytest.approx(0, abs=1e-5)
+    for places in found.branches:
+        for x in places:
+            w, theta = x["value"], x["coordinates"]["theta"]
+            assert 1 <= w <= 6
+            residual = math.sin(theta) * (w * w * math.cos(theta) - 9.81 / 0.8)
+            assert residual == pytest.approx(0, abs=1e-9)
+            if abs(math.sin(theta)) < 1e-6 and abs(w - point["value"]) > 1e-3:
+                below = math.cos(theta) > 0
+                assert x["stable"] is (below and w < point["value"])
+
+
+def test_the_truss_has_two_folds():
+    found = lagsim.equilibrium(TRUSS, starts=4, vary={"P": (-20, 20)})
+    # P = 2 k y (a/sqrt(b^2 + y^2) - 1) is extreme where b^2 a = (b^2 + y^2)^(3/2).
+    a = math.hypot(1, 0.3)
+    y = math.sqrt(a ** (2 / 3) - 1)
+    load = 2000 * y * (a / math.hypot(1, y) - 1)
+    low, high = sorted(points(found, "fold"), key=lambda x: x["value"])
+    assert len(found.points) == 2
+    assert [low["value"], high["value"]] == pytest.approx([-load, load], rel=1e-8)
+    assert [low["coordinates"]["y"], high["coordinates"]["y"]] == pytest.approx(
+        [-y, y], rel=1e-6
+    )
+    [branch] = found.branches
+    ends = [branch[0]["value"], branch[-1]["value"]]
+    assert sorted(ends) == [-20, 20]
+    for x in branch:
+        inside = abs(x["coordinates"]["y"]) < y
+        if abs(abs(x["coordinates"]["y"]) - y) > 1e-3:
+            assert x["stable"] is (not inside)
+
+
+@pytest.mark.parametrize("m", [1.0, 7.5])
+def test_frequencies_that_collide_count_as_hopf(m):
+    model = lagsim.load(ZIEGLER).bind(m=m, k=3, l=0.5)
+    found = lagsim.equilibrium(model, starts=2, vary={"P": (0, 20)})
+    [point] = points(found, "hopf")
+    assert point["value"] == pytest.approx(FLUTTER * 3 / 0.5, rel=1e-8)
+
+
+def test_damping_lowers_the_flutter_load():
+    # Ziegler's paradox: P l/k = 41/28 + c^2/2 with equal damping of both hinges.
+    model = lagsim.load(ZIEGLER).bind(c=0.1)
+    found = lagsim.equilibrium(model, starts=2, vary={"P": (0, 2.5)})
+    [point] = points(found, "hopf")
+    assert point["value"] == pytest.approx(41 / 28 + 0.01 / 2, rel=1e-8)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_column_of_links_buckles(n):
+    model = lagsim.load(EULER.replace("n: 6", f"n: {n}"))
+    load = 4 * 2 * n**2 * math.sin(math.pi / (2 * n)) ** 2
+    ends = (0.8 * load, 1.3 * load)
+    found = lagsim.equilibrium(model.bind(P=ends[0]), starts=0, vary={"P": ends})
+    [point] = points(found, "branch")
+    assert point["value"] == pytest.approx(load, rel=1e-8)
+    assert len(found.branches) == 3
+
+
+def test_a_family_is_counted_and_a_contact_ends_a_branch():
+    found = lagsim.equilibrium(BLOCK, starts=0, vary={"g": (5, 15)})
+    assert found.skipped > 0
+    text = """
+parameters: {F: 1}
+coordinates: {y: {}}
+energy: {kinetic: y_dot^2/2, potential: 3*y + y^2/2 - F*y}
+constraints: {floor: {relation: y >= 0, restitution: 0}}
+initial: {y: 0}
+"""
+    found = lagsim.equilibrium(text, starts=2, vary={"F": (0, 5)})
+    spans = sorted(
+        [min(p[k]["value"] for k in (0, -1)), max(p[k]["value"] for k in (0, -1))]
+        for p in found.branches
+    )
+    # On the floor up to F = 3, above it from there on.
+    assert np.array(spans) == pytest.approx(np.array([[0, 3], [3, 5]]), abs=0.1)
+
+
+def test_a_start_value_and_unknown_names():
+    with pytest.raises(lagsim.InputError, match="did you mean `y_dot`"):
+        lagsim.equilibrium(TRUSS, vary={"y_dit": (0, 1)})
+    with pytest.raises(lagsim.InputError, match="counted by it"):
+        lagsim.equilibrium(EULER, vary={"n": (2, 3)})
+    text = "coordinates: {s: {}, x: {}}\ninitial: {s: 0.5, x: 1}\n"
+    text += "energy: {kinetic: (s_dot^2 + x_dot^2)/2, potential: x^2}\n"
+    found = lagsim.equilibrium(text, starts=0, vary={"s": (0, 1)})
+    [branch] = found.branches
+    for x in branch:
+        assert x["coordinates"]["s"] == pytest.approx(x["value"])
