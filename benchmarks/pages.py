@@ -36,7 +36,7 @@ METHODS = """\
 `auto` chooses a method, and a run reports the choice and the reason; `--method NAME`
 overrules it. `lagsim methods NAME` prints the sections of this page. `lagsim bench`
 measures the time of each method for its error ([Charts](charts.md)). [Failing
-models](failing.md) shows where each of them fails.
+models](failing.md) shows where each method fails.
 
 """
 

@@ -77,7 +77,7 @@ def command(
     as_json: bool = JSON,
     quiet: bool = quiet("Print only differences and faults."),
 ) -> int:  # fmt: skip
-    """Run models and compare them with their goldens."""
+    """Run models and compare the results with their goldens."""
     answers: list[_Answer] = []
     outcomes: list[Outcome] = []
     try:

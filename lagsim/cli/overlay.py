@@ -37,7 +37,7 @@ def command(
     ),
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
-    """Draw several results in one picture, and play them on one page."""
+    """Draw several results in one picture, and play the motions on one page."""
     paths = DEFAULT if output is None else (output,)
     for path in paths:
         if path.suffix.lower() not in (PAGE, *PICTURES):

@@ -1,11 +1,11 @@
 """DOP853: the explicit Runge-Kutta method of order 8 by Dormand and Prince.
 
 Error estimates of order 5 and 3, PI step control, dense output of order 7. Where
-stability bounds the steps, that may err much more than they do; its last term tells,
-and each row and event is then reached by a step of its own. The method for smooth, non-
-stiff motion at tight tolerances. Its stability interval on the imaginary axis, where
-undamped oscillations lie, is 5.96: a step cannot exceed about 0.95 periods of the
-fastest mode.
+stability limits the steps, the dense output may be much less accurate than the steps;
+its last term detects this, and each row and event is then computed by a step of its
+own. The method for smooth, nonstiff motion at small tolerances. Its stability interval
+on the imaginary axis, where undamped oscillations lie, is 5.96: a step cannot exceed
+about 0.95 periods of the fastest mode.
 
 Source: E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations
 I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (method) and II.6 (dense output).

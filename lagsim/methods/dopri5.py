@@ -2,7 +2,7 @@
 
 The method of `ode45` in MATLAB and `RK45` in scipy, with their dense output of order 4.
 An error estimate of order 4, PI step control. For comparison with these programs, and
-for loose tolerances; from about 1e-6 on `dop853` takes less time. Its stability
+for loose tolerances; from about 1e-6 on `dop853` is faster. Its stability
 interval on the imaginary axis, where undamped oscillations lie, is 0.997, and 3.3 on
 the real axis.
 

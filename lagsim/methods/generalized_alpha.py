@@ -2,9 +2,8 @@
 
 Order 2, fixed step, stable at any step on the whole imaginary axis. `spectral_radius`
 chooses how fast motion is damped. Resolved motion loses a part of order (step *
-frequency)^3. So oscillations that are too fast for the step, as in a fine mesh, are
-damped, and nothing else. The energy is not kept exactly: `midpoint` and `gauss4` do
-that.
+frequency)^3. So only oscillations that are too fast for the step, as in a fine mesh,
+are damped. The energy is not conserved exactly, as it is by `midpoint` and `gauss4`.
 
 A step balances accelerations, q'' = F(t, q, q'), with the exact Jacobian in Newton's
 method. Constraints are satisfied by projection after each step; the proof of order 2

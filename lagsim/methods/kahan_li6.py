@@ -1,4 +1,4 @@
-"""Kahan-Li 6: nine Verlet steps, two of them backwards, give order 6.
+"""Kahan-Li 6: nine Verlet steps, two backwards in time, order 6.
 
 The error of a symmetric method has only even powers of the step. Verlet steps of
 different lengths, some backwards in time, cancel these powers one after the other;

@@ -1,4 +1,4 @@
-"""Kahan-Li 8: seventeen Verlet steps, five of them backwards, give order 8.
+"""Kahan-Li 8: seventeen Verlet steps, five backwards in time, order 8.
 
 The same construction as `kahan-li6`, two orders higher. It is the method for keeping an
 energy to rounding over many thousands of periods, as of planets: with compensated

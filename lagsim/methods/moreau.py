@@ -11,14 +11,14 @@ costs as much as these have elements. A step whose relaxation does not converge 
 counted and reported.
 
 The result is of order 1 in the step. A contact is found up to one step late and keeps a
-penetration of about h |v|; times of impact, and all that follows from them, are of
-order 1, whatever the motion between them. The residual of an equality is up to h^2
-times the acceleration along it, and of one between velocities h times it. Bounces
-shorter than a few steps count as rest. A row has the mean multiplier of its step,
-lambda = p/h, so that an impact is a high value; columns `impulse.<c>` are 0 and there
-are no events. Smooth motion is that of `verlet`. The work of impulses is p times the
-mean of the velocities before and after, so that `energy - work` is the same before and
-after each of them.
+penetration of about h |v|; times of impact, and quantities that depend on these times,
+are of order 1, even if the motion between impacts is computed exactly. The residual of
+an equality is up to h^2 times the acceleration along it, and of one between velocities
+h times it. Bounces shorter than a few steps count as rest. A row has the mean
+multiplier of its step, lambda = p/h, so that an impact is a high value; columns
+`impulse.<c>` are 0 and there are no events. Smooth motion is that of `verlet`. The work
+of impulses is p times the mean of the velocities before and after, so that no impulse
+changes `energy - work`.
 
 For few contacts, or for many digits, methods that locate impacts are better.
 
