@@ -152,7 +152,7 @@ class StartReport(NamedTuple):
 
     @property
     def thin(self) -> ThinSet | None:
-        """The rows without a finite multiplier at `ranks`, if any."""
+        """The set on which rows lose their rank at all points, or None."""
         return self.ranks.thin
 
     @property

@@ -219,7 +219,7 @@ def watch() -> None:
 
 
 def is_watched() -> bool:
-    """Whether this process was started for the command line alone."""
+    """Whether this process has the exception hooks of the command line."""
     return sys.unraisablehook is _report_uncaught
 
 

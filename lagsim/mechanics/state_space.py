@@ -68,7 +68,9 @@ class StateSpace(NamedTuple):
     outputs: tuple[str, ...]
 
     def response(self, frequencies: Floats) -> Complexes:
-        """Return the outputs per unit of each input without rates, (k, o, inputs).
+        """Return the frequency response of the outputs, shape (k, o, inputs).
+
+        A rate `c'` is not an input of its own: it varies with `c`.
 
         Parameters
         ----------

@@ -552,7 +552,7 @@ def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
 
 
 def _back(g: Graph, held: Newton, parts: Vector) -> Vector:
-    """Return the forces on masses, C^T F, of forces F on sums."""
+    """Return the forces C^T F on single masses due to forces F on weighted sums."""
     total = dict(parts)
     for k, part in parts.items():
         for i, c in held.sums[k].items():

@@ -409,7 +409,7 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 
 def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
-    """Return the band (low, high) widened to the envelope over one narrow swing.
+    """Return the band (low, high) of a fast oscillation, widened to its envelope.
 
     Otherwise the alternation of pixels with and without turning points would be
     visible.

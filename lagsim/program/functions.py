@@ -437,7 +437,7 @@ def stepping_functions(
 
 
 def _offset(e: Equations, row: Row) -> int:
-    """Return the node of the rate less A q'."""
+    """Return the node of a row's rate minus A q' (for holonomic rows g_t)."""
     g = e.graph
     if row.holonomic:
         return g.call("neg", row.transport)

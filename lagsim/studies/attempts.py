@@ -279,7 +279,7 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
 
 
 class Repeat(NamedTuple):
-    """Other means of integration: a session, and the evaluations in a step."""
+    """Alternative integration of a run: its session, and evaluations per step."""
 
     session: Session
     per_step: float = PER_STEP

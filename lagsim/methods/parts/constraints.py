@@ -326,7 +326,7 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
-    """Return sigma a time h ahead, along the velocities."""
+    """Return sigma after a time h, at positions extrapolated by the velocities."""
     n, z = s.n, s.work
     z[: s.size] = s.y
     z[s.positions] += h * s.y[s.velocities]

@@ -246,7 +246,7 @@ def variation(s: Table, k: int) -> float:
 
 
 def signal_is_known(s: Table, k: int, width: float) -> bool:
-    """Whether signal k on a stretch, or its distance, follows from its ends."""
+    """Whether the ends of a stretch determine signal k, or its distance, within it."""
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
     error = max(off(s, k, width), turned(s, k, width))

@@ -63,7 +63,7 @@ def add(width: Static, factor: float, z: Floats, out: Floats) -> None:
 
 
 def take(width: Static, z: Floats, out: Floats) -> None:
-    """Copy z to `out`."""
+    """Copy the real or complex number z to `out`."""
     for k in unrolled(width):
         out[k] = z[k]
 
@@ -83,7 +83,7 @@ def add_product(width: Static, sign: float, y: Floats, z: Floats, out: Floats) -
 
 
 def multiply(width: Static, z: Floats, out: Floats) -> None:
-    """Multiply `out` by z."""
+    """Multiply the number `out` by z, both real (width 1) or complex (width 2)."""
     real = out[0]
     out[0] *= z[0]
     if width == 2:

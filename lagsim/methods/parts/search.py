@@ -489,10 +489,11 @@ def follow_true(s: Events, p: Parameters) -> None:
 
 
 def follow_roots(s: Events, p: Parameters) -> None:
-    """Arm the equations that hold at the start of the first step of an arc.
+    """Begin the search for roots of equations that hold at the start of an arc.
 
-    With the sign just after the start: another root may follow soon. If it differs from
-    the sign by rounding at the start, the leeway is kept for this step.
+    Their orientation is the sign just after the start, since another root may follow
+    soon. If rounding at the start has the opposite sign, the leeway is kept for this
+    step.
     """
     x = NEXT * BESIDE / POINTS
     while x < BESIDE / POINTS:

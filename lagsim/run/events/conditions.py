@@ -38,7 +38,7 @@ def located_within(arc: Arc) -> float:
 
 
 def wait(arc: Arc) -> bool:
-    """Whether the condition just located waits for another one, at the same instant."""
+    """Whether the located condition waits for another one, see `truth.wait`."""
     truth = Truth(arc)
     return truth.run("wait", *truth.tolerances) > 0
 
