@@ -53,7 +53,8 @@ class Truth:
 
     def _compare(self, model, other, part):
         both = (self.first, other)
-        a, b = (np.array([row[1] for row in x.rows]) for x in both)
+        width = 2 * model.model.n + len(model.model.states)
+        a, b = (np.array([row[1] for row in x.rows]).reshape(-1, width) for x in both)
         events = [[name for _, name in x.events] for x in both]
         cuts = [list(map(len, x.crossings.values())) for x in both]
         same = len(self.first.instants) == len(other.instants)
@@ -70,11 +71,11 @@ class Truth:
         self.beside = _beside(self.times, self.first.instants)
         m = model.model
         v = slice(m.n, 2 * m.n)
-        self.size = np.max(np.abs(a), axis=0) + 1e-3
+        self.size = np.max(np.abs(a), axis=0, initial=0.0) + 1e-3
         self.size[v] = np.maximum(self.size[v], 1e-2 * np.max(self.size[v]))
         off = np.where(self.beside[:, None], 0.0, part * np.abs(a - b))
         known = np.maximum.accumulate(off, axis=0)
-        if np.max(known / self.size) > TRUSTED:
+        if np.max(known / self.size, initial=0.0) > TRUSTED:
             raise UndecidedError("it magnifies what is not known")
         self.known = known
 
@@ -262,7 +263,7 @@ def _shown(truth, answer, _folder):
 
 
 def _near(truth):
-    return 1e-7 + 1e3 * float(np.max(truth.known))
+    return 1e-7 + 1e3 * float(np.max(truth.known, initial=0.0))
 
 
 def _events(truth, answer, _folder):
