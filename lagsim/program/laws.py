@@ -427,6 +427,26 @@ def respond(p: Parameters) -> None:
     impress(p)
     share_out(p)
     mass.backward(p.n, p.L, p.u, p.motion)
+    keep_still(p)
+
+
+def keep_still(p: Parameters) -> None:
+    """Replace q'' of each coordinate that a law alone holds by its exact value, b / A.
+
+    The rounding of the solution would move it, past a switch at which it rests.
+    """
+    first = p.m - p.laws
+    for k in range(p.laws):
+        if p.law_mode[k] == HELD:
+            row = p.A[(first + k) * p.n :]
+            count = 0
+            place = 0
+            for j in range(p.n):
+                if row[j] != 0.0:
+                    count += 1
+                    place = j
+            if count == 1:
+                p.motion[place] = p.b[first + k] / row[place]
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
