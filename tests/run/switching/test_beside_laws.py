@@ -301,3 +301,31 @@ simulation: {duration: 2, output_step: 0.125}
 """)
     assert set(found["push"]) == {0.3}
     assert found["lambda_rub"] == pytest.approx(np.full(17, -0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        "{relation: z_dot = 0, limit: 5}",
+        "{relation: y >= 0, restitution: 0, friction: 0.9, slip: z_dot}",
+    ],
+)
+def test_a_held_coordinate_rests_on_a_switch_without_rounding(law):
+    # A push along x - 0.13 z that varies: z is held, and the solution for z'' is not
+    # 0 but for rounding.
+    found = run(
+        f"""
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+definitions: {{d: floor(z_dot), s: sign(z), p: x - 0.13*z}}
+states: {{w: {{rate: 0.3*floor(z_dot) + sign(z)}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2 + 0.8*z_dot^2, potential: 10*y}}
+forces: {{p: -0.5*x_dot + 0.02*t*x}}
+constraints: {{rub: {law}}}
+initial: {{x: 0, x_dot: 1.5, y: 0, z: 0, w: 0}}
+simulation: {{duration: 6, output_step: 0.15}}
+"""
+    )
+    assert found.trajectory.outcome is Outcome.DONE
+    for name in ("d", "s", "w", "z", "z_dot"):
+        assert not np.any(found[name])
+    assert not [e for e in found.trajectory.events if e.kind == "switch"]
