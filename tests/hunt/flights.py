@@ -252,7 +252,7 @@ class Flights:
         self.kinks = {x for tree in model.potentials for x in tree.nodes()}
         self.tied: list[Tree] = []
         self._left = MOST_CHOICES
-        self.slides = 0
+        self.slides = self.helds = 0
 
     # What a model leaves open
 
@@ -467,6 +467,7 @@ class Flights:
         try:
             found = self._ways(t, y, modes, loose=False)
         except HeldError as held:
+            self.helds += 1
             found = _different(
                 _holding(self._candidates(t, y, modes, None, loose=True))
             )

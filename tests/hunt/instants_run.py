@@ -231,6 +231,9 @@ class Run:
         at = self.flights.reading(arc.series, {}, _at_point)
         for e in self.m.events:
             if e.equal is not None and self._crossed(e.name, now, arc) is not None:
+                why = "an event's own act crosses its relation"
+                if e.name in now.acted and self.flights.fork((e.name, "own"), 2, why):
+                    continue
                 found.add(e.name)
             if e.at is None or e.name in now.acted:
                 continue

@@ -39,7 +39,7 @@ class Truth:
     """
 
     def __init__(self, model, script):
-        self.made = model
+        self.made, self.open = model, False
         self.first = _run(model, 0.0, script)
         faults = []
         for nudge, part in NUDGES:
@@ -90,6 +90,8 @@ def _run(model, nudge, script):
 def truths(model):
     """Return the motions of a model: several where it leaves open how it moves on.
 
+    They are `open` where there may be more of them.
+
     Raises
     ------
     UndecidedError
@@ -107,6 +109,8 @@ def truths(model):
             break
     if not found:
         raise faults[0]
+    for truth in found:
+        truth.open = bool(faults) or script is not None or truth.first.flights.helds > 0
     return found
 
 
@@ -131,7 +135,11 @@ def tried(seed, lagsim, *options):
 def judged_by(ways, lagsim, answer):
     """Return what a run is worth: it is to follow one of several motions."""
     found = [judged(truth, lagsim, answer) for truth in ways]
-    return next((x for x in found if not x.is_fault), found[0])
+    best = next((x for x in found if not x.is_fault), found[0])
+    broke = best.kind in ("hang", "crash", "repeated")
+    if best.is_fault and not broke and any(truth.open for truth in ways):
+        return Verdict("uncounted", f"there may be more motions: {best.text}")
+    return best
 
 
 def judged(truth, lagsim, answer):
