@@ -8,6 +8,7 @@ the rows.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -141,6 +142,11 @@ def least_squares(
         Where an entry of A or b is not finite. (LAPACK would also print a message on
         stderr.)
     """
+    if A.size == b.size == 1:  # a single contact, at each of its impacts
+        a, c = float(A.item()), float(b.item())
+        if not (math.isfinite(a) and math.isfinite(c)):
+            raise np.linalg.LinAlgError("not finite")
+        return np.full(b.shape, c / a if a else 0.0)
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise np.linalg.LinAlgError("not finite")
     return np.asarray(np.linalg.lstsq(A, b, rcond=cutoff)[0])
