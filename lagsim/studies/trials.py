@@ -82,6 +82,8 @@ class Variant(NamedTuple):
     settings : mapping of str to object
         Fields of `lagsim.model.model.Settings` that are replaced after the options of
         all trials, such as `rtol`, `method`, `formulation`, `step` or `output_step`.
+        For differences of runs, give the `method` and the `formulation` that
+        `Trials.session().plan` has: `auto` may choose others for other values.
     times : ndarray, shape (k,), or None
         Times of the rows, in any order, by the dense output of the method: the steps
         are those of the run without these times. None for the rows of the run: all
@@ -147,7 +149,16 @@ class Trial(NamedTuple):
         return self.statistics.evaluations
 
     def column(self, name: str) -> Floats:
-        """Return the column with a name, shape (k,)."""
+        """Return the column with a name, shape (k,).
+
+        Raises
+        ------
+        KeyError
+            If there is no such column, as in a run without a result.
+        """
+        if name not in self.columns:
+            why = f"there is no column `{name}`"
+            raise KeyError(why if self.columns else f"{self.outcome}: {self.reason}")
         return np.asarray(self.rows[:, self.columns.index(name)])
 
 
