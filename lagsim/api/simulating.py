@@ -46,7 +46,10 @@ if TYPE_CHECKING:
 
     from lagsim.api import Options
     from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model as Read
+    from lagsim.model.model import Settings
     from lagsim.notes import Caution, Event
+    from lagsim.run.observers.appended import Appended
 
 
 class Examination:
@@ -325,6 +328,9 @@ class Result:
         self._made, self._rows = made, rows
         self.columns: tuple[str, ...] = columns.of_table
         self.table: Floats = rows[:, : columns.table]
+        if made.appended is not None:
+            self.columns += made.appended.names
+            self.table = np.hstack([self.table, made.appended.at(rows[:, 0])])
         self.events: Sequence[Event] = trajectory.events
         self.warnings: Sequence[Caution] = made.cautions()
         self.outcome: str = trajectory.outcome.word
@@ -378,6 +384,8 @@ class Result:
     ) -> dict[str, float] | dict[str, Floats]:
         """Return all columns at given times of the run, with the accuracy of its rows.
 
+        Sensitivities and standard deviations have values at rows only.
+
         The run is repeated with its own steps up to the last of the times, and the
         dense output of the method is evaluated within the steps, as for rows. One call
         with all times is therefore faster than many calls.
@@ -418,7 +426,7 @@ class Result:
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
         rows = tried(self._made.session, self._instants(times.ravel())).rows
-        columns = zip(self.columns, rows.T, strict=False)
+        columns = zip(self._made.session.columns.of_table, rows.T, strict=False)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns}
         return {name: values.reshape(times.shape) for name, values in columns}
@@ -733,9 +741,22 @@ def simulate(
         except StartError as error:
             found = Examination(examination(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
+        more = _appended(read, settings, asked)
     attempts = Attempts(
         keep, Interrupt(), clock, error_bars=bars,
-        replaces=bars is not ErrorBars.NEVER, cornered=True,
+        replaces=bars is not ErrorBars.NEVER, cornered=True, appended=more,
     )  # fmt: skip
     made = attempts.best(ready)
     return Result(made, keep.table, clock.timings)
+
+
+def _appended(
+    model: Read, settings: Settings, options: Mapping[str, float | str]
+) -> Appended | None:
+    """Return the columns of sensitivities and standard deviations, if any."""
+    names = model.output.sensitivities
+    if not names and not any(p.uncertainty for p in model.parameters):
+        return None
+    from lagsim.studies.sensitivities import appended
+
+    return appended(model, settings, names, options, who="simulate")

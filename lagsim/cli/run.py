@@ -70,7 +70,8 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.run.arcs import Apart, Run
     from lagsim.run.error import ErrorBar as Estimate
-    from lagsim.run.observers import Relay
+    from lagsim.run.observers import Relay, Store
+    from lagsim.run.observers.appended import Appended
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.drawing import Draw
     from lagsim.studies.restart import Restart
@@ -134,14 +135,20 @@ def command(
     form: Picture = FORMAT,
     animate: bool = flag("--animate", "Write the page animation.html."),
     resume: bool = flag("--resume", "Continue an interrupted run."),
+    sensitivities: str = typer.Option(
+        "", metavar="NAMES",
+        help="Add derivatives of columns by these parameters and start values, such "
+        "as l,theta_dot.",
+    ),
     as_json: bool = JSON,
     quiet: bool = quiet(),
     strict: bool = STRICT,
 ) -> int:  # fmt: skip
     """Check the start, integrate, write a table and pictures."""
+    varied = tuple(x.strip() for x in sensitivities.split(",") if x.strip())
     wish = Wish(
         error_bar, table, units, None if no_plots else form, animate, resume, quiet,
-        strict,
+        strict, varied,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import run_all
@@ -177,6 +184,7 @@ class Wish(NamedTuple):
     resume: bool
     quiet: bool
     strict: bool
+    varied: Sequence[str] = ()
 
 
 class Job:
@@ -269,12 +277,20 @@ class Job:
     ) -> int:
         """Integrate, and write table, events, record and pictures; return the code."""
         wish, interrupt = self.wish, self.interrupt
-        units = of_table(session.equations, session.columns.of_table)
+        with interrupt.noted():
+            more = self._appended(session)
+        columns = session.columns.of_table + (more.names if more else ())
+        units = of_table(session.equations, columns)
         try:
             path = results.part(wish.table.file)
             writer = table_writer(wish.table, path, units, show_units=wish.show_units)
         except OSError as error:
             raise results.unusable(error) from None
+        store: Store = writer
+        if more is not None:
+            from lagsim.run.observers.appended import Widened
+
+            store = Widened(writer, session.columns.table, more)
         with contextlib.closing(writer), interrupt.noted():
             joined = None
             if wish.table is Format.CSV:
@@ -282,14 +298,30 @@ class Job:
                     _keep, writer=writer, restart=restart, at_once=wish.resume
                 )
             found = Attempts(
-                writer, interrupt, self.clock, error_bars=wish.error_bars,
+                store, interrupt, self.clock, error_bars=wish.error_bars,
                 replaces=wish.error_bars is not ErrorBars.NEVER,
                 thinned=wish.plots is not None, animated=wish.animate,
                 progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
+                appended=more,
             ).best(session)  # fmt: skip
             document, full = self._write(found, results, writer)
         self._report(found, document, results.folder)
         return self._code(found, document, full)
+
+    def _appended(self, session: Session) -> Appended | None:
+        """Return the columns of sensitivities and standard deviations, if any."""
+        model = session.case.model
+        asked = *model.output.sensitivities, *self.wish.varied
+        uncertain = any(p.uncertainty for p in model.parameters)
+        if not asked and not uncertain:
+            return None
+        from lagsim.studies.sensitivities import appended
+
+        with progress_bar("sensitivities", quiet=self.wish.quiet) as progress:
+            return appended(
+                model, session.case.settings, [*dict.fromkeys(asked)],
+                interrupt=self.interrupt, progress=progress,
+            )  # fmt: skip
 
     def _write(
         self, found: Attempt, results: Results, writer: Writer

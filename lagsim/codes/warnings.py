@@ -259,6 +259,22 @@ initial: {x: 0, y: 0, x_dot: 3}
 simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN),
+    warning("W322", "not-differentiable",
+        "The motion is not differentiable by a name in some rows: an event crosses the "
+        "time of the row, or the sequence of events changes. The derivatives in these "
+        "rows are left empty.",
+        "choose an `output_step` with which no row lies at an event",
+        """\
+parameters: {g: 9.81, h: g/8}
+coordinates: {y: {}}
+definitions: {}
+energy: {kinetic: y_dot^2/2, potential: g*y}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+initial: {y: h}
+output: {sensitivities: [h]}
+simulation: {duration: 1, output_step: 0.25}
+""",
+        _RUN),
     warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: no "
         "page is written.",

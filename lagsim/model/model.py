@@ -105,7 +105,7 @@ class Parameter(NamedTuple):
     """Parameter of the model; an input of every compiled function.
 
     `follows`: its expression in the file uses other parameters. Events set a `mode`,
-    whose value here is that at the start.
+    whose value here is that at the start. `uncertainty` is one standard deviation.
     """
 
     name: str
@@ -114,6 +114,7 @@ class Parameter(NamedTuple):
     description: str = ""
     follows: bool = False
     mode: bool = False
+    uncertainty: float = 0.0
 
 
 class Coordinate(NamedTuple):
@@ -401,7 +402,8 @@ class Output(NamedTuple):
     """Definitions that become columns, extra plots, and optional columns.
 
     `reactions` are the definitions with a column for their reactions; `event_marks` is
-    whether pictures mark events.
+    whether pictures mark events. `sensitivities` are the parameters and start values by
+    which columns are differentiated.
     """
 
     columns: tuple[str, ...]
@@ -411,6 +413,7 @@ class Output(NamedTuple):
     reactions: tuple[str, ...] = ()
     event_marks: bool = True
     sections: tuple[Section, ...] = ()
+    sensitivities: tuple[str, ...] = ()
 
 
 class Mismatch(NamedTuple):

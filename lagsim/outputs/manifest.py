@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.notes import Caution, Choice
     from lagsim.run.error import ErrorBar
+    from lagsim.run.observers.appended import Appended
     from lagsim.run.observers.monitors import ResidualMonitor
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
@@ -47,6 +48,7 @@ def manifest(
     cautions: Sequence[Caution],
     timings: Mapping[str, float],
     files: Sequence[str],
+    more: Appended | None = None,
 ) -> dict[str, Any]:
     """Return the content of run.json; versions of lagsim only add keys.
 
@@ -63,9 +65,13 @@ def manifest(
         Seconds by stage.
     files : sequence of str
         Names of the files of the run.
+    more : Appended, optional
+        Columns of sensitivities.
     """
     model, plan = session.case.equations.model, session.plan
-    counts = trajectory.statistics
+    counts, columns = trajectory.statistics, session.system.columns.of_table
+    found = {"sensitivities": more.record} if more else {}
+    columns += more.names if more else ()
     return {
         **head(model),
         "method": plan.method,
@@ -92,8 +98,9 @@ def manifest(
         "error": _error(error_bar),
         "warnings": [c.record for c in cautions],
         "timings": dict(timings),
-        "columns": of_table(session.case.equations, session.system.columns.of_table),
+        "columns": of_table(session.case.equations, columns),
         "files": list(files),
+        **found,
     }
 
 

@@ -10,6 +10,7 @@ temporary file in the folder of the results; only blocks of rows are ever in mem
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import zipfile
@@ -20,6 +21,7 @@ import numpy as np
 import orjson
 
 from lagsim.errors import unusable
+from lagsim.language.columns import DEVIATION, SENSITIVITY, made
 from lagsim.outputs import Format
 
 if TYPE_CHECKING:
@@ -211,6 +213,7 @@ class TableWriter(Writer):
         self, path: Path, columns: Sequence[str], units: Sequence[str] | None = None
     ) -> None:
         head = table_of(columns, [] if units is None else [units])
+        self._gaps = [made(x, SENSITIVITY, DEVIATION) for x in columns]
         super().__init__(path.open("wb", buffering=0), len(columns), head)
 
     def go_on(self, content: Iterable[bytes], rows: int, last: float | None) -> None:
@@ -241,8 +244,13 @@ class TableWriter(Writer):
         if np.isfinite(block).all():
             text = orjson.dumps(block, option=orjson.OPT_SERIALIZE_NUMPY)
             return text[2:-2].replace(b"],[", _LINE) + _LINE
-        rows = (",".join(map(repr, row)).encode() for row in block.tolist())
-        return _LINE.join(rows) + _LINE  # JSON has no nan
+        # JSON has no nan. A derivative that does not exist is an empty cell.
+        rows = (",".join(map(self._cell, row, self._gaps)) for row in block.tolist())
+        return _LINE.join(row.encode() for row in rows) + _LINE
+
+    @staticmethod
+    def _cell(x: float, gap: bool) -> str:
+        return "" if gap and math.isnan(x) else repr(x)
 
     def _whole(self, text: bytes) -> tuple[int, int]:
         return text.count(_LINE), text.rfind(_LINE) + len(_LINE) if _LINE in text else 0

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.program.system import System
+    from lagsim.run.observers.appended import Appended
     from lagsim.run.session import Case, Clock, Session
 
     # Called with a run, and with its `relay` and `session` as keywords.
@@ -425,12 +426,15 @@ class Attempt(Evidence):
         The ranges of columns, for pictures of sections.
     fault : OSError or None
         The error that kept rows from being stored.
+    appended : Appended or None
+        Columns of sensitivities; None if not requested.
     """
 
     fault: OSError | None = None
 
     def __init__(self, session: Session, wish: Attempts) -> None:
         super().__init__(session)
+        self.appended = wish.appended
         model, names = self.equations.model, session.columns.names
         self.checkpoints = Checkpoints(self.equations, session.case.settings)
         self.corners = Corners() if wish.cornered or wish.thinned else None
@@ -461,7 +465,7 @@ class Attempt(Evidence):
             from lagsim.outputs.animation import nothing_to_draw
 
             found += nothing_to_draw(self.equations.model)
-        return found
+        return found + (self.appended.cautions if self.appended else [])
 
     def record(
         self,
@@ -473,7 +477,7 @@ class Attempt(Evidence):
         return manifest(
             self.session, self.trajectory, self.residuals, constraint_residual(self),
             self.bar, cautions,
-            {name: round(t, 6) for name, t in timings.items()}, files,
+            {name: round(t, 6) for name, t in timings.items()}, files, self.appended,
         )  # fmt: skip
 
 
@@ -508,6 +512,8 @@ class Attempts:
         The remaining budget of repeats and second attempts.
     tried : list of str
         The methods of all attempts, with their tolerances or steps.
+    appended : Appended or None
+        Columns of sensitivities, which the store appends.
     """
 
     store: Store
@@ -522,6 +528,7 @@ class Attempts:
     progress: Progress = lambda _label: contextlib.nullcontext()
     joined: Joined | None = None
     followers: Sequence[Store] = ()
+    appended: Appended | None = None
     allowance: Allowance | None = field(default=None, init=False)
     tried: list[str] = field(default_factory=list, init=False)
 

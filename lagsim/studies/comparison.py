@@ -19,7 +19,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lagsim.language.columns import OF_CONSTRAINTS, made, parsed
+from lagsim.language.columns import (
+    DEVIATION,
+    OF_CONSTRAINTS,
+    SENSITIVITY,
+    made,
+    parsed,
+)
 from lagsim.language.names import rate_of, rated
 from lagsim.outputs import ENERGIES
 from lagsim.run.observers.monitors import numbers
@@ -336,8 +342,10 @@ class Pair(NamedTuple):
             return Deviation(column, nan, nan, nan, 0.0, 0.0, 0.0, None, 0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             difference = np.abs(new - golden)
-            difference[golden == new] = 0.0  # inf, too
-            wrong = ~(difference <= bound)
+            # A derivative that does not exist is an empty cell of both.
+            gaps = np.isnan(golden) & np.isnan(new) & made(column, SENSITIVITY, DEVIATION)
+            difference[(golden == new) | gaps] = 0.0  # inf, too
+            wrong = ~(difference <= bound) & ~gaps
             if exact:
                 wrong |= np.signbit(golden) != np.signbit(new)
             ratio = difference / (bound if size is None else size)

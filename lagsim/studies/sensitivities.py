@@ -36,15 +36,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError, Problem, counted
+from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
+from lagsim.notes import Caution
+from lagsim.run.observers.appended import Appended
 from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
+from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.model.model import Model
+    from lagsim.model.model import Model, Settings
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.trials import Trial
 
@@ -222,6 +226,10 @@ class Sensitivities:
         first-order states and definitions of the table.
     values : mapping of str to float, optional
         Values of names that differ from the file.
+    who : str
+        The name of the command, for messages.
+    interrupt : Interrupt, optional
+        Requests of an early end.
     """
 
     def __init__(
@@ -233,12 +241,12 @@ class Sensitivities:
         columns: Sequence[str] | None = None,
         values: Mapping[str, float] | None = None,
         who: str = "run",
+        interrupt: Interrupt | None = None,
     ) -> None:
-        self.model, self.times = model, times
+        self.model, self.times, self.interrupt = model, times, interrupt
         self.trials = Trials(model, options, who)
         self.values = dict(values or {})
         self.settings: dict[str, Any] = {"rtol": RTOL}
-        self.interrupt: Interrupt | None = None
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = self.trials.run(self._variant({}))
         if not self.centre.columns:
@@ -277,11 +285,11 @@ class Sensitivities:
             Whether all start values but `name` are guesses, which follow as the
             constraints require.
         """
-        if not held:
-            return self.trials.run(self._variant({name: value}))
-        at = {**self.start(), name: value}
-        guesses = frozenset(self.start()) - {name}
-        return self.trials.run(self._variant(at, guesses=guesses))
+        variant = self._variant({name: value})
+        if held:
+            at, guesses = {**self.start(), name: value}, {*self.start()} - {name}
+            variant = self._variant(at, guesses=guesses)
+        return self.trials.run(variant, interrupt=self.interrupt)
 
     def by(
         self,
@@ -338,12 +346,15 @@ class Sensitivities:
     def by_each(self, names: Sequence[str]) -> Iterator[Derivative]:
         """Yield the derivatives by each name, with at most MOST_RUNS runs for a name.
 
-        Runs that one name does not need are left to the names after it.
+        Runs that one name does not need are left to the names after it. After an
+        interrupt no more are yielded.
         """
         left = MOST_RUNS * len(names) - 1
         for k, name in enumerate(names):
             found = self.by(name, spare=left - FIRST_RUNS * (len(names) - k - 1))
             left -= found.runs
+            if self.interrupt is not None and self.interrupt.asked:
+                return
             yield found
 
     def _reached(self) -> Flags:
@@ -428,3 +439,85 @@ def scale_of(model: Model, name: str, value: float) -> float:
         abs(x) for k, x in values.items() if own(k) is not None and own(k) == own(name)
     ]
     return max(others, default=0.0) or 1.0
+
+
+# --- Columns of a run
+
+
+def output_times(settings: Settings) -> Floats:
+    """Return the output times of a run, and its end, shape (k,)."""
+    s = settings
+    count = int(np.floor(s.duration / s.output_step + SAME_STEP))
+    times = s.start + s.output_step * np.arange(count + 1)
+    return np.append(times[times < s.end], s.end)
+
+
+def appended(
+    model: Model,
+    settings: Settings,
+    names: Sequence[str],
+    options: Mapping[str, float | str] | None = None,
+    *,
+    who: str = "run",
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Appended | None:
+    """Return the columns of derivatives and standard deviations of a run.
+
+    None where there are none: no names, and no parameter with an uncertainty.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    names : sequence of str
+        Parameters and start values with columns `d.<column>.<name>`.
+    options : mapping of str to float or str, optional
+        Options that replace settings of the file.
+    progress : callable, optional
+        Called with the part of the names that is done.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or constraints determine it.
+    """
+    deviations = {p.name: p.uncertainty for p in model.parameters if p.uncertainty}
+    varied = [*dict.fromkeys((*names, *deviations))]
+    if not varied:
+        return None
+    times = output_times(settings)
+    study = Sensitivities(model, options, times=times, who=who, interrupt=interrupt)
+    square = np.zeros((len(times), len(study.columns)))
+    blocks = {name: np.full_like(square, np.nan) for name in names}
+    record, cautions, done = dict[str, dict[str, float]](), list[Caution](), 0
+    for found in study.by_each(varied):
+        name = found.name
+        square += (found.values * deviations.get(name, 0.0)) ** 2
+        if name in blocks:
+            blocks[name] = found.values
+        record[name] = {"step": found.step, "error": found.error, "runs": found.runs}
+        cautions += _not_differentiable(found, times)
+        done += 1
+        if progress is not None:
+            progress(done / len(varied))
+    if done < len(varied):
+        square[:] = np.nan
+    heads = [f"{SENSITIVITY.prefix}{x}.{k}" for k in names for x in study.columns]
+    columns = [*blocks.values()]
+    if deviations:
+        heads += [DEVIATION.of(x) for x in study.columns]
+        columns.append(np.sqrt(square))
+    return Appended((*heads,), settings, np.hstack(columns), record, cautions)
+
+
+def _not_differentiable(found: Derivative, times: Floats) -> list[Caution]:
+    at = times[found.lost]
+    if not len(at):
+        return []
+    rows = counted(len(at), "row")
+    text = f"the motion is not differentiable by `{found.name}` in {rows}"
+    span = f"at t = {at[0]:.6g}"
+    if len(at) > 1:
+        span = f"from t = {at[0]:.6g} to {at[-1]:.6g}"
+    return [Caution("not-differentiable", f"{text}, {span}: these cells are empty")]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import math
 import os
 import re
 import warnings
@@ -25,6 +26,7 @@ import orjson
 
 from lagsim import files, limits
 from lagsim.errors import unusable
+from lagsim.language.columns import DEVIATION, SENSITIVITY, made
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import arrow, numberless, unguarded
@@ -338,6 +340,8 @@ def _cells(file: BinaryIO, first: int, columns: tuple[str, ...]) -> Floats:
 
 
 def _number(cell: str, column: str, line: int) -> float:
+    if not cell.strip() and made(column, SENSITIVITY, DEVIATION):
+        return math.nan
     try:
         if "_" not in cell:
             return float(cell)

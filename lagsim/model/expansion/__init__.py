@@ -206,6 +206,7 @@ class Expansion:
             rules = {
                 "columns": self._names,
                 "reactions": self._names,
+                "sensitivities": self._names,
                 "plots": {"y": self._axis, "y2": self._axis},
                 "sections": {"*": {"plot": self._names}},
             }

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.names import rate_of
 from lagsim.limits import STEPS
 from lagsim.methods import RETIRED as RETIRED_METHODS
 from lagsim.methods import options
@@ -219,7 +220,24 @@ def read_output(found: Fields, x: Expressions) -> Output:
         reactions=_reactions(found.value("reactions"), x),
         event_marks=found.truth("event_marks", default=True),
         sections=tuple(_sections(found.value("sections"), columns, x)),
+        sensitivities=_varied(found.value("sensitivities"), x),
     )
+
+
+def _varied(node: Node | None, x: Expressions) -> tuple[str, ...]:
+    """Return the parameters and start values that a list names."""
+    moving, found = x.names.moving(), dict[str, None]()
+    known = [*x.names.of(Kind.PARAMETER), *moving, *x.names.of(Kind.STATE)]
+    known += map(rate_of, moving)
+    given = items(node, "`sensitivities`", x.faults)
+    for part in named(given, "`sensitivities` lists names", x.faults):
+        if part.text in known:
+            found[part.text] = None
+        else:
+            text = f"there is no parameter or start value `{part.text}`"
+            hint = x.faults.did_you_mean(part.text, known)
+            x.faults.add("unknown-name", text, part, hint)
+    return tuple(found)
 
 
 DIRECTIONS = ("both", "up", "down")

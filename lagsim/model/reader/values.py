@@ -8,7 +8,7 @@ from collections import ChainMap
 from contextlib import suppress
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
@@ -30,6 +30,7 @@ from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.expressions import OF_DEFINITIONS, Kind, Resolved, Value
 from lagsim.model.reader.fields import (
     COORDINATE,
+    DEFINITION,
     START,
     VALUE,
     belongs,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from lagsim.language.parser import Name, Parsed
     from lagsim.model.model import Table
     from lagsim.model.reader.expressions import Expressions, Rule
+    from lagsim.model.reader.fields import Form
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
@@ -69,16 +71,26 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
     return tuple(found)
 
 
+class _Entry(NamedTuple):
+    """Entry `name: expression`, or a mapping with the expression as its `value`."""
+
+    value: Node
+    unit: str = ""
+    about: str = ""
+    uncertainty: Node | None = None
+
+
 def _value_entry(
-    key: Scalar, node: Node, what: str, x: Expressions
-) -> tuple[Node, str, str]:
-    """Return expression, unit and description of `name: expression` or a mapping."""
+    key: Scalar, node: Node, what: str, x: Expressions, form: Form = DEFINITION
+) -> _Entry:
+    """Return an entry; `form` has the keys of its mapping."""
     if not isinstance(node, Mapping):
-        return node, "", ""
-    found = fields(node, what, VALUE, x.faults, key.place)
+        return _Entry(node)
+    found = fields(node, what, form, x.faults, key.place)
     found.needs("value", belongs(key.text) or "write {value: ..., unit: ...}")
     value = found.value("value") or Broken(key.place)
-    return value, found.text("unit"), found.text("description")
+    about = found.text("unit"), found.text("description")
+    return _Entry(value, *about, found.value("uncertainty"))
 
 
 class Definitions:
@@ -90,9 +102,9 @@ class Definitions:
         self._texts: dict[str, tuple[Scalar, Parsed]] = {}  # those without a fault
         for key, node in given:
             name, what = key.text, f"the definition `{key.text}`"
-            expression, *about = _value_entry(key, node, what, x)
-            self._about[name] = about[0], about[1]
-            text = x.text(expression, what, parse, beside=expression is node)
+            entry = _value_entry(key, node, what, x)
+            self._about[name] = entry.unit, entry.about
+            text = x.text(entry.value, what, parse, beside=entry.value is node)
             if text is not None:
                 self._texts[name] = text
         # The definitions that each names, at their first place; the level of others.
@@ -260,18 +272,37 @@ class Parameters(_Numbers):
         for key, node in (*given, *modes):
             kind = self.x.names.variables.get(key.text, Kind.PARAMETER)
             name, what = key.text, f"the{kind.text[1:]} `{key.text}`"
-            expression, unit, about = _value_entry(key, node, what, self.x)
-            expression = self._instead.get(name, expression)
+            form = VALUE if kind is Kind.PARAMETER else DEFINITION
+            entry = _value_entry(key, node, what, self.x, form)
+            expression = self._instead.get(name, entry.value)
             rule = partial(self._rule, name, what, below)
             read = self._read(expression, what, rule, beside=expression is node)
+            deviation = self._deviation(entry.uncertainty, what, rule)
             below.discard(name)
             if read is not None:
                 _, parsed, value = read
                 follows = any(used.text in self.known for used in parsed.names)
                 mode = kind is Kind.MODE
                 (self.x.modes if mode else self.known)[name] = value
-                found.append(Parameter(name, value[0], unit, about, follows, mode))
+                about = entry.unit, entry.about
+                found.append(
+                    Parameter(name, value[0], *about, follows, mode, deviation)
+                )
         return tuple(found)
+
+    def _deviation(self, node: Node | None, what: str, rule: Rule) -> float:
+        """Return a standard deviation, 0 where none is given."""
+        if node is None:
+            return 0.0
+        what = f"`uncertainty` of {what}"
+        read = self._read(node, what, rule)
+        if read is None:
+            return 0.0
+        scalar, _, (value, _) = read
+        if value < 0.0:
+            text = f"{what} is {value:g}, a standard deviation is 0 or larger"
+            self.x.faults.add("out-of-range", text, scalar)
+        return value
 
     def _check_names(self) -> None:
         names, faults = self.x.names, self.x.faults

@@ -28,18 +28,15 @@ class Observer(Protocol):
 
 
 class Store(Observer, Protocol):
-    """Interface of a storage of rows; `add` raises OSError when the storage is full.
+    """Interface of a storage of rows; `add` raises OSError when the storage is full."""
 
-    Attributes
-    ----------
-    rows : int
-        Number of rows stored so far.
-    last : float or None
-        Time of the last stored row.
-    """
+    @property
+    def rows(self) -> int:
+        """Number of rows stored so far."""
 
-    rows: int
-    last: float | None
+    @property
+    def last(self) -> float | None:
+        """Time of the last stored row."""
 
     def begin_anew(self) -> None:
         """Delete all stored rows."""
