@@ -259,7 +259,7 @@ initial: {x: 0, y: 0, x_dot: 3}
 simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN),
-    warning("W322", "not-differentiable",
+    warning("W323", "not-differentiable",
         "The motion is not differentiable by a name in some rows: an event crosses the "
         "time of the row, or the sequence of events changes. The derivatives in these "
         "rows are left empty.",
