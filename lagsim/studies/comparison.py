@@ -343,7 +343,8 @@ class Pair(NamedTuple):
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             difference = np.abs(new - golden)
             # A derivative that does not exist is an empty cell of both.
-            gaps = np.isnan(golden) & np.isnan(new) & made(column, SENSITIVITY, DEVIATION)
+            gaps = np.isnan(golden) & np.isnan(new)
+            gaps &= made(column, SENSITIVITY, DEVIATION)
             difference[(golden == new) | gaps] = 0.0  # inf, too
             wrong = ~(difference <= bound) & ~gaps
             if exact:
