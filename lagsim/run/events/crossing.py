@@ -72,6 +72,8 @@ SLOW = 2.0**-20
 # Largest distance of the curve from its level there, in sizes of the surface: a few
 # roots of a rounding.
 APART = FEW * RESIDUAL_ROUNDOFF**0.5
+# Time after which it is evaluated again, relative to the duration of the run.
+SOON = 1e-3
 
 
 def come_to_rest(
@@ -119,7 +121,8 @@ def _rests(
     """Whether the motion can rest on surface k; if so, the modes are set to rest.
 
     The surfaces `others` have to be at their level on both sides of k: one whose
-    expression jumps at k is at its level on one side only.
+    expression jumps at k is at its level on one side only. They have to stay there
+    while the motion rests: an expression of the time, or of another body, leaves.
     """
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     by_q = J[: arc.system.n]
@@ -132,11 +135,15 @@ def _rests(
     if moving:
         size = float(np.abs(by_q) @ arc.seen[positions])
         aside = SLOW * float(np.abs(J) @ arc.seen[arc.state.driven])
-    found, pulls, fields, beside_k = {}, [], [], []
+    part, along = (arc.state.driven, J) if moving else (positions, by_q)
+    rest = arc.y.copy()
+    if not moving:
+        rest[arc.state.driven] -= speed / square * J
+    rest[part] -= rows.residuals[k] / square * along
+    found, pulls, fields = {}, [], []
     for side, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
         beside = arc.y.copy()
         beside[arc.state.driven] -= speed / square * J
-        part, along = (arc.state.driven, J) if moving else (positions, by_q)
         beside[part] += (sign * aside - rows.residuals[k]) / square * along
         modes.put(k, levels[k], side)
         for j in others:
@@ -146,17 +153,16 @@ def _rests(
                 return False
             modes.put_clear(j, value)
         modes.write()
-        field = modes.accelerations(beside)
-        back = -sign * float(J @ field - rows.b[k])
+        back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
         way = 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
         short = speed * speed <= way or abs(speed) <= REACH * left * back
         if not (back > 0.0 and short):
             return False
         found[side] = modes.value.copy()
         pulls.append(back)
-        fields.append(field)
-        beside_k.append(modes.rows(beside))
-    if _are_led_off(modes, beside_k, others, pulls, fields):
+        fields.append(modes.rates(arc.t, rest))
+    resting = (pulls[1] * fields[0] + pulls[0] * fields[1]) / (pulls[0] + pulls[1])
+    if not _stay(modes, found, rest, resting, others, levels, sizes):
         return False
     modes.value[:] = found[BELOW]
     for j in others:
@@ -166,46 +172,35 @@ def _rests(
     return True
 
 
-# Rate of an expression that leaves its level, relative to the rates of its terms.
-LEAVING = 1e-2
-
-
-def _are_led_off(
+def _stay(
     modes: Modes,
-    sides: Sequence[Rows],
+    sides: Mapping[int, Floats],
+    rest: Floats,
+    rates: Floats,
     others: Sequence[int],
-    pulls: Sequence[float],
-    fields: Sequence[Floats],
+    levels: Mapping[int, float],
+    sizes: Floats,
 ) -> bool:
-    """Whether a surface leaves its level while the motion rests on another surface.
-
-    So does an expression of the time, or of another body that moves.
+    """Whether surfaces stay at their levels for a short time from a state at rest.
 
     Parameters
     ----------
-    sides : sequence of Rows
-        The rows of all surfaces, below and above the surface that the motion rests on.
+    sides : mapping of int to ndarray, shape (K,)
+        The sides of all surfaces, below and above the surface of the rest.
+    rest, rates : ndarray, shape (size,)
+        The state, and its rates.
     others : sequence of int
-        The numbers of the surfaces that could leave their levels.
-    pulls : sequence of float
-        The rates that lead back, below and above.
-    fields : sequence of ndarray, shape (n + l,)
-        The accelerations, below and above.
+        The surfaces that are evaluated.
     """
     arc = modes.arc
-    velocities, seen = arc.y[arc.state.driven], arc.seen[arc.state.driven]
-    resting = (pulls[1] * fields[0] + pulls[0] * fields[1]) / (pulls[0] + pulls[1])
-    largest = np.maximum(*np.abs(fields))
-    for rows in sides:
-        with np.errstate(invalid="ignore"):  # a slope may be unbounded
-            by_forces = rows.J @ resting - rows.b
-        sizes = np.abs(rows.J) @ largest + np.abs(rows.b)
-        timed = np.abs(rows.rates - rows.J @ velocities)
-        rates = np.where(modes.on_rates, by_forces, rows.rates)
-        sizes = np.where(modes.on_rates, sizes, np.abs(rows.J) @ seen + timed)
-        if any(abs(rates[j]) > LEAVING * sizes[j] for j in others):
-            return True
-    return False
+    soon = min(SOON * arc.settings.duration, arc.settings.end - arc.t)
+    for values in sides.values():
+        modes.value[:] = values
+        modes.write()
+        after = modes.values(arc.t + soon, rest + soon * rates)
+        if any(abs(after[j] - levels[j]) > APART * sizes[j] for j in others):
+            return False
+    return True
 
 
 # Number of times ahead at which the forces on a state that has not moved are evaluated,
