@@ -205,7 +205,7 @@ def _solved(problem: Problem) -> Solution:
     unit, s = _scaled(problem)
     best, least = None, np.inf
     for point in _attempts(unit):
-        off = point.residual()
+        off = max(point.residual(), point.residual_of_discs())
         if off < least:
             best, least = point, off
         if least <= CONVERGED:
@@ -215,7 +215,7 @@ def _solved(problem: Problem) -> Solution:
     free = [k for rows in unit.discs for k in rows]
     p[free] = best.p[free]
     w = np.where(best.inside, 0.0, best.w)
-    return Solution(p * s, w / s, least < SOLVED_LAWS)
+    return Solution(p * s, w / s, best.residual() < SOLVED_LAWS)
 
 
 def _scaled(problem: Problem) -> tuple[Problem, Floats]:
@@ -226,7 +226,9 @@ def _scaled(problem: Problem) -> tuple[Problem, Floats]:
     """
     D, pairs, n = problem.D, problem.pairs, problem.normals
     own = D.diagonal()
-    most = np.where(pairs >= 0, np.maximum(own, own[pairs]), own)
+    # The two rows of a disc have one scale, between those of their inertias.
+    mean, most = np.sqrt(own * own[pairs]), np.maximum(own, own[pairs])
+    most = np.where(pairs >= 0, np.where(mean > 0.0, mean, most), own)
     s = 2.0 ** -np.round(np.log2(np.where(most > 0.0, most, 1.0)) / 2.0)
     present = D.any(axis=0) | D.any(axis=1)
     by = np.where(present, np.stack([1.0 / s, np.where(n >= 0, s[n], 1.0) / s]), 0.0)
@@ -371,6 +373,18 @@ class _Point:
         problem = self.problem
         terms = np.abs(problem.D) @ np.abs(self.p) + np.abs(problem.c)
         return self.size / (float(terms.max()) or 1.0)
+
+    def residual_of_discs(self) -> float:
+        """Return the largest |F| of rows of discs, relative to the terms of each row.
+
+        The two rows of a disc have one scale. Where the inertia in their directions
+        differs, the terms of one row are much smaller than those of the other.
+        """
+        problem, most = self.problem, 0.0
+        for k in (k for rows in problem.discs for k in rows):
+            terms = float(np.abs(problem.D[k]) @ np.abs(self.p) + abs(problem.c[k]))
+            most = max(most, abs(float(self.F[k])) / terms if terms else 0.0)
+        return most
 
     def slopes(self) -> Floats:
         """Return the generalized Jacobian dF/dp (r, r)."""

@@ -946,7 +946,10 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     return Modes(tuple(modes), directions * parts, p, jams, is_open)
 
 
-# Number of halvings of the loads that redundant rows take over.
+# Part of their reserves that redundant rows take over at most, so that the other rows
+# do not reach their bounds at the last moment, where forces have no clear direction;
+# number of halvings of these loads.
+TAKEN = 0.9
 TAKEN_OVER = 5
 
 
@@ -973,7 +976,7 @@ def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
     most = max((np.linalg.norm(directions[rows.disc(k)]) for k in spare), default=0.0)
     if not (0.0 < most < 1.0 - HALF_OF_DIGITS and held):
         return decided
-    more = 1.0 / most - 1.0
+    more = TAKEN * (1.0 / most - 1.0)
     for _ in range(TAKEN_OVER):
         larger = directions.copy()
         larger[spare] *= 1.0 + more
