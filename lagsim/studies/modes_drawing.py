@@ -36,7 +36,7 @@ from lagsim.outputs.stills import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from matplotlib.axes import Axes
 
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
 # Phases of a mode that are drawn: at its two extremes.
 PHASES = np.array([0.0, np.pi])
+# Damping below which a peak is at the frequency of its mode.
+UNDAMPED = 1e-3
 # Peaks that are labelled: the most, and their least height over the surroundings.
 MOST_PEAKS, LEAST_PEAK = 8, 1.2
 AMPLITUDE, PHASE = 2.4, 1.3
@@ -106,11 +108,12 @@ def picture(small: Small, form: str = "png") -> bytes:
 
 def bode(small: Small, response: Response, form: str = "png") -> bytes:
     """Return the picture of amplitudes and phases against frequency: response.png."""
-    return content(_bode(small.setting.model.name, response), form)
+    modes = [x.frequency for x in small.modes if abs(x.damping_ratio) < UNDAMPED]
+    return content(_bode(small.setting.model.name, response, modes), form)
 
 
 @in_house_style
-def _bode(name: str, response: Response) -> Picture:
+def _bode(name: str, response: Response, undamped: Sequence[float]) -> Picture:
     f, pairs = response.frequencies, response.pairs
     pens = {key: PENS[k % len(PENS)] for k, key in enumerate(pairs)}
     legend = [(key.replace(":", " → "), pen) for key, pen in pens.items()]
@@ -127,7 +130,7 @@ def _bode(name: str, response: Response) -> Picture:
         degrees = np.degrees(np.angle(pairs[key]))
         jumps = np.abs(np.diff(degrees, prepend=degrees[:1])) > 270.0
         line(below, f, np.where(jumps, np.nan, degrees), pen)
-        _label_peaks(above, f, amplitudes[key])
+        _label_peaks(above, f, amplitudes[key], undamped)
     below.set_ylim(-195.0, 195.0)
     below.set_yticks([-180, -90, 0, 90, 180])
     above.set_xlim(f[0], f[-1])
@@ -137,8 +140,13 @@ def _bode(name: str, response: Response) -> Picture:
     return picture
 
 
-def _label_peaks(axes: Axes, f: Floats, amplitude: Floats) -> None:
-    """Mark the largest peaks, and the deepest valleys, with their frequencies."""
+def _label_peaks(
+    axes: Axes, f: Floats, amplitude: Floats, undamped: Sequence[float]
+) -> None:
+    """Mark the largest peaks, and the deepest valleys, with their frequencies.
+
+    A peak beside an undamped mode, which is infinite, has the mode's frequency.
+    """
     logs = np.log(np.maximum(amplitude, 1e-300))
     for values, below in ((logs, False), (-logs, True)):
         inner = (values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])
@@ -146,8 +154,10 @@ def _label_peaks(axes: Axes, f: Floats, amplitude: Floats) -> None:
         deep = [k for k in tops if _stands_out(values, k) > np.log(LEAST_PEAK)]
         for k in sorted(deep, key=lambda k: -values[k])[:MOST_PEAKS]:
             axes.plot(f[k], amplitude[k], **mark("o", 2.6, INK))
+            own = (x for x in undamped if f[k - 1] <= x <= f[k + 1] and not below)
+            label = f"{read_off(next(own, float(f[k])))} Hz"
             axes.annotate(
-                mathtext(f"{read_off(float(f[k]))} Hz"), (f[k], amplitude[k]),
+                mathtext(label), (f[k], amplitude[k]),
                 (0.0, -9.0 if below else 4.0), textcoords="offset points", size=SMALL,
                 ha="center", va="center" if below else "bottom",
             )  # fmt: skip

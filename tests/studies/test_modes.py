@@ -285,6 +285,21 @@ def test_matrices_reproduce_the_response():
             )
 
 
+@pytest.mark.slow
+def test_a_shipped_building_and_absorber():
+    building = lagsim.load(MODELS / "shear-building.yaml").bind(c=0)
+    found = lagsim.modes(building, response=["ground:u.5"])
+    j = np.arange(1, 6)
+    expected = 2 * math.sqrt(1000) * np.sin((2 * j - 1) * math.pi / 22)
+    assert rates(found) == pytest.approx(expected, rel=1e-10)
+    # A slow ground carries the whole building.
+    assert found.response["ground:u.5.amplitude"][0] == pytest.approx(1, rel=0.02)
+    absorber = lagsim.modes(MODELS / "vibration-absorber.yaml")
+    x, y = absorber.matrices(["x"], ["x", "y"]).response([2.5 / math.pi])[0, :, 0]
+    assert abs(x) < 1e-14
+    assert y == pytest.approx(-1 / 10, rel=1e-10)
+
+
 def test_default_matrices_are_of_all_forces_and_of_the_whole_state():
     space = lagsim.modes(ABSORBER).matrices()
     assert space.inputs == ("x",)
