@@ -3,8 +3,10 @@
 Times within 4 units in the last place (`SAME_INSTANT`) are one instant: times of
 periodic events, of strobes, of breaks, of located events and of output rows. The time
 of an instant is the time of an output row, if a row lies within the instant, else the
-first of its times in the order of the file. All events of an instant are dated with
-this one double, which rows, lists and `result.at` report.
+first of its times in the order of the file. The time of a located event is known to the
+rounding of its condition; within it, the event belongs to the instant of a periodic
+event, or of a located event with a smaller rounding (`truth.wait`). All events of an
+instant are dated with this one double, which rows, lists and `result.at` report.
 """
 
 from __future__ import annotations
