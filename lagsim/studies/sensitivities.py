@@ -249,6 +249,10 @@ class Sensitivities:
         self.settings: dict[str, Any] = {"rtol": RTOL}
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = self.trials.run(self._variant({}))
+        if self.centre.columns:
+            # All runs by the method of the run itself, which `auto` selects once.
+            plan = self.trials.session(self._variant({})).plan
+            self.settings["method"] = plan.method
         if not self.centre.columns:
             raise InputError([Problem(self.centre.code, self.centre.reason)])
         self._which = [self.centre.columns.index(x) for x in self.columns]
