@@ -151,8 +151,8 @@ energy: {kinetic: (r_dot^2 + x_dot^2)/2, potential: r^2/2}
 initial: {r: 1, x: 0, x_dot: 1e-17}
 simulation: {duration: 20}
 """
-    found = run(text, formulation="ignorable")
-    plain = run(text, formulation="full")
+    found = run(text, formulation="ignorable", method="dop853")
+    plain = run(text, formulation="full", method="dop853")
     assert found.plan.reduction.ignored == ("x",)
     steps = found.trajectory.statistics.steps
     assert steps <= 1.2 * plain.trajectory.statistics.steps
