@@ -444,7 +444,7 @@ MOST_WAYS = 2.0
 # With switches, a roundoff bound does not hold for a step shorter than this part of its
 # own: a component that grows by a high power of the time is much smaller in the shorter
 # step, and an error of its size could lead it across its switch again and again.
-SHORTER = 0.5
+SHORTER = 0.1
 # A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which is below that of repeats of usual runs, rounding is
