@@ -738,6 +738,12 @@ INSTANTS = {
         "  back: {at: u - 0.4*t >= 0.5 - 0*x, once: true, set: {u: 0}}"),
         "x: 0", [("clock", 0.0), ("clock", 1.0), ("back", 1.0), ("clock", 2.0)],
     ),
+    # It is true just after the start, false from 1.5 to 2, and true again.
+    "at once, and again": (
+        "modes: {n: 0}\nevents:\n  up: {at: 'mod(-x, 2) >= 0.5', set: {n: n + 1}}",
+        "x: 0, x_dot: 1",
+        [("up", 0.0), ("up", 2.0)],
+    ),
     # Both were due together.
     "one round at the start": (
         ("modes: {u: 1, n: 0}\n"

@@ -121,6 +121,8 @@ class Truth:
         if before is not None:
             found |= (now >= -state.zero) & (before < -state.zero)
         found &= inequality
+        # Their leeway is that of the values just after the start.
+        state.worth[found] = np.maximum(now, soon)[found]
         state.marked[:] = found
         return self._marked(float(found.any()))
 
