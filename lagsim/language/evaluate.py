@@ -112,7 +112,8 @@ def evaluate_with_error(
     Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2nd
     ed., section 3.3), to first order: the error of a function is its greatest change
     over the corners of its arguments' errors, plus one unit in the last place. A
-    constant that is not a whole number counts as rounded to the nearest.
+    constant that is not a whole number counts as rounded to the nearest. The values of
+    steps, such as `floor` and the cell of a table, count as exact, as in `roundings`.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def evaluate_with_error(
 def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
     row = OPERATIONS[op]
     value = row(*[x for x, _ in args])
-    if row.condition:
+    if row.condition or row.step:
         return value, 0.0
     inherited = 0.0
     if any(e for _, e in args):

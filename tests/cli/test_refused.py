@@ -63,7 +63,7 @@ LINES |= {f"check text-{k}.yaml": told for k, told in enumerate(TEXTS.values())}
 # Key of `simulation`, its value; what is said of it, at its place.
 ASKED = {
     ("method", "rk5"): ("there is no method `rk5`", "did you mean `rk4`?"),
-    ("method", "RK45"): ("there is no method `RK45`", "did you mean `dop853`?"),
+    ("method", "RK45"): ("there is no method `RK45`", "did you mean `dopri5`?"),
     ("method", "ode15s"): ("there is no method `ode15s`", "did you mean `radau`?"),
     ("method", "foo"): ("there is no method `foo`", "one of auto, dop853, "),
     ("method", "Generalized_Alpha"): (
@@ -87,7 +87,7 @@ LINES |= {
 
 SETS: dict[str, str | tuple[str, str]] = {
     "gg=1": ("there is no parameter or start value `gg`", "did you mean `g`?"),
-    "g=1+": ("a value is expected", "leave `+` out, or write what follows it"),
+    "g=1+": ("a value is expected", "leave `+` out, or write the operand after it"),
     "g=1/0": "not a finite number",
     "g=2*zz": ("unknown name `zz`", "give `zz` a value in `parameters`"),
     "g=": "found nothing",
@@ -180,7 +180,7 @@ LINES |= {
     f"{SWING} --steps a:b": "--steps a:b: two numbers above 0",
     f"{SWING} --budget 0": "--budget 0: a number of seconds above 0",
     f"{SWING} --set l": "--set l: a name and an expression",
-    "bench timeless.yaml": "`bench` needs to know how long",
+    "bench timeless.yaml": "`bench` needs a duration",
     "bench torn.json": "torn.json: ",
     "bench list.json": "not a document of `lagsim bench`",
     "bench rows.json": "`lagsim` is missing",
@@ -205,7 +205,7 @@ LINES |= {
     "stability damped.yaml --methods verlet": (
         "`verlet` cannot handle this model: its forces depend"
     ),
-    "stability timeless.yaml": "`stability` needs to know how long",
+    "stability timeless.yaml": "`stability` needs a duration",
     "stability contact.yaml": "constraints that hold at times",
     "derive swing.yaml --format maple": "maple",
     "derive swing.yaml --format python --gauss": "--gauss means nothing",
@@ -215,7 +215,7 @@ LINES |= {
     "derive swing.yaml -o .": "cannot be written",
     "derive swing.yaml -o swing.yaml": "it is the model",
     "run contact.yaml --method taylor": "`taylor` cannot",
-    "run timeless.yaml -o out": ("`run` needs to know how long", "--duration"),
+    "run timeless.yaml -o out": ("`run` needs a duration", "--duration"),
     "run swing.yaml --table npz --resume": "--resume",
     "spectrum out x -o x.txt": "x.txt: no such format",
     "overlay one -o it.doc": "ends in .png, .svg, .pdf or .html",

@@ -290,9 +290,11 @@ class EnergyMonitor:
     def fastest_rate(self) -> float:
         """Rate of the fastest motion in the stored rows: the largest |q''|/|q'|."""
         n, rows = self.count, self._rows
-        rates, accelerations = (
-            np.sqrt(np.sum(rows[:, 3 + k * n :][:, :n] ** 2, axis=0)) for k in (1, 2)
-        )
+        with np.errstate(over="ignore"):
+            rates, accelerations = (
+                np.sqrt(np.sum(rows[:, 3 + k * n :][:, :n] ** 2, axis=0))
+                for k in (1, 2)
+            )
         found = np.divide(accelerations, rates, out=np.zeros(n), where=rates > 0.0)
         return float(np.max(found, initial=0.0))
 
