@@ -122,6 +122,8 @@ AT_END = 1e-9
 # step.
 NEXT = 2.0**-26
 FARTHER = 4.0
+# A smallest singular value up to this is 0 within half of the digits.
+LOST = 2.0**-26
 # Of the ITP method (k_1 times the width of the bracket).
 ITP = 0.2
 # Part of the first bracket within which values are rounding, and secants have no use.
@@ -815,13 +817,16 @@ def lost_within(s: Events, p: Parameters, low: float, x: float) -> float:
     Sigma has a kink there, and small jumps where rows change their order, which may
     hide the sign of its slope: a stretch is searched where values or slopes fall and
     rise again, or where sigma could vanish in between at the steepest slope so far.
+    Where it vanishes at an end, as on a set of states that all lose rank, it does not
+    count that it could.
     """
     k = rows(s) - 1
     slopes = rows(s) + k
     falls = s.starts[slopes] < 0.0 or s.middles[k] < s.starts[k]
     rises = s.ends[slopes] > 0.0 or s.middles[k] < s.ends[k]
     steepest = MARGIN * s.sigma_slope * s.step_h * (x - low)
-    vanishes = s.starts[k] + s.ends[k] <= steepest
+    ends = min(s.starts[k], s.ends[k])
+    vanishes = ends > LOST and s.starts[k] + s.ends[k] <= steepest
     if not (falls and rises) and not vanishes:
         return 0.0
     # The slope at the start is that just before.
