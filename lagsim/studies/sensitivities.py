@@ -41,6 +41,7 @@ from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
 from lagsim.notes import Caution
 from lagsim.run.observers.appended import Appended
+from lagsim.run.observers.monitors import numbers
 from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
 from lagsim.tolerances import SAME_STEP
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model, Settings
+    from lagsim.notes import Event
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.trials import Trial
 
@@ -83,6 +85,8 @@ ONE_SIDED = {
 ROUNDING, FALLS = 12.0, 1.5
 # Relative error that all runs have in common, which no difference of them shows.
 COMMON = 10.0 * RTOL
+# Kinds of events at which rates jump.
+JUMPS = ("impact", "corner")
 
 
 class Derivative(NamedTuple):
@@ -146,7 +150,7 @@ class _Runs:
     unit : float
         The first step.
     known : dict
-        Rows by the numerator of the offset, and the power of FACTOR it is divided by.
+        Runs by their offset: a multiple, and the power of FACTOR of its step.
     """
 
     study: Sensitivities
@@ -249,12 +253,11 @@ class Sensitivities:
         self.settings: dict[str, Any] = {"rtol": RTOL}
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = self.trials.run(self._variant({}))
-        if self.centre.columns:
-            # All runs by the method of the run itself, which `auto` selects once.
-            plan = self.trials.session(self._variant({})).plan
-            self.settings["method"] = plan.method
         if not self.centre.columns:
             raise InputError([Problem(self.centre.code, self.centre.reason)])
+        # All runs by the method of the run itself, which `auto` selects once.
+        plan = self.trials.session(self._variant({})).plan
+        self.settings["method"] = plan.method
         self._which = [self.centre.columns.index(x) for x in self.columns]
         self._start: dict[str, float] | None = None
 
@@ -274,8 +277,8 @@ class Sensitivities:
     def start(self) -> dict[str, float]:
         """Return the solved start: positions, rates and first-order states by name."""
         if self._start is None:
-            state = self.trials.session(self._variant({})).case.start
-            equations = self.trials.session(self._variant({})).case.equations
+            case = self.trials.session(self._variant({})).case
+            state, equations = case.start, case.equations
             solved = np.concatenate([state.q, state.v, state.s]).tolist()
             self._start = dict(zip(equations.state, solved, strict=True))
         return self._start
@@ -512,7 +515,19 @@ def appended(
     if deviations:
         heads += [DEVIATION.of(x) for x in study.columns]
         columns.append(np.sqrt(square))
-    return Appended((*heads,), settings, np.hstack(columns), record, cautions)
+    values = np.hstack(columns)
+    values[_at_impacts(study.centre.events, settings)] = np.nan
+    return Appended((*heads,), settings, values, record, cautions)
+
+
+def _at_impacts(events: Sequence[Event], settings: Settings) -> list[int]:
+    """Return the output times that are times of impacts, by their index.
+
+    A row has the state before such an impact, and another one the state after it.
+    """
+    times = [e.time for e in events if e.kind in JUMPS]
+    found = numbers(np.array(times), settings.start, settings.output_step)
+    return [int(k) for k in found if k >= 0]
 
 
 def _not_differentiable(found: Derivative, times: Floats) -> list[Caution]:

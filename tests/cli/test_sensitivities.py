@@ -97,8 +97,13 @@ def test_deviations_combine_and_rows_of_impacts_are_empty(lagsim, tmp_path):
 def test_rows_that_an_event_crosses_are_empty_with_a_warning(lagsim, tmp_path):
     text = BALL.replace("g: 9.81", "g: 8").replace("value: 1,", "value: 0.25,")
     (tmp_path / "ball.yaml").write_text(text)
-    lagsim("run", "ball.yaml", "--no-plots", code=0)
+    lagsim("run", "ball.yaml", "--sensitivities", "e", "--no-plots", code=0)
     document = json.loads((tmp_path / "results/ball/run.json").read_text())
+    rows = table(tmp_path / "results/ball/trajectory.csv")
+    # The speed before the impact does not depend on the restitution, that after does.
+    [first, second] = np.flatnonzero(rows["t"] == 0.25)
+    assert np.isnan(rows["d.y_dot.e"][[first, second]]).all()
+    assert np.isfinite(rows["d.y_dot.e"][[first - 1, second + 1]]).all()
     # A row lies at the impact, whose time depends on the height alone.
     [warning] = document["warnings"]
     assert warning["code"] == "not-differentiable"

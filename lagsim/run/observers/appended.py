@@ -25,7 +25,7 @@ class Appended(NamedTuple):
     settings : Settings
         Settings of the run, which define the output times.
     values : ndarray, shape (k, names)
-        At the output times and the end of the run.
+        At the output times and the end of the run; nan at the time of an impact.
     record : dict
         The entry `sensitivities` of run.json: by name, `step`, `error` and `runs`.
     cautions : list of Caution
