@@ -50,7 +50,7 @@ LAWS = False  # set by the translator
 
 
 def spread(p: Parameters) -> None:
-    """Store L^-1 A_i of each row i in p.Y (m, n), scaled, and p.scales (m,).
+    """Compute the scaled rows L^-1 A_i in p.Y (m, n), and the scales in p.scales (m,).
 
     A row is scaled by the largest length that it has had in the arc, so that a
     vanishing row is detected; see `keep_lengths`.
@@ -66,9 +66,9 @@ def spread(p: Parameters) -> None:
 
 
 def keep_lengths(p: Parameters) -> None:
-    """Update p.lengths (m,) by the current lengths of rows, at an accepted state.
+    """Update p.lengths (m,), the largest length |L^-1 A_i| of each row in the arc.
 
-    Not at trial states within a step, which may lie anywhere.
+    Called at accepted states only: trial states within a step may lie anywhere.
     """
     for k in range(p.m):
         i = int(p.order[k])
@@ -77,7 +77,7 @@ def keep_lengths(p: Parameters) -> None:
 
 
 def reflect(p: Parameters) -> int:
-    """Triangularise Y^T by reflections with pivoting, and return the rank.
+    """Factor Y^T = Q R by Householder reflections with pivoting; return the rank.
 
     Pivots beyond the generic rank count as zero: at the stages of a step, off the
     constraints, dependent rows are not exactly dependent.
@@ -125,10 +125,10 @@ def reflect(p: Parameters) -> int:
 
 
 def note_directions(p: Parameters, end: int) -> None:
-    """Store the directions of the first `end` reflections.
+    """Store the directions z of the first `end` reflections in p.directions (end, n).
 
-    z in p.directions, orthonormal in the metric of M, and M z in p.momenta, (end, n)
-    each.
+    They are orthonormal in the metric of M and span the vectors M^-1 A_i of the first
+    `end` pivot rows. p.momenta (end, n) holds M z.
     """
     n, u = p.n, p.mirrored
     p.noted = end
@@ -149,7 +149,10 @@ def note_directions(p: Parameters, end: int) -> None:
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
-    """Return the index among k, ..., end - 1 of the row longest from column k on."""
+    """Return the index i, k <= i < end, of the row of Y with the largest norm.
+
+    The norm is that of the elements Y_ij with j >= k; Y has n columns.
+    """
     best = k
     longest = -1.0
     for i in range(k, end):
@@ -161,7 +164,10 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 
 def set_aside(p: Parameters) -> int:
-    """Move the rows marked in p.aside (m,) to the end; return the number of others."""
+    """Exchange the rows of Y so that those marked in p.aside (m,) come last.
+
+    Return the number of rows that are not marked.
+    """
     m = p.m
     kept = m
     for back in range(m):
@@ -179,7 +185,7 @@ def set_aside(p: Parameters) -> int:
 
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
-    """Return the squared length of a row from column k on."""
+    """Return the sum of row[j]^2 over k <= j < n."""
     return mass.product(n - k, row[k:], row[k:])
 
 
@@ -194,7 +200,7 @@ def swap(p: Parameters, k: int, i: int) -> None:
 
 
 def largest_entry(n: int, k: int, row: Floats) -> int:
-    """Return the index of the largest element of a row from column k on."""
+    """Return the index j, k <= j < n, of the element of `row` with the largest size."""
     best = k
     for j in range(k + 1, n):
         if abs(row[j]) > abs(row[best]):
@@ -203,7 +209,7 @@ def largest_entry(n: int, k: int, row: Floats) -> int:
 
 
 def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
-    """Exchange columns k and c of Y (m, n), including stored reflections."""
+    """Exchange columns k and c of Y (m, n), stored reflection vectors included."""
     if c != k:
         for i in range(m):
             Y[i * n + k], Y[i * n + c] = Y[i * n + c], Y[i * n + k]
@@ -232,7 +238,10 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
 
 
 def impress(p: Parameters, rank: int) -> None:
-    """Store u = Q w (n,) with R^T w = p.w: L^-1 times the constraint forces."""
+    """Store in p.u (n,) the constraint forces in scaled form, L^-1 A^T lambda = Q w.
+
+    On entry p.w (rank,) is the right side of R^T w = p.w, which is solved in place.
+    """
     n, u, w, diagonal = p.n, p.u, p.w, p.diagonal
     for k in range(rank):
         for j in range(k):
@@ -263,9 +272,11 @@ def multipliers(p: Parameters, rank: int) -> None:
 
 
 def shorten(p: Parameters, rank: int) -> None:
-    """Minimise the norm of the multipliers.
+    """Compute the multipliers of least norm when m - rank rows are dependent.
 
-    Stores the free multipliers z (m - rank,) in p.w and x - B z (rank,) in p.x.
+    See `multipliers` for z, B and x. On entry p.x (rank,) is x; on return p.w (m -
+    rank,) is z, the multipliers of the dependent rows, and p.x is x - B z, those of the
+    others.
     """
     spare = p.m - rank
     x, B = p.x, p.free
@@ -352,11 +363,12 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store bounds of the rounding error of q'' (n,) and of the other rates.
+    """Store bounds of the rounding errors of q'' (n,) and of the other rates in out.
 
-    In units of the unit roundoff: from the rounding of the forces, each with its sign,
-    and of the constraint forces. Reflections spread the latter, in the metric of M,
-    over all coupled coordinates. out has length 2 size + 4.
+    In units of the unit roundoff. The bound of q'' has a part from the rounding of the
+    forces, each with a sign of its own, and one from the constraint forces, which the
+    reflections spread, in the metric of M, over all coupled coordinates. out has length
+    2 size + 4; the elements after the bounds are workspace.
     """
     n = p.n
     reaction = out[p.size :]
@@ -372,12 +384,13 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def gather(p: Parameters, out: Floats) -> None:
-    """Store a bound (n,) of the accelerations by constraint forces.
+    """Store bounds (n,) of the accelerations that constraint forces alone would cause.
 
     For each group of coordinates coupled by rows or by M: the norm of the constraint
-    forces in the metric of diag M. Where they cancel, the terms of their rows count
-    instead: forces, and inertial coupling by M. The row of a slider acts on its
-    massless coordinate alone, not on the coordinates that the slider follows.
+    forces in the metric of diag M. Where they cancel, the magnitudes of the terms of
+    their rows count instead: forces, and inertial coupling by M. The row of a slider
+    counts for its massless coordinate alone, not for the coordinates that the slider
+    follows.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -414,10 +427,11 @@ def gather(p: Parameters, out: Floats) -> None:
 
 
 def followed(p: Parameters, k: int, place: int) -> float:
-    """Return M_jj a^2, where a bounds the acceleration of coordinate j by row k.
+    """Return M_jj a^2, where a bounds the acceleration that row k imposes on q_j.
 
-    j is `place`, the coordinate of a slider; a is the sum of the sizes of the row's
-    other terms.
+    Row k is a slider's, and place = j is the index of its coordinate. a is |b_k| plus
+    the sizes of the row's terms in the other coordinates, divided by the row's element
+    A_kj.
     """
     n = p.n
     row = p.A[k * n :]
@@ -431,7 +445,10 @@ def followed(p: Parameters, k: int, place: int) -> float:
 
 
 def join(p: Parameters, label: Floats) -> None:
-    """Store, for each coordinate, the first one to which rows or M couple it, (n,)."""
+    """Label the coordinates (n,) by groups that rows of A or of M couple.
+
+    label[j] is the lowest index of a coordinate in the group of coordinate j.
+    """
     n = p.n
     for i in range(n):
         label[i] = i
@@ -455,10 +472,11 @@ def join(p: Parameters, label: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the least change (n,) of q, in the metric of M, that removes the residuals.
+    """Store the change (n,) of q, least in the metric of M, that makes residuals zero.
 
-    Followed by the largest residual relative to its scale, 0, and the second-order
-    residual after the step.
+    It is a Newton step for the linearised constraints. It is followed in out by the
+    largest residual relative to its scale, by 0, and by the largest second-order
+    residual after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
@@ -468,7 +486,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
-    """Set the change `step` (n,) to 0 if rounding keeps it from reducing residuals.
+    """Set the Newton step (n,) to 0 if, rounded, it reduces no residual.
 
     This happens far from the origin, or at high speeds, where some components of the
     step are below the spacing of doubles; the other components would drift with each
@@ -495,10 +513,13 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the least change (n,) of q', in the metric of M, that removes the rates.
+    """Store the change (n,) of q', least in the metric of M, that makes rates zero.
 
-    Followed by the largest rate relative to its scale, sigma, and the second-order
-    residual after the step.
+    The rates are A q' + g_t.
+
+    It is followed in out by the largest rate residual relative to its scale, by the
+    smallest diagonal element sigma of R (see `reflect`), and by the largest
+    second-order residual after the step.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
@@ -513,10 +534,12 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def residual_left(
     first: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
-    """Return the largest second-order residual after a Newton step, of rows in force.
+    """Return the largest scaled residual after a Newton step, to second order.
 
-    Of the residuals (`first` = 0) or of the rates (`first` = m) of the rows, each
-    relative to its scale: the remainder of Taylor's formula to second order.
+    Among the rows in force: the Taylor polynomial of second order of each residual
+    (`first` = 0) or of each rate (`first` = m), divided by its scale.
+
+    y : positions, or the state; step : (n,).
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
@@ -529,9 +552,10 @@ def residual_left(
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
-    """Store -M^-1 A^T S^-1 residuals (n,), then the largest |residual| / size.
+    """Store the Newton step -M^-1 A^T S^-1 residuals (n,), S = A M^-1 A^T, in out.
 
-    S = A M^-1 A^T. residuals, sizes : (m,).
+    It is followed by the largest residual relative to its size. residuals, sizes :
+    (m,).
     """
     if LAWS:
         hold(p)
@@ -556,7 +580,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
 
 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
-    """Solve the equations of motion at (t, y); q'' (n,) and lambda (m,) in p.motion."""
+    """Solve for q'' (n,) and lambda (m,) at (t, y), in p.motion."""
     dynamics(t, y, p, p.terms)
     if p.augmented > 0.0:
         mass.augment_force(p)
@@ -566,7 +590,10 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 
 def solve_terms(p: Parameters) -> None:
-    """Solve the equations of motion with M, A, f and b as stored in p.terms."""
+    """Solve for q'' (n,) and lambda (m,), in p.motion, with the terms in p.terms.
+
+    The terms are M, A, f and b.
+    """
     if LAWS:
         hold(p)
         respond(p)
@@ -583,7 +610,7 @@ def solve_terms(p: Parameters) -> None:
 
 
 def factor_rows(p: Parameters) -> None:
-    """Factor M and the rows, except for factors that stay constant in the arc."""
+    """Factor M and the rows A, but keep factors that are constant in the arc."""
     if p.factored < 1.0:
         mass.factor(p)
     if p.factored < 2.0:
@@ -593,7 +620,11 @@ def factor_rows(p: Parameters) -> None:
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store d(q'', other rates)/dy as a matrix of d columns, see `slopes`."""
+    """Store the derivatives of q'' and of the other rates with respect to the state.
+
+    out : matrix, row by row, with one column per state variable on which forces depend
+    (p.dynamic); rows: q'', rates of first-order states, rates of works. See `slopes`.
+    """
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
@@ -619,10 +650,11 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
-    """Store q'' (n,) and lambda (m,) for f and b in p.terms, which are overwritten.
+    """Solve for q'' (n,) and lambda (m,) with other f and b and the stored factors.
 
-    With the factors from `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f,
-    where R^T w = b, and R lambda = w - Q^T L^-1 f.
+    f and b in p.terms are overwritten. The result is stored in out; f and b in p.terms
+    are overwritten. With the factors from `factor` and `reflect`: L^T q'' = Q w + (1 -
+    Q Q^T) L^-1 f, where R^T w = b, and R lambda = w - Q^T L^-1 f.
     """
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x

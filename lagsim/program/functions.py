@@ -123,7 +123,7 @@ class Columns:
 
 
 def _declared(equations: Equations) -> Iterator[Column]:
-    """Yield the columns that the file declares, with rates, energies and work."""
+    """Yield the columns of t, the motion, definitions, energies and work."""
     model, g, units = equations.model, equations.graph, stated_units(equations)
     nodes: dict[str, int | None] = {"t": g.variable("t")}
     for group in (equations.q, equations.velocities, equations.accelerations):
@@ -168,14 +168,20 @@ def stated_units(equations: Equations) -> dict[str, str]:
 def _multipliers(
     equations: Equations, rows: Iterable[str], sums: Mapping[int, int]
 ) -> Iterator[Column]:
-    """Yield the multipliers of constraints; those of several pieces are sums."""
+    """Yield the columns `lambda_NAME` of the constraints `rows`.
+
+    sums : for a gap with several pieces, node of one multiplier -> node of their sum.
+    """
     for name in rows:
         node = equations.graph.variable(MULTIPLIER.of(name))
         yield Column(MULTIPLIER.of(name), sums.get(node, node))
 
 
 def _sums(equations: Equations) -> dict[int, int]:
-    """Return the sums over pieces of gaps: of multipliers, frictions and impulses."""
+    """Return, for each gap with several pieces, the sum over its pieces as a node.
+
+    The keys are the nodes of the first piece's multiplier, friction force, and impulse.
+    """
     g = equations.graph
     parts: dict[str, list[str]] = {}
     for law in equations.laws:
@@ -189,10 +195,10 @@ def _sums(equations: Equations) -> dict[int, int]:
 
 
 def _in_order(equations: Equations) -> dict[str, Row]:
-    """Return the rows of constraints by name, in the order of the file.
+    """Return the row of each constraint by its name, in the order of the file.
 
-    A gap with several pieces has the row of its first piece with the residual of the
-    gap.
+    A gap with several pieces is represented by the row of its first piece, with the
+    residual of the whole gap and the largest residual scale of its pieces.
     """
     g, rows = equations.graph, {row.name: row for row in equations.rows}
     parts: dict[str, list[Row]] = {}
@@ -213,9 +219,11 @@ def _in_order(equations: Equations) -> dict[str, Row]:
 
 
 def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
-    """Return residual scales of constraints, and violations of one-sided ones.
+    """Return the nodes that are compared with tolerances after a run, by name.
 
-    As "scale:NAME" and "missed:NAME". A law that is not one-sided has neither.
+    `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
+    a contact or freewheel while its condition holds, its violation. Laws that are not
+    one-sided have neither.
     """
     g = equations.graph
     free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}
@@ -234,7 +242,11 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
 
 def _optional(equations: Equations) -> Iterator[Column]:
-    """Yield the columns of contacts, and of optional keys of `output`."""
+    """Yield the columns of impulses, friction forces and optional keys of `output`.
+
+    These keys are `gauss` (accelerations without constraints), `action` and
+    `reactions`.
+    """
     e, g = equations, equations.graph
     sums = _sums(e)
     laws = [law for law in e.laws if law.kind in (Kind.CONTACT, Kind.SLIP)]
@@ -263,12 +275,12 @@ def _optional(equations: Equations) -> Iterator[Column]:
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Return the residuals of holonomic rows, 0 for velocity constraints."""
+    """Return the residual node of each row, the zero node for velocity constraints."""
     return [row.residual if row.holonomic else g.zero for row in rows]
 
 
 def _conditions(e: Equations) -> list[int]:
-    """Return, for each law, its condition `when`; 1 if it has none."""
+    """Return, for each law, the node of its condition `when`, or of 1 without one."""
     return [e.graph.one if law.when is None else law.when for law in e.laws]
 
 
@@ -313,7 +325,11 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """Return M, A, f, b; then rates, sliding bounds and static bounds of the laws."""
+    """Return the nodes of all terms of the equations of motion, concatenated.
+
+    In order: M, A, f, b; then of the laws their rates, bounds while sliding, and bounds
+    while sticking.
+    """
     rows = e.every_row
     return [
         *(node for row in e.M for node in row),
@@ -326,16 +342,19 @@ def _dynamics(e: Equations) -> list[int]:
 
 
 def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Mark rows whose rate after a Newton step has no a-priori bound: 1, others 0."""
+    """Mark the rows whose rate residual after a Newton step has no a-priori bound.
+
+    Return the node of 1 for nonlinear velocity constraints, of 0 for all other rows.
+    """
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
 def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
-    """Return the second-order residual of each row after a Newton step, by its scale.
+    """Return, for each row, the node of its scaled residual after a Newton step.
 
-    It is Taylor's formula of the residual to second order, with the step in place of
-    the velocities. The first-order term cancels the residual where the rows are
-    independent.
+    The residual is expanded to second order, with the step in place of the velocities.
+    The first-order term cancels the residual where the rows are independent. Velocity
+    constraints have 0.
     """
     g: Graph = e.graph
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
@@ -353,7 +372,7 @@ def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
 
 
 def _against(g: Graph, value: int, scale: int) -> int:
-    """Return |value| / scale; 0 where the scale is 0."""
+    """Return the node of |value| / scale, which is 0 where the scale is 0."""
     part = g.call("div", g.call("abs", value), scale)
     return g.call("if", g.call("gt", scale, g.zero), part, g.zero)
 
@@ -391,7 +410,7 @@ def pattern(e: Equations) -> Pattern:
 
 
 def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Store the pattern, the kinds and the relations of rows for the kernels."""
+    """Store in p the sparsity pattern, and each row's kind, contact and restitution."""
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
@@ -407,9 +426,12 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
 def stepping_functions(
     e: Equations, columns: Columns, found: Pattern
 ) -> dict[str, list[int]]:
-    """Return `balance`, `effort` and `columns`, for the method `moreau`.
+    """Return the functions `balance`, `effort` and `columns` of the method `moreau`.
 
-    Columns of impulses at impacts are 0.
+    `balance` has the nonzero elements of M and A, then f and the data of the rows;
+    `effort` has the powers without constraint forces; in `columns` impulses are 0.
+
+    found : the sparsity pattern of M and of the rows.
     """
     g, rows = e.graph, e.every_row
     always = [g.zero] * len(e.rows)
@@ -437,7 +459,7 @@ def stepping_functions(
 
 
 def _offset(e: Equations, row: Row) -> int:
-    """Return the node of a row's rate minus A q' (for holonomic rows g_t)."""
+    """Return the node of rate - A q', the part of a row's rate independent of q'."""
     g = e.graph
     if row.holonomic:
         return g.call("neg", row.transport)
@@ -449,10 +471,11 @@ def _offset(e: Equations, row: Row) -> int:
 
 
 def on_rates(equations: Equations, switches: Switches) -> list[bool]:
-    """Return, for each surface, whether it depends on quantities whose rates jump.
+    """Return, for each surface, whether its expression contains rates that jump.
 
-    These are velocities, and states with discontinuous rates; the rate of the surface's
-    expression jumps, too. Modes of other surfaces in its expression do not count.
+    These are velocities, and first-order states whose rates are discontinuous. Such a
+    surface is reached with a jump in its own rate. Sides of other surfaces are
+    constants.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -504,7 +527,11 @@ def surface_functions(
 
 
 def _levers(equations: Equations, switches: Switches) -> list[int]:
-    """Return the levers of all surfaces, see `corners`; [] without corners."""
+    """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
+
+    The levers give the jump of a corner's row across its surface, see `corners`;
+    without corners the list is empty.
+    """
     if not switches.corners:
         return []
     none = (equations.graph.zero,) * (1 + len(equations.multipliers))
@@ -581,11 +608,12 @@ INNER = 8.0 * UNIT_ROUNDOFF / SUM_ROUNDOFF
 
 
 def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[int]:
-    """Return sizes (C,) of the terms of C conditions, then their slopes (C, V).
+    """Return nodes of magnitudes (C,) of conditions' terms, then of slopes (C, V).
 
     Terms within a function, as in `sin(x + 1e6)`, count by their effect on the value.
 
-    V : the number of `names`, with respect to which slopes are taken.
+    nodes : the C conditions.
+    names : the V variables with respect to which slopes are taken.
     """
     g = e.graph
     variables = [g.variable(name) for name in names]
@@ -674,7 +702,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
 
 
 def _force_rounding(e: Equations) -> list[int]:
-    """Return bounds of the rounding errors of forces and of the other rates.
+    """Return nodes of rounding-error bounds of the forces (n,) and of the other rates.
 
     Each force's bound is multiplied by a factor of its own with a pseudo-random sign,
     so that errors of several forces do not cancel in an acceleration that they
@@ -716,7 +744,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
-    """Multiply each bound by a factor of its own with a pseudo-random sign."""
+    """Multiply each node of `sizes` by a fixed pseudo-random factor in +-[1, 2)."""
     parts = (
         (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
         for k in range(len(sizes))
@@ -747,7 +775,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _size(g: Graph, x: int) -> int:
-    """Return |x|, as |c| |y| where x = c |y|: the rounding of an uncoupled force."""
+    """Return the node of |x|, which for x = c |y| with a constant c is |c| |y|."""
     if g.ops[x] == "mul":
         c, rest = g.value(g.args[x][0]), g.args[x][1]
         if c is not None and g.ops[rest] == "abs":
@@ -756,7 +784,7 @@ def _size(g: Graph, x: int) -> int:
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:
-    """Return the largest of nonnegative nodes."""
+    """Return the node of the maximum of nodes whose values are nonnegative."""
     largest = g.zero
     for size in sizes:
         largest = g.call("max", size, largest)

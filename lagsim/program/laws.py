@@ -53,7 +53,9 @@ if TYPE_CHECKING:
 
 
 def couple(p: Parameters, sliding: int) -> None:
-    """Store Y = L^-1 A^T of the rows that hold, Z, and the matrix S = Y^T Z.
+    """Assemble the matrix S of the linear system for the multipliers of rows that hold.
+
+    S = Y^T Z, with Y = L^-1 A^T of these rows.
 
     Z is L^-1 times the generalized force of a unit multiplier of each row, with the
     friction proportional to it if `sliding` is 1. Each row of S, and of the right side
@@ -83,13 +85,16 @@ def couple(p: Parameters, sliding: int) -> None:
 
 
 def own_place(p: Parameters, i: int) -> int:
-    """Return the coordinate of a slider's row i, on which alone it acts; else -1."""
+    """Return the index of the coordinate on which slider row i acts; else -1."""
     k = i - p.m + p.laws
     return int(p.law_place[k]) if k >= 0 else -1
 
 
 def slide_along(p: Parameters, i: int, push: Floats) -> None:
-    """Add to `push` (n,) the friction proportional to the multiplier of row i."""
+    """Add to `push` (n,) the force of friction for a unit multiplier of row i.
+
+    It is the sum of c_s A_s^T over the sliding slips s of the contact with row i.
+    """
     n = p.n
     first = p.m - p.laws
     for k in range(p.laws):
@@ -98,14 +103,18 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
 
 
 def impress(p: Parameters) -> None:
-    """Add to p.u (n,) L^-1 times the forces of the rows that hold."""
+    """Add to p.u (n,) Z p.w, L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
         p.u[:] += p.w[k] * p.Z[k * n : (k + 1) * n]
 
 
 def share_out(p: Parameters) -> None:
-    """Store the multiplier of each row in p.multipliers (m,)."""
+    """Store the multiplier of each row, of equalities and laws, in p.multipliers (m,).
+
+    The multipliers of rows that hold are in p.w; a sliding slip transmits the part c of
+    its contact's multiplier, a sliding limited row its bound.
+    """
     first = p.m - p.laws
     out = p.multipliers
     p.multipliers[:] = 0.0
@@ -136,7 +145,7 @@ FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
 
 def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
-    """Replace the multipliers of dependent rows in out (m,) by those of least norm.
+    """Replace multipliers of dependent rows in out (m,) by those of least norm.
 
     They are unchanged if the iteration does not converge. Output rows show the least
     norm. Modes end by the multipliers of the rows that hold: the least norm is not
@@ -192,7 +201,10 @@ def products(p: Parameters) -> int:
 
 
 def share_by(p: Parameters, count: int, y: Floats) -> float:
-    """Store the multipliers P(A A_h^T y) for y (count,); return the convex function."""
+    """Compute the bounded multipliers P(A A_h^T y), in p.share_found (laws,).
+
+    Return the value of the convex function that y minimises.
+    """
     laws = p.laws
     found = 0.0
     for k in range(laws):
@@ -208,7 +220,11 @@ def share_by(p: Parameters, count: int, y: Floats) -> float:
 
 
 def kept_part(p: Parameters, k: int) -> float:
-    """Return the ratio of the projected to the unprojected multiplier of row k."""
+    """Return the factor by which the projection P onto the bounds scales multiplier k.
+
+    It is 1 within the bounds; 0 for a negative multiplier of a one-sided law; else
+    bound over size.
+    """
     if is_one_sided(p, k):
         return 1.0 if p.share_asked[k] > 0.0 else 0.0
     size = asked_size(p, k)
@@ -216,9 +232,9 @@ def kept_part(p: Parameters, k: int) -> float:
 
 
 def asked_size(p: Parameters, k: int) -> float:
-    """Return the size of the unprojected multiplier of a limited row.
+    """Return the size of multiplier k of a limited row before the projection P.
 
-    Of two rows of a disc, the norm of both multipliers.
+    For a row of a disc, the norm of the multipliers of both rows.
     """
     x = p.share_asked[k]
     z = p.share_asked[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
@@ -226,7 +242,11 @@ def asked_size(p: Parameters, k: int) -> float:
 
 
 def unshared(p: Parameters, count: int) -> float:
-    """Store the residual (count,) of the forces; return the largest relative one."""
+    """Store the gradient (count,) of the convex function in p.share_left.
+
+    It is A_h A^T P(...) less A_h A^T lambda: the forces that the bounded multipliers
+    lack. Return the largest component relative to the sizes of its terms.
+    """
     laws = p.laws
     most = 0.0
     for i in range(count):
@@ -243,7 +263,10 @@ def unshared(p: Parameters, count: int) -> float:
 
 
 def newton_step(p: Parameters, count: int) -> float:
-    """Store Newton's step (count,) of the convex function; return its slope there."""
+    """Store Newton's step (count,) for the minimum in p.share_step.
+
+    Return the derivative of the convex function along the step, with the sign reversed.
+    """
     laws = p.laws
     change = p.share_next
     size = 0.0
@@ -262,9 +285,10 @@ def newton_step(p: Parameters, count: int) -> float:
 
 
 def share_slope(p: Parameters, k: int, change: Floats) -> float:
-    """Return the change of the projected multiplier of row k by `change` (laws,).
+    """Return the change of multiplier k after the projection P, to first order.
 
-    change : of the unprojected multipliers.
+    change : ndarray, shape (laws,)
+        Change of the multipliers before the projection.
     """
     part = kept_part(p, k)
     found = part * change[k]
@@ -279,9 +303,10 @@ def share_slope(p: Parameters, k: int, change: Floats) -> float:
 
 
 def weigh(p: Parameters) -> None:
-    """Store weights (n,) of coordinates in p.u, see `inner`.
+    """Store in p.u (n,) the weights of the inner product `inner`.
 
-    The squares of the factors that scale each column's largest element to 1.
+    The weight of coordinate j is 1 / a^2, with a the largest |A_ij| of the laws that
+    share.
     """
     n = p.n
     first = p.m - p.laws
@@ -297,7 +322,7 @@ def weigh(p: Parameters) -> None:
 
 
 def inner(p: Parameters, a: Floats, b: Floats) -> float:
-    """Return the weighted inner product of two rows (n,)."""
+    """Return sum_j p.u_j a_j b_j, the weighted inner product of two rows (n,)."""
     found = 0.0
     for j in range(p.n):
         found += p.u[j] * a[j] * b[j]
@@ -305,11 +330,12 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 
 
 def shares(p: Parameters, k: int) -> bool:
-    """Whether a law holds or is redundant, and its multiplier bounds no friction.
+    """Whether law k takes part in the least-norm distribution of multipliers.
 
-    The row of a redundant one has to be a combination of rows of other laws: where an
-    equality, or a surface that the motion follows, is needed as well, the multipliers
-    of laws alone do not determine its share.
+    It does if it holds or is redundant, and its multiplier bounds no friction. The row
+    of a redundant law has to be a combination of rows of other laws: where an equality,
+    or a surface that the motion follows, is needed as well, the multipliers of laws
+    alone do not determine its share.
     """
     redundant = p.law_mode[k] == REDUNDANT and p.law_shared[k] > 0.0
     if not (p.law_mode[k] == HELD or redundant):
@@ -342,7 +368,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 
 def take_out(p: Parameters) -> None:
-    """Set the rows of laws that do not hold to 0."""
+    """Set the rows in p.A of laws that do not hold to 0."""
     first = p.m - p.laws
     for k in range(p.laws):
         if p.law_mode[k] != HELD:
@@ -350,7 +376,10 @@ def take_out(p: Parameters) -> None:
 
 
 def correct(p: Parameters) -> None:
-    """Store in p.u (n,) L^T times the change of the state by the rows that hold."""
+    """Compute in p.u (n,) L^T times the Newton step by the rows that hold.
+
+    On entry p.w holds minus the residuals of these rows.
+    """
     p.u[:] = 0.0
     couple(p, 0)
     solve_rows(p, int(p.ranked), p.w)
@@ -358,7 +387,10 @@ def correct(p: Parameters) -> None:
 
 
 def hold(p: Parameters) -> None:
-    """Factor M, and list the rows that hold in p.order."""
+    """Factor M, and store the indices of the rows that hold in p.order.
+
+    p.ranked is their number.
+    """
     first = p.m - p.laws
     count = 0
     for k in range(p.m):
@@ -373,12 +405,15 @@ def hold(p: Parameters) -> None:
 
 
 def begun(t: float, p: Parameters, k: int) -> float:
-    """Return the elapsed fraction of the stretch in which slip k begins."""
+    """Return (t - t0) / T for slip k, whose transition begins at t0 and lasts T."""
     return float((t - p.law_begun[k]) / p.law_lasts[k])
 
 
 def way(t: float, p: Parameters, k: int) -> float:
-    """Return the direction component of row k, of two slips that begin."""
+    """Return component k of the direction of a slip on a disc during its transition.
+
+    The direction at the beginning plus a polynomial in `begun`.
+    """
     x = begun(t, p, k)
     turn = 0.0
     for j in range(TURNS):
@@ -387,7 +422,11 @@ def way(t: float, p: Parameters, k: int) -> float:
 
 
 def drive(t: float, p: Parameters) -> None:
-    """Store the parts c of sliding rows in p.law_part; add the limited forces to f."""
+    """Store the coefficients c of sliding rows in p.law_part (laws,).
+
+    c is the friction coefficient with the sign that opposes the slip, or the limit of a
+    limited row, whose force c A^T is added to f.
+    """
     first = p.m - p.laws
     direction, part = p.law_direction, p.law_part
     for k in range(p.laws):
@@ -416,7 +455,7 @@ def drive(t: float, p: Parameters) -> None:
 
 
 def respond(p: Parameters) -> None:
-    """Solve for q'' and lambda, from stored terms and parts of sliding rows."""
+    """Solve for q'' and lambda with p.terms and the coefficients in p.law_part."""
     mass.free_motion(p)
     count = int(p.ranked)
     for k in range(count):
@@ -431,7 +470,7 @@ def respond(p: Parameters) -> None:
 
 
 def keep_still(p: Parameters) -> None:
-    """Replace q'' of each coordinate that a law alone holds by its exact value, b / A.
+    """Set q'' of each coordinate that a single law's row determines to the exact b / A.
 
     The rounding of the solution would move it, past a switch at which it rests.
     """
@@ -450,7 +489,7 @@ def keep_still(p: Parameters) -> None:
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the event functions of the laws (laws,), negative past a mode's end."""
+    """Store each law's event function (laws,): negative past the end of its mode."""
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
@@ -479,7 +518,7 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 
 def hold_left(p: Parameters, k: int) -> float:
-    """Return the event function of a held row: the distance of lambda to its bound."""
+    """Return the event function of held row k, the margin of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
     bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
@@ -487,12 +526,14 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
-    """Return the event function of a sliding row: its speed, in the sliding direction.
+    """Return the event function of sliding row k: its speed in the sliding direction.
 
-    Of two slips on a disc one has the event function of both, which also ends where
-    their direction has turned by more than `TURNED`. While they begin, it is the margin
-    to the final speed and time of the beginning, and the speed in the initial
-    direction.
+    Two slips on a disc have one event function, stored for the first; it also ends the
+    mode where their direction has turned by more than `TURNED`. In the transition after
+    their beginning it is the least of the margin to the final speed, the time that is
+    left, and the speed in the initial direction.
+
+    speed : the rate of the row, signed.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])
@@ -515,9 +556,9 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Return the event function of a row that sticks: its bound less its multiplier.
+    """Return the event function of row k, which sticks: its bound less |lambda|.
 
-    Of two slips on a disc the first has the event function of both.
+    Two slips on a disc have one event function, stored for the first.
     """
     first = p.m - p.laws
     lam = p.multipliers

@@ -101,9 +101,10 @@ def indicators(
 
 
 def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indicator]:
-    """Return an indicator for u and one for -u, for each switch argument u in `nodes`.
+    """Return two indicators, for u and -u, of each argument u of a switch in `nodes`.
 
-    Only of arguments that depend on the state.
+    A switch is a function with a jump or a kink; arguments that do not depend on the
+    variables `state` are left out.
     """
     found: list[Indicator] = []
     for n in g.cone(nodes):
@@ -124,15 +125,15 @@ def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indica
 
 
 def _moves(e: Equations) -> tuple[str, ...]:
-    """Return the names of all variables that vary in time, without t."""
+    """Return the names of all variables except t that vary in time."""
     works = (x.name for x in e.works)
     return (*e.state, *e.accelerations, *e.multipliers, *works)
 
 
 def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
-    """Return a cache key of the indicators of `nodes`.
+    """Return the cache key of the indicators of `nodes`: nodes and values in exponents.
 
-    The nodes, and the values of parameters in exponents.
+    The values of parameters in exponents decide whether a power is localized.
     """
     exponents = _exponents(equations.graph, *nodes)
     values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
@@ -147,7 +148,7 @@ def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[s
 
 @memoized
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
-    """Return the names in exponents that are not constants, sorted."""
+    """Return the names of parameters in the exponents of powers in `nodes`, sorted."""
     powers = {n for n in g.of(("pow",)) if g.value(g.args[n][1]) is None}
     powers = powers.intersection(g.cone(chain(*nodes)) if powers else ())
     return sorted(g.depends(g.args[n][1] for n in powers))
@@ -165,7 +166,7 @@ class _Search:
 
     @cached_property
     def moving(self) -> set[int]:
-        """Nodes that depend on variables that vary in time."""
+        """Set of nodes that depend on variables that vary in time."""
         return self.g.dependent(self.nodes, self.moves)
 
     def among(self, names: Collection[str]) -> list[Indicator]:
@@ -180,7 +181,10 @@ class _Search:
         return list(found)
 
     def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of node n; `those` depend on the names in question."""
+        """Return the indicators of node n, for its arguments in the set `those`.
+
+        those : nodes that depend on the variables of the search.
+        """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
             found = self._product(n) if self.ops & {"exp", "pow"} else []
@@ -210,7 +214,7 @@ class _Search:
         return [Indicator(base, LARGE, power)] if power >= TALL else []
 
     def _value(self, n: int) -> float:
-        """Return the value of a constant node; 0 where it is unknown or not finite."""
+        """Return the value of a node; 0 if it varies in time or is not finite."""
         if not self.g.depends([n]) <= self.values.keys():
             return 0.0
         (found,) = evaluate(self.g, [n], self.values)
@@ -244,7 +248,11 @@ class _Search:
         return []
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
-        """Return an indicator of where two exponentials (or a constant) are equal."""
+        """Return an indicator of the zeros of a sum of two exponentials or constants.
+
+        It is the difference of the logarithms of the two nodes `args`; [] for other
+        sums.
+        """
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:
             return []
@@ -254,7 +262,10 @@ class _Search:
         return [Indicator(difference, NEAR_ZERO)]
 
     def _logarithm(self, n: int) -> int | None:
-        """Return log |n| of a product of exponentials and constants, else None."""
+        """Return the node of log |n|, or None.
+
+        n has to be an exponential, a constant, or a product or quotient of these.
+        """
         g = self.g
         if n not in self.moving:
             if n == g.zero:

@@ -81,7 +81,7 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
 
 def augment_force(p: Parameters) -> None:
-    """Add A^T W b (n,) to f."""
+    """Add A^T W b to the forces p.f (n,), with the weights W of `row_weight`."""
     n = p.n
     for k in range(p.m - p.laws):
         row = p.A[k * n :]
@@ -116,7 +116,7 @@ def free_motion(p: Parameters) -> None:
 
 
 def missing(p: Parameters, i: int) -> float:
-    """Return the acceleration residual of row i: b_i - A_i q''."""
+    """Return b_i - A_i q'', the residual of row i on the level of accelerations."""
     A = p.A[i * p.n :]
     value = p.b[i]
     for j in range(p.n):

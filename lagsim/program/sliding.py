@@ -89,9 +89,10 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def take_cells(t: float, y: Floats, p: Parameters) -> None:
-    """Set the cells of tables at a state, for tables whose points end no step.
+    """Set the cell of each table at the state, for tables whose points end no step.
 
-    Except for a table along a level of which the motion slides, which keeps both cells.
+    A cell is the interval between neighbouring points of a linear table. A table along
+    a level of which the motion slides is left out, since both of its cells are in use.
     """
     for k in range(p.surfaces):
         p.side_before[k] = p.side[k]
@@ -104,7 +105,7 @@ def take_cells(t: float, y: Floats, p: Parameters) -> None:
 def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the event functions of all modes, negative where a mode has ended.
 
-    Of the surfaces (surfaces,), then of the laws (laws,).
+    out has the surfaces (surfaces,), then the laws (laws,).
     """
     if p.sliding > 0.0:
         combine(t, y, p)
@@ -125,7 +126,10 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def look_above(t: float, y: Floats, p: Parameters) -> None:
-    """Store the distances of carried surfaces from their ends on the upper side."""
+    """Store in p.margin_above the margins of carried surfaces to the ends of a side.
+
+    They are evaluated with the surface that carries them on its upper side.
+    """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
             take_side(k, p.high, p)
@@ -162,9 +166,9 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 
 
 def weigh(p: Parameters) -> None:
-    """Store the 1-norm of each followed surface's gradient in p.B (surfaces,).
+    """Store the 1-norm of the gradient of each followed surface in p.B (surfaces,).
 
-    0 for the other surfaces.
+    Surfaces that are not followed have 0.
     """
     for k in range(p.surfaces):
         p.B[k] = 0.0
@@ -174,7 +178,10 @@ def weigh(p: Parameters) -> None:
 
 
 def distance(p: Parameters) -> float:
-    """Return the distance of the state from the surfaces that it slides along."""
+    """Return the distance of the state from the followed surfaces, summed over them.
+
+    The distance from a surface is |residual| + |rate|, over the gradient's norm in p.B.
+    """
     far = 0.0
     for k in range(p.surfaces):
         if p.B[k] > 0.0:
@@ -185,9 +192,10 @@ def distance(p: Parameters) -> float:
 
 
 def combine(t: float, y: Floats, p: Parameters) -> None:
-    """Store y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
+    """Compute the combined field of the motion along surfaces, in p.side_fields.
 
-    All in p.side_fields; the shares in p.share.
+    First y' (size,) and lambda (m,), then f_k - f0 for each followed surface k. The
+    shares w_k are stored in p.share.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -216,7 +224,7 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 
 
 def share_corners(p: Parameters) -> None:
-    """Convert forces at corners into shares of the upper sides.
+    """Convert the forces that act at corners into shares of the upper sides, p.share.
 
     A share is 1/2 where no force acts on a corner; it is -1, which ends the mode, for a
     force where the constraint transmits none.
@@ -237,14 +245,22 @@ def share_corners(p: Parameters) -> None:
 
 
 def take_side(k: int, which: Floats, p: Parameters) -> None:
-    """Set the side of surface k, and of those carried by k, to p.low or p.high."""
+    """Set the sides of surface k, and of surfaces carried by k, to values in `which`.
+
+    which : p.low or p.high, the values of the lower or upper side of each surface.
+    """
     for i in range(p.surfaces):
         if i == k or int(p.leader[i]) == k + 1:
             p.side[i] = which[i]
 
 
 def share_out(sliding: int, p: Parameters) -> None:
-    """Compute the shares, and the coefficients of the projection onto the surfaces."""
+    """Compute the shares w of followed surfaces, and the step of the projection.
+
+    `sliding` is the number of followed surfaces. Solves J (f0 + sum_k w_k (f_k - f0)) =
+    b for w. Two more right sides, for the residuals and the rates of the surfaces, give
+    the coefficients of the projection onto them.
+    """
     width = p.size + p.m
     B, right = p.B, p.right
     i = 0
@@ -266,7 +282,10 @@ def share_out(sliding: int, p: Parameters) -> None:
 
 
 def even_out(row: Floats, count: int, right: Floats) -> None:
-    """Scale a row of the equations for the shares, since surfaces differ in units."""
+    """Divide row (count,) and its right sides (3,) by the largest |element| of the row.
+
+    Surfaces differ in units.
+    """
     size = 0.0
     for j in range(count):
         size = max(size, abs(row[j]))
@@ -281,7 +300,11 @@ def above(x: float, roundoff: float) -> float:
 
 
 def take_shares(sliding: int, p: Parameters) -> None:
-    """Combine the fields; a share that does not keep to its surface is set to -1."""
+    """Store the shares in p.share, and add sum_k w_k (f_k - f0) to the field.
+
+    A share whose combined field does not stay on its surface, beyond rounding, is set
+    to -1, which ends the mode.
+    """
     width = p.size + p.m
     fields = p.side_fields
     forced = fields[p.driven]
@@ -307,7 +330,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
 
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
-    """Return the sum of |terms| of row k of J times a (n + states,)."""
+    """Return sum_j |J_kj a_j|, the size of the terms of surface k's row times a."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += abs(p.J[e] * a[int(p.row_columns[e])])
@@ -315,7 +338,7 @@ def extent(k: int, p: Parameters, a: Floats) -> float:
 
 
 def product(k: int, p: Parameters, a: Floats) -> float:
-    """Return row k of J times a (n + states,)."""
+    """Return sum_j J_kj a_j, the product of surface k's row with a (n + states,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += p.J[e] * a[int(p.row_columns[e])]
@@ -367,10 +390,10 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 
 
 def share(size: int, rank: int, B: Floats, right: Floats) -> None:
-    """Store in the first column of `right` the vector closest to 1/2.
+    """Store the solution closest to (1/2, ..., 1/2) in the first column of `right`.
 
-    Among the solutions of the first `rank` rows. The rows are orthonormalised; the next
-    row of B is workspace.
+    It solves the first `rank` rows of B x = right; B has `size` columns. The rows are
+    orthonormalised; the next row of B is workspace.
     """
     shares = B[rank * size :]
     shares[:size] = 0.5

@@ -259,13 +259,16 @@ class System:
 
     @cached_property
     def timed(self) -> list[Indicator]:
-        """Indicators of localized terms that depend on t alone, in each mode."""
+        """Indicators of localized terms that depend on t alone within an arc."""
         known = {"t", *self._fixed(), *self.model.modes}
         depends = self.equations.graph.depends
         return [x for x in self.indicators if depends([x.node]) <= known]
 
     def watched_for(self, plan: Plan) -> list[Indicator]:
-        """Return the indicators of the motion, of the ends of arcs, and of sections."""
+        """Return the indicators of all terms that end or change an arc under `plan`.
+
+        They belong to the equations of motion, to switches and events, and to sections.
+        """
         equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
@@ -274,7 +277,7 @@ class System:
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
-        """Whether the compiled functions are also those of another plan, `plan`."""
+        """Whether `plan` needs no other compiled functions than this system has."""
         if plan.form != self.plan.form:
             return False
         if self.moreau is None and self.indicators != self.watched_for(plan):
@@ -282,7 +285,7 @@ class System:
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
     def bound(self, model: Model, plan: Plan) -> System:
-        """Return a system with the compiled functions of this one and other values.
+        """Return a copy of the system for other values, with its compiled functions.
 
         `plan` must fit, see `fits`.
         """
@@ -291,7 +294,7 @@ class System:
         return new
 
     def take_values(self, model: Model, plan: Plan) -> None:
-        """Replace model, plan and the values of parameters, in new memory."""
+        """Replace model, plan and values of parameters; allocate working memory."""
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
@@ -314,7 +317,10 @@ class System:
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
-        """Return the names of constants of an arc: parameters, modes, row lengths."""
+        """Return the names of values that are constant in an arc.
+
+        They are parameters, modes of switches, and lengths of rows.
+        """
         names = [p.name for p in self.equations.model.parameters]
         names += [mode.variable for mode in self.switches.modes]
         return names + [f"length.{row.name}" for row in self.equations.rows]
@@ -377,7 +383,7 @@ class System:
         return cast("Parameters", p)
 
     def _filled(self, p: Parameters) -> Parameters:
-        """Return the complete memory, with the values of parameters."""
+        """Return p extended by the generated code's memory, with parameters' values."""
         # The memory of the generated code follows the declared memory.
         more = np.zeros(self._p_size - len(p.flat))
         whole = type(p)(np.concatenate([p.flat, more]))
@@ -419,17 +425,20 @@ class System:
         )
 
     def place(self, name: str) -> int:
-        """Return the index of a parameter in p."""
+        """Return the index in p of the parameter or mode `name`."""
         return self._layout_of[name]
 
     def link(self, name: str) -> Runner:
-        """Return the runner of the method `name`, which is linked once."""
+        """Return the runner of the method `name`, linked at the first call only."""
         if name not in self._runners:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:
-        """Return y at a start, after the modes and constants of the run are set."""
+        """Return the state vector y (size,) at a start.
+
+        Values that are constant in the run, and modes, are stored in p first.
+        """
         known = self.plan.reduction.constants(start)
         known |= {x.name: x.value for x in self.equations.model.parameters if x.mode}
         for name, value in known.items():
@@ -447,7 +456,10 @@ class System:
         self.p.flat[modes if which is None else [modes[k] for k in which]] = values
 
     def take_modes(self, other: System) -> None:
-        """Copy the modes, and the branches of all switches, from another system."""
+        """Copy the modes of laws and surfaces, and all sides of switches, from `other`.
+
+        other : a system of the same model, by another plan.
+        """
         self.set_modes(list(other.p.flat[other.modes_at]))
         for name in self.model.modes:
             self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
@@ -466,7 +478,10 @@ class System:
         return all(x is not None and x.most <= 1 for x in found)
 
     def held_together(self) -> list[int]:
-        """Return, for each coordinate, the first one coupled to it by rows in force."""
+        """Return, for each coordinate, the least index of one that rows couple to it.
+
+        Rows of equalities and of laws that are in force count.
+        """
         e, on = self.equations, self.p.law_mode != OFF
         acts = zip(e.laws, on, strict=True)
         acting = (law.row for law, holds in acts if holds and not law.slider)
@@ -561,7 +576,7 @@ class Runner:
 
     @cached_property
     def empty(self) -> State:
-        """An initial state of the method, which each run copies."""
+        """Return a state record of the method, allocated, for runs to copy."""
         system = self.system
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
         located = len(system.columns.sections)
@@ -596,7 +611,10 @@ class Runner:
         return state
 
     def over(self, system: System) -> Runner:
-        """Return a runner with this code, over the memory of a system from `bound`."""
+        """Return a copy of the runner that works in the memory of another system.
+
+        system : from `System.bound`, with the code of this one.
+        """
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
         return new
@@ -660,12 +678,18 @@ class Runner:
         self.at_instants["meet_instant"](state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
-        """Write the last states of sections of a run; see `crossings.finish`."""
+        """Write the states of sections crossed at a run's end; see `crossings.finish`.
+
+        whole : whether the run has reached its end time.
+        """
         finish = self.at_instants["finish"]
         finish(state.address, self.system.p.address, float(whole))
 
     def shown(self, count: int) -> Floats:
-        """Return the columns (count, columns) of the first rows of the block."""
+        """Return the table's columns (count, columns) for rows of the block.
+
+        count : the number of rows, from the first on.
+        """
         return self._columns_of(self._rows, count, self._width - 1)
 
     def tabulate(self, states: Floats) -> Floats:
@@ -686,7 +710,10 @@ class Runner:
 def of_method(
     system: System, name: str
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
-    """Return the kernels of a method, and the static values of the system for them."""
+    """Return a method's kernels to compile, and their compile-time constants by name.
+
+    name : of the method.
+    """
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]
     statics |= {"SPARSE": system.newton is not None, "PAIR": getattr(by, "PAIR", None)}

@@ -53,7 +53,7 @@ CODES: Final = (
 
 
 def module(runner: Runner, state: State) -> bytes:
-    """Return the WebAssembly module of a run.
+    """Return the WebAssembly module of a run, as bytes.
 
     Parameters
     ----------
