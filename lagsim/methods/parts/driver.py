@@ -14,7 +14,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.crossings import Crossings
-from lagsim.methods.parts.parameters import REDUNDANT, Parameters
+from lagsim.methods.parts.parameters import FOLLOWED, REDUNDANT, Parameters
 from lagsim.methods.parts.state import (
     event_functions,
     inertias,
@@ -316,20 +316,38 @@ def take_cut(s: State, p: Parameters) -> None:
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state onto the surfaces it slides along, and store the distance."""
+    if p.sliding == 0.0:
+        return
     former = s.work
     former[s.dynamic] = y[s.dynamic]
     project_sliding(t, y, p)
-    s.projected = max(
-        s.projected, projected(s, y, former, 0), projected(s, y, former, s.n)
-    )
+    for first in range(2):
+        s.projected = max(s.projected, projected(s, p, y, former, first * s.n))
 
 
-def projected(s: State, y: Floats, former: Floats, first: int) -> float:
+def jump_along(p: Parameters, i: int) -> float:
+    """Return the jumps of acceleration i at the surfaces that the motion slides along.
+
+    Corners have no jump of their own: their force is unbounded.
+    """
+    width = p.size + p.m
+    j = 0
+    found = 0.0
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED:
+            j += 1
+            if p.corner[k] == 0.0:
+                found += abs(p.side_fields[j * width + p.n + i])
+    return found
+
+
+def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) -> float:
     """Return the relative shift of positions (first = 0) or velocities (first = n).
 
     Relative to the ranges of the components that the projection moves, and to the
-    change by terms of forces in a step, which may cancel. Components are weighted by
-    their shifts: neither other bodies nor the origin matter.
+    change by terms of forces in a step, which may cancel. Forces that jump cancel along
+    a surface, in whichever term they are written. Components are weighted by their
+    shifts: neither other bodies nor the origin matter.
     """
     n, h = s.n, s.step_h
     high, low = s.high[s.velocities], s.low[s.velocities]
@@ -338,7 +356,7 @@ def projected(s: State, y: Floats, former: Floats, first: int) -> float:
     for i in range(n):
         k = first + i
         change = abs(y[k] - former[k])
-        reach = high[i] - low[i] + h * s.parts[i]
+        reach = high[i] - low[i] + h * (s.parts[i] + jump_along(p, i))
         if first == 0:
             reach = s.high[i] - s.low[i] + h * reach
         whole += (s.masses[i] * change * reach) ** 2

@@ -419,3 +419,28 @@ simulation: {{duration: 5, output_step: 0.1}}
     assert len(two.result.events) <= 20
     for name in ("x", "z", "x_dot"):
         assert two[name] == pytest.approx(one[name], abs=1e-10)
+
+
+@pytest.mark.parametrize("end", [3.0, 3.5])
+@pytest.mark.parametrize(
+    "force",
+    [
+        "0.75*q - 1.5*sign(x_dot)",
+        "0.75*(q - 2*sign(x_dot))",
+        "exp(0.1*q)*(0.3*q - 0.6*sign(x_dot))",
+    ],
+)
+def test_a_force_may_reach_its_friction_at_the_end_of_the_run(force, end):
+    # q = 1 - t reaches -2, where the force is as large as the friction, at t = 3.
+    text = f"""
+coordinates: {{x: {{}}, q: {{}}}}
+energy: {{kinetic: (x_dot^2 + q_dot^2)/2, potential: 0}}
+forces: {{x: "{force}"}}
+initial: {{x: 0, q: 1, q_dot: -1}}
+simulation: {{duration: {end}, output_step: 0.25}}
+"""
+    found = play(text)
+    assert found.t[-1] == end
+    assert np.max(np.abs(found["x"][found.t <= 3.0])) < 1e-14
+    slips = found.instants("slip")
+    assert slips == pytest.approx([3.0] if end > 3.0 or slips else [], abs=GLOBAL)
