@@ -86,7 +86,7 @@ def completed(M: Floats, A: Floats) -> Floats:
 
 
 def sizes_of(roots: Floats, A: Floats) -> Floats:
-    """Return the size (n,) of each coordinate: sqrt(M_jj), or one derived from A.
+    """Return the size (n,) of each coordinate, sqrt(M_jj) or a value derived from A.
 
     The size of a massless coordinate is the largest ratio, over all rows, of its entry
     to the norm of the entries of the coordinates with mass, each divided by its size.

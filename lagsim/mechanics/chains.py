@@ -65,7 +65,7 @@ Vector = dict[int, int]  # index -> node; absent entries are zero
 
 
 def add_to(g: Graph, x: Vector, i: int, term: int) -> None:
-    """Add the node `term` to entry i of x, in place."""
+    """Add the node `term` to entry i of the sparse vector x, in place."""
     x[i] = g.call("add", x.get(i, g.zero), term)
 
 
@@ -152,13 +152,20 @@ class Factorisation:
                     heappush(queue, self._rank(i))
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Return the sort key of unknown k: least degree first, then outermost sums."""
+        """Return the sort key of unknown k for the order of elimination.
+
+        Unknowns that are no sums come first, by degree; sums follow, the outermost
+        first.
+        """
         if k in self.sums:
             return 1, -self.depths[k], 0, k
         return 0, len(self.rows[k]), k in self.late, k
 
     def _taken(self, k: int) -> tuple[int, Vector]:
-        """Remove row and column k; return the diagonal entry and the other entries."""
+        """Remove row and column k of S.
+
+        Return the diagonal entry and the other entries.
+        """
         row = dict(self.rows[k])
         own = row.pop(k, self.g.zero)
         self.rows[k].clear()
@@ -176,7 +183,10 @@ class Factorisation:
         return g.call("mul", a, b)
 
     def _put_in(self, k: int) -> Iterable[int]:
-        """Substitute sum k in all rows; return the unknowns whose rows have changed."""
+        """Substitute sum k in all rows of S.
+
+        Return the unknowns whose rows have changed.
+        """
         form = self.columns[k] = self.sums[k]
         own, row = self._taken(k)
         for i, entry in row.items():
@@ -209,7 +219,7 @@ class Factorisation:
         return [(k, column) for k, column in self.columns.items() if column]
 
     def forward(self, right: Mapping[int, int]) -> Vector:
-        """Return L^-1 right: unknown -> node.
+        """Return L^-1 right, as unknown -> node.
 
         The entry of an unknown that is a sum is distributed to the unknowns in it.
         """
@@ -223,14 +233,20 @@ class Factorisation:
         return z
 
     def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Return L^-T D^-1 z; unknowns not eliminated have the values `given`."""
+        """Return L^-T D^-1 z, as unknown -> node.
+
+        given : values (nodes) of unknowns that are not eliminated.
+        """
         return self.upward({k: self._over_pivot(z[k], k) for k in z}, given)
 
     def _over_pivot(self, node: int, k: int) -> int:
         return self.g.call("mul", node, self.inverse.get(k, self.g.zero))
 
     def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Return L^-T scaled; unknowns not eliminated have the values `given`."""
+        """Return L^-T scaled, as unknown -> node.
+
+        given : values (nodes) of unknowns that are not eliminated.
+        """
         g, x = self.g, dict(given or {})
         for k, column in reversed(self.columns.items()):
             value, op = scaled.get(k, g.zero), "add" if k in self.sums else "sub"
@@ -275,7 +291,7 @@ class Chains(NamedTuple):
 
     @property
     def named(self) -> dict[int, Vector]:
-        """Unknown n + k -> sum k."""
+        """The sums by their number: unknown n + k -> sum k."""
         return dict(enumerate(self.sums, self.size))
 
     @property
@@ -318,7 +334,9 @@ class Chains(NamedTuple):
         return [forces.get(j, g.zero) for j in range(self.size)]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
-        """Return bounds (n,) of the terms of |M| x, with rounding of the factors of M.
+        """Return bounds (n,) of the terms of |M| x, the scale of rounding errors.
+
+        Rounding of the factors of M is included.
 
         Parameters
         ----------
@@ -338,7 +356,7 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Return pairs (nodes of M, indices of the coordinates coupled by these)."""
+        """Return pairs: nodes of M, and indices of the coordinates that they couple."""
         found = [(list[int](), [j]) for j in range(self.size)]
         first = [*range(self.size)]  # one coordinate in each unknown
         for form in self.sums:
@@ -433,7 +451,7 @@ def chains(
 
 
 def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
-    """Return the sum of node * vector over the pairs `parts`, without zero entries."""
+    """Return the sum of scale * vector over pairs `parts`, without zeros."""
     total = Vector()
     for scale, form in parts:
         for i, factor in form.items():
@@ -444,7 +462,13 @@ def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
 def _products(
     g: Graph, cone: Sequence[int], degrees: Mapping[int, int]
 ) -> dict[tuple[int, int], int]:
-    """Return (a, b) -> coefficient of each product a b of affine nodes in L."""
+    """Return the products of two affine expressions of which L is a sum.
+
+    Returns
+    -------
+    dict
+        (a, b), nodes of the affine factors, a <= b -> the coefficient of a b: a node.
+    """
     weights = {cone[-1]: g.one}
     found: dict[tuple[int, int], int] = {}
     for n in reversed(cone):
@@ -461,7 +485,7 @@ def _products(
 
 
 def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | None:
-    """Return the two affine nodes whose product is `n`, else None."""
+    """Return the two nodes, affine in velocities, whose product is `n`, or None."""
     args = g.args[n]
     if g.ops[n] == "pow" and g.value(args[1]) == 2.0:
         args = (args[0], args[0])
@@ -479,9 +503,12 @@ def _parts(
     uses: Counter[int],
     ends: Collection[int],
 ) -> dict[int, list[tuple[int, int]]]:
-    """Return the addends and coefficients (`_slopes`) of each affine node in use.
+    """Return the terms of each affine node in use, from `_slopes`, by node.
 
-    `uses` is changed in place: the uses of the addends are added.
+    cone : the nodes below L, in order of evaluation. degrees : their degrees in the
+    velocities. uses : the number of uses of each node, to which the uses of the terms
+    are
+    added in place. ends : nodes that are not expanded.
     """
     found = {}
     for n in reversed(cone):
@@ -492,7 +519,9 @@ def _parts(
 
 
 def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
-    """Return the addends of `n` that depend on velocities, with their coefficients.
+    """Return the terms of an affine node `n`: pairs (node, coefficient).
+
+    Terms without velocities are left out.
 
     Raises
     ------

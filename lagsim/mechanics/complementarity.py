@@ -100,7 +100,10 @@ class Problem:
     pairs: Ints
 
     def part(self, rows: list[int]) -> Problem:
-        """Return the problem of `rows`, which are not coupled with the other rows."""
+        """Return the problem of `rows` alone.
+
+        The other rows must not be coupled with these.
+        """
         place = np.full(len(self.c) + 1, -1)  # the last entry is for index -1
         place[rows] = np.arange(len(rows))
         return Problem(
@@ -134,7 +137,10 @@ class Problem:
         return self.low[0] + self.low[1] * push, self.high[0] + self.high[1] * push
 
     def limits(self, p: Floats) -> Floats:
-        """Return the largest sizes (r,) of bounded multipliers at p (r,), else 0."""
+        """Return the bound of each |p_k| at p (r,).
+
+        0 for rows without two-sided bounds.
+        """
         most = np.abs(self.bounds(p)[1])
         return np.where(np.isfinite(most), most, 0.0)
 
@@ -219,10 +225,10 @@ def _solved(problem: Problem) -> Solution:
 
 
 def _scaled(problem: Problem) -> tuple[Problem, Floats]:
-    """Return the problem scaled to a diagonal near 1, and the scales (r,).
+    """Return the problem scaled to a diagonal near 1, and multipliers' scales (r,).
 
-    The scales are powers of two; multipliers of the given problem are those of the
-    scaled one times the scales. Rows without an entry in D have bounds 0.
+    The scales are powers of two. Multipliers of the given problem are multipliers of
+    the scaled one times the scales. Rows without an entry in D have bounds 0.
     """
     D, pairs, n = problem.D, problem.pairs, problem.normals
     own = D.diagonal()
@@ -246,7 +252,7 @@ PROXIMAL_ON_DISCS, PROXIMAL = 8, 2
 
 
 def _attempts(unit: Problem) -> Iterator[_Point]:
-    """Generate candidate solutions of a scaled problem, in the order of the module."""
+    """Yield candidate solutions of a scaled problem, see the module docstring."""
     r, discs = len(unit.c), bool(unit.discs)
     if not discs or np.linalg.matrix_rank(unit.D, DEPENDENT_DIRECTIONS) == r:
         point = _descend(unit, np.zeros(r))
@@ -473,14 +479,14 @@ def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
 
 
 def _directions(signed: int, spans: list[Floats]) -> tuple[Floats, Floats]:
-    """Return the directions of one-sided rows and groups of bounded rows.
+    """Return the directions d_i of Lemke's method, and the group of each.
 
     Parameters
     ----------
     signed : int
         The number of one-sided rows.
     spans : list of ndarray
-        The directions of each group as rows: (directions, 1 or 2).
+        The directions of each group of bounded rows: (directions, 1 or 2).
 
     Returns
     -------
@@ -545,7 +551,9 @@ RATES_ROUNDOFF, REGULAR = 1e-6, 1e-7
 def rates_at(
     D: Floats, c: Floats, noise: Floats, free: list[int], ways: Floats
 ) -> tuple[Floats, Floats]:
-    """Solve for the rates x (r,) of multipliers at ties, and w = D x + c (r,).
+    """Solve for the rates x (r,) of multipliers, which decide ties, and w = D x + c.
+
+    A tie is a row with a multiplier at a bound and w = 0.
 
     Parameters
     ----------

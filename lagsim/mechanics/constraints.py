@@ -324,7 +324,7 @@ class Law(NamedTuple):
 
     @property
     def given(self) -> tuple[int, ...]:
-        """The nodes of the bounds and of the restitution."""
+        """The nodes of bounds and restitution, which the model file gives."""
         bounce = () if self.bounce is None else (self.bounce,)
         return (self.bound, self.static, *bounce)
 
@@ -333,7 +333,7 @@ class Law(NamedTuple):
         return self._replace(restitution=restitution) if self.kind.one_sided else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
-        """Return the factor of the multiplier in the power of the constraint force.
+        """Return the node whose product with the multiplier is the constraint's power.
 
         This is A q' of a bounded row, which does work while it slides, and the
         transport of any other row.
@@ -352,7 +352,7 @@ class Law(NamedTuple):
 def laws_of(
     g: Graph, constraints: Sequence[Constraint], flow: Flow, values: Mapping[str, float]
 ) -> Iterator[Law]:
-    """Derive the laws of all constraints that do not always hold.
+    """Derive the laws of all constraints that hold at times only.
 
     The slips of a contact follow it.
 

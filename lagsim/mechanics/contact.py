@@ -190,7 +190,7 @@ class Closed:
 def _problem(
     closed: Closed, c: Floats, sizes: Floats, directions: Floats, *, given: Flags
 ) -> Problem:
-    """Return the complementarity problem of rows with accelerations or rates c.
+    """Return the complementarity problem of r rows with accelerations or rates c.
 
     Parameters
     ----------
@@ -348,7 +348,10 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
 
 
 def _at_rest(closed: Closed, rates: Floats) -> Flags:
-    """Return the mask (r,) of slips at rest whose static friction differs."""
+    """Mark the slips at rest whose static friction coefficient is not the dynamic one.
+
+    Returns a mask (r,).
+    """
     pairs = np.array(closed.pairs)
     still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
     slips = np.array([kind is Kind.SLIP for kind in closed.kinds])
@@ -358,7 +361,7 @@ def _at_rest(closed: Closed, rates: Floats) -> Flags:
 def _impulses(
     closed: Closed, c: Floats, rests: Flags, given: Floats | None = None
 ) -> Solution:
-    """Solve for the impulses that bring rates c to 0 where the laws permit.
+    """Solve for the impulses that bring the rates c to 0 as far as the laws permit.
 
     Limited rows have no impulse. Slips of `TIMED` contacts slide on in their direction,
     or are held where friction would reverse it.
@@ -519,7 +522,7 @@ def modes(
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
-    """Return the mask (r,) of rows that slide, and their friction directions (r,)."""
+    """Return the mask (r,) of rows that slide, and the directions (r,) of friction."""
     if not closed.bounded.any():
         return closed.bounded, np.zeros(len(rates))
     pairs = np.array(closed.pairs)
@@ -626,7 +629,11 @@ class _Rows:
     def _bounded(
         self, k: int, solution: Solution, rounding: Floats, bound: float, small: float
     ) -> tuple[Mode, float]:
-        """Return the mode of a bounded row (OFF for a tied one), and its direction."""
+        """Return the mode of bounded row k, and its direction as in `Modes`.
+
+        OFF for a tied row. rounding : roundoff bounds (r,) of accelerations. bound : of
+        the multiplier's size. small : sizes up to this count as 0.
+        """
         if self.given[k]:
             return Mode.SLIDING, float(self.directions[k])
         rows = self.disc(k)
@@ -654,7 +661,7 @@ class _Rows:
         limits: Floats,
         pressed: Flags,
     ) -> None:
-        """Set the modes of held and tied rows, and directions of those not held.
+        """Set the modes of held and tied rows, and directions of rows not held.
 
         A row that depends on held rows is redundant. Slips of contacts without force
         are off. `modes` and `directions` are changed in place.
@@ -697,7 +704,7 @@ class _Rows:
                 modes[k], directions[k] = Mode.OFF, 0.0
 
     def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats:
-        """Return a rotation (r, r) of the rows.
+        """Return a rotation (r, r) of the rows to the axes of the forces of tied discs.
 
         The two rows of each tied disc become one across and one along its force; other
         rows are unchanged.
@@ -712,7 +719,7 @@ class _Rows:
     def _movable(
         self, firm: list[int], rests: list[int], apart: list[int], turn: Floats
     ) -> list[int]:
-        """Return the rows of `apart` that can leave their held mode.
+        """Return the rows of `apart` that can slip, independently of rows that hold.
 
         A single bounded row that depends on `firm` rows cannot. A disc can slip along
         its force only: it cannot where that direction depends on rows at rest and on
@@ -754,12 +761,12 @@ class _Rows:
         pressed: Flags,
         turn: Floats,
     ) -> tuple[Floats, Floats]:
-        """Return the rates (r,) of multipliers less bounds, and of accelerations (r,).
+        """Return d/dt of multipliers less bounds (r,), and d/dt of accelerations (r,).
 
-        Both are in the axes `turn`; they solve a complementarity problem. The rate of
-        the multiplier of a held row is free; that of a tied row leads inside its
-        bounds, or along the boundary of its disc; a row that slides keeps its part of
-        its bound. Both are 0 without ties or `ahead`.
+        Both are in the axes `turn`, and decide ties; they solve a complementarity
+        problem. The rate of the multiplier of a held row is free; that of a tied row
+        leads inside its bounds, or along the boundary of its disc; a row that slides
+        keeps its part of its bound. Both are 0 without ties or `ahead`.
         """
         r = len(p)
         if self.ahead is None or not tied:
@@ -793,16 +800,16 @@ class _Independent(Span):
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
 
     def takes(self, row: int) -> bool:
-        """Add a row to the span, and return whether it was independent of the span."""
+        """Whether column `row` of Y is independent of the span; if so, it is added."""
         return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
-        """Whether a row is independent of the span."""
+        """Whether column `row` of Y is independent of the span, which is unchanged."""
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 
 def _supported(rows: _Rows, solution: Solution) -> Solution:
-    """Return a solution whose contacts with a force are independent, if there is one.
+    """Return a solution in which contacts with a force are independent, if possible.
 
     Contacts are released one by one as long as the accelerations of all rows stay the
     same to rounding.
@@ -824,7 +831,7 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
 
 
 def _spare(rows: _Rows, solution: Solution) -> list[int]:
-    """Return the contacts that can be released first where contacts are dependent.
+    """Return the contacts to be released first where contacts with force are dependent.
 
     The multipliers are changed along a null vector of the dependent contacts, in both
     directions, up to the first multiplier that reaches 0. The list is empty where the
@@ -894,7 +901,12 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
 def _expressed(
     rows: _Rows, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
-    """Return E (r, r), p0 (r,) of p = E x + p0, with x the multipliers of held rows."""
+    """Return E (r, r) and p0 (r,) of p = E x + p0 for the multipliers p of all rows.
+
+    x : the multipliers of the held rows. The other multipliers are at their bounds, in
+    the
+    given directions (r,).
+    """
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
     for k, mode in enumerate(modes):
@@ -954,7 +966,7 @@ TAKEN_OVER = 5
 
 
 def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
-    """Return modes in which redundant limits bear as much as their bounds permit.
+    """Return modes in which redundant limited rows have multipliers at their bounds.
 
     Their loads are constant in a mode, so that those of the rows that hold change. The
     less these bear at first, the later they reach their bounds: where all loads grow
@@ -990,7 +1002,7 @@ def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
 
 
 def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
-    """Whether sliding friction makes the motion depend on non-unique multipliers.
+    """Whether the motion is not unique because non-unique multipliers bound friction.
 
     This is so where a combination of multipliers of held and redundant rows, with their
     friction, accelerates none of these rows and is not 0 as a force.

@@ -105,7 +105,10 @@ def mass_matrix(
 
 
 def _entries(g: Graph, momenta: Iterable[int], rates: Iterable[int]) -> int:
-    """Return the number of pairs of a momentum and a velocity that it depends on."""
+    """Return the count of entries of M that may differ from 0.
+
+    That is the number of pairs of a momentum and a velocity on which it depends.
+    """
     below = {v: 1 << j for j, v in enumerate(rates)}  # node -> bit set of velocities
     momenta = list(momenta)
     for n in g.cone(momenta):
@@ -289,7 +292,7 @@ class Equations:
     begun_by: Begun = NOT_BEGUN
 
     def of(self, model: Model) -> Equations:
-        """Return these equations for `model`: the same model with other values."""
+        """Return these equations for `model`, which differs in parameter values."""
         given = {c.name: c.law.restitution for c in model.constraints if c.law}
         laws = self.laws
         if any(law.restitution != given.get(law.name, 0.0) for law in laws):
@@ -322,7 +325,10 @@ class Equations:
 
     @property
     def nodes(self) -> tuple[object, ...]:
-        """Key of the motion: its names and nodes, equal for all parameter values."""
+        """Hashable key of the motion.
+
+        Names and nodes, equal for all values of parameters.
+        """
         return (
             self.q,
             self.chains.key
@@ -351,7 +357,7 @@ class Equations:
 
     @property
     def state_columns(self) -> list[int]:
-        """Indices of t and `state` among the columns of the table, see `Columns`."""
+        """Indices of t and of the state variables among the columns of the table."""
         n = len(self.q)
         return [*range(1 + 2 * n), *range(1 + 3 * n, 1 + 3 * n + len(self.states))]
 
@@ -362,18 +368,21 @@ class Equations:
 
     @property
     def is_set(self) -> bool:
-        """Whether events change the energy: its nodes contain modes."""
+        """Whether events change the energy: whether its expression contains modes."""
         modes = self.model.modes
         return bool(modes) and not modes.isdisjoint(self.graph.depends([self.energy]))
 
     @property
     def powers(self) -> list[int]:
-        """The rates of `works`: nodes."""
+        """The powers, d/dt of each of `works`, as nodes."""
         return [x.rate for x in self.works]
 
     @property
     def worked(self) -> list[int]:
-        """Index (n,) of the work on each coordinate; -1 for none, or without mass."""
+        """The index in `works` of the work on each coordinate (n,).
+
+        -1 for a coordinate without work, or without mass.
+        """
         own = {q: k for k, x in enumerate(self.works) for q in x.coordinates}
         massless = {self.q[x.slider.coordinate] for x in self.laws if x.slider}
         return [-1 if q in massless else own.get(q, -1) for q in self.q]
@@ -385,7 +394,10 @@ class Equations:
 
     @property
     def other_rates(self) -> list[int]:
-        """The rates that follow q'' in y': of `states`, `works`, then `quadratures`."""
+        """The rates that follow q'' in y', as nodes.
+
+        Of `states`, `works`, `quadratures`.
+        """
         first, rest = (x.rate for x in self.states), (x.rate for x in self.quadratures)
         return [*first, *self.powers, *rest]
 
@@ -412,12 +424,12 @@ class Equations:
 
     @property
     def of_motion(self) -> list[int]:
-        """The nodes of the equations, and rates of states, works and quadratures."""
+        """The nodes of the equations of motion, and of the rates after q'' in y'."""
         return self._with(self.other_rates)
 
     @property
     def of_accelerations(self) -> list[int]:
-        """The nodes that q'', lambda and the rates of first-order states depend on."""
+        """The nodes on which q'', lambda and the rates of first-order states depend."""
         return self._with(x.rate for x in self.states)
 
     def _with(self, others: Iterable[int]) -> list[int]:
@@ -452,14 +464,14 @@ class Equations:
 
     @property
     def inertias(self) -> list[int]:
-        """The diagonal of M (n,): nodes."""
+        """The diagonal entries M_jj (n,), as nodes."""
         if isinstance(self.M, tuple):
             return [row[j] for j, row in enumerate(self.M)]
         return list(self.M.diagonal)
 
     @property
     def coupled(self) -> list[tuple[list[int], list[int]]]:
-        """Pairs (nodes of M, indices of the coordinates coupled by these nodes)."""
+        """Pairs of nodes of M and of the indices of coordinates that these couple."""
         if (chains := self.chains) is not None:
             return chains.groups()
         rows = (row.entries for row in self.M)
@@ -507,7 +519,11 @@ Found = TypeVar("Found")
 
 
 def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
-    """Memoize a function of the equations by `Equations.nodes`, for all parameters."""
+    """Decorate a function of `Equations` so that its result is stored.
+
+    It is computed once for all equations with equal `Equations.nodes`, whatever the
+    values of parameters.
+    """
 
     @wraps(find)
     def known(e: Equations) -> Found:
@@ -630,7 +646,7 @@ def _energy(
 
 
 def pushes(e: Equations) -> list[int]:
-    """Return the sums of the magnitudes of the terms of `f` and of `other_rates`.
+    """Return the sums of magnitudes of the terms of `f` and `other_rates`, as nodes.
 
     Terms that depend on multipliers or accelerations are left out.
     """
@@ -678,7 +694,11 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Return the definitions x, x' and x'' along the motion: variable -> node."""
+    """Return definitions and their derivatives along the motion, to be substituted.
+
+    The definitions are those in `output.reactions`; variable x, x' or x'' -> node of t,
+    q, q' and q''.
+    """
     g = e.graph
     seed = {**e.flow.forward}
     for q in e.q:
@@ -743,7 +763,7 @@ def groups(e: Equations) -> list[list[int]]:
 
 
 def coordinates_of(e: Equations) -> dict[str, int]:
-    """Return the index of the coordinate of each variable q and q', by its name."""
+    """Return the index of each coordinate by its variables' names, q_j and q_j'."""
     return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
@@ -807,7 +827,7 @@ def owners_of(
     cone : iterable of int
         The nodes, arguments before the operations on them.
     names : mapping
-        The group of each variable of a coordinate.
+        The index of the group of each variable, by the variable's name.
     """
     found: dict[int, int] = {}
     for n in cone:
@@ -822,7 +842,10 @@ def owners_of(
 def _addends(
     g: Graph, n: int, factor: int, owners: Mapping[int, int]
 ) -> list[tuple[int, int]]:
-    """Return the addends of `factor * n` with their factors; [] where n is no sum."""
+    """Return the terms of `factor * n` as pairs (node, factor); [] where n is no sum.
+
+    Factors that depend on no group are moved into `factor`; owners : see `owners_of`.
+    """
     op, args = g.ops[n], g.args[n]
     if op in ("add", "sub"):
         other = factor if op == "add" else g.call("neg", factor)
@@ -843,7 +866,7 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     Parameters
     ----------
     e : Equations
-        Without works.
+        The equations, still without works.
     Q : sequence of int, length n
         The generalized forces.
     dL_dt : int
@@ -888,7 +911,10 @@ def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
 def _of_groups(
     e: Equations, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
-    """Return the work of each group with power or impacts; () where groups mix."""
+    """Return the work of each group with power or impacts.
+
+    () where terms mix groups.
+    """
     g = e.graph
     energies, _ = shared(e, found, e.energy)
     rates, left = [g.zero] * len(found), g.zero

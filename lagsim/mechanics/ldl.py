@@ -87,7 +87,11 @@ WORTH = 4
 
 
 def affordable(n: int, m: int) -> int:
-    """Return the count of multiplications beyond which dense loops are faster."""
+    """Return the count of multiplications beyond which loops are faster than code.
+
+    n, m : numbers of coordinates and rows. The loops are those of `dense`, the code is
+    straight-line code for the elimination.
+    """
     return max(BUDGET, dense_operations(n, m) // WORTH)
 
 
@@ -97,7 +101,7 @@ def dense_operations(n: int, m: int) -> int:
 
 
 def turns(e: Equations) -> bool:
-    """Whether the Lagrangian contains angles, and the equations have no rows."""
+    """Whether the Lagrangian contains sines or cosines, and there are no rows."""
     return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
@@ -189,14 +193,17 @@ class Elimination:
         return collected_along(self.equations)
 
     def _unit(self) -> int:
-        """Return the unit of mass: the commonest pivot in Z, or 1 if a pivot varies."""
+        """Return a node used as unit of mass.
+
+        The commonest pivot in Z, or 1 if one varies.
+        """
         met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
         if not met or any(map(self.collected.moves, met)):
             return self.g.one
         return Counter(met).most_common(1)[0][0]
 
     def _inverse(self, k: int) -> int:
-        """Return unit / D_k."""
+        """Return the node of unit / D_k, with the unit of mass."""
         g, inverse = self.g, self.mass.inverse[k]
         if self.unit == g.one:
             return inverse
@@ -266,7 +273,7 @@ class Elimination:
         return [q.get(j, g.zero) for j in range(self.n)], lam
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
-        """Return b - z^T D^-1 f."""
+        """Return the node of b - z^T D^-1 f, the right side for a multiplier."""
         g, x = self.g, self.collected
         minus = g.constant(-1.0)
         terms: list[tuple[int, ...]] = list(x.addends(b))

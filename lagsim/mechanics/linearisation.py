@@ -68,7 +68,7 @@ class Eigenmodes(NamedTuple):
     left: Complexes
 
     def amplitudes(self, rates: Floats) -> Complexes:
-        """Return the amplitude of each mode, shape (k,), in `rates`, shape (size,)."""
+        """Return the amplitude of each mode (k,) in the vector `rates` (size,)."""
         # Left and right vectors of equal eigenvalues need not come in pairs.
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)

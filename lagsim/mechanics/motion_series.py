@@ -134,7 +134,7 @@ def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Rec
 def _shorter(
     g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Return `rates`, or their normal form where its series is shorter."""
+    """Return `rates`, or their normal form if its Taylor series is shorter."""
     names = [str(g.payload(v)) for v in state]
     moving = g.dependent(rates, [*names, "t"])
     forms = rates, tuple(normal_form(g, rates, moving))

@@ -65,12 +65,12 @@ FAR = 1e3
 
 
 def whole(name: str) -> str:
-    """Return the name of the constraint of a piece."""
+    """Return the name of the constraint to which the piece `name` belongs."""
     return name.partition(MARK)[0]
 
 
 def named(name: str, k: int) -> str:
-    """Return the name of piece k, counted from 1, of a constraint with several."""
+    """Return the name of the k-th piece, k >= 1, of the constraint `name`."""
     return f"{name}{MARK}{k}"
 
 
@@ -167,7 +167,11 @@ class _Pieces:
         return bool(data.values[0] == tables.LINEAR and axis.values[1] == order == 0.0)
 
     def of(self, n: int, way: int) -> list[Piece]:
-        """Return pieces with minimum (or maximum) n, without kinks of that kind."""
+        """Return pieces whose minimum (way LEAST) or maximum is node n.
+
+        The pieces have no kinks that such a decomposition can remove; n alone where
+        there is none.
+        """
         key = (n, way)
         if key not in self.known:
             found = self._of(n, way) if self.kinked([n]) else [Piece(n)]
@@ -192,7 +196,12 @@ class _Pieces:
         return self._apart(n, way)
 
     def _each(self, op: str, *several: list[Piece]) -> list[Piece]:
-        """Return the pieces of an operation, by all fitting pieces of its arguments."""
+        """Return the pieces of `op`, one per combination of its arguments' pieces.
+
+        several : the pieces of each argument. Combinations on different sides of one
+        kink are
+        left out.
+        """
         found: dict[Piece, None] = {}
         for some in product(*several):
             if all(x.fits(y) for x, y in combinations(some, 2)):
@@ -235,7 +244,10 @@ class _Pieces:
         return [*self._on(u, 1, both[0]), *self._on(u, -1, both[1])]
 
     def _on(self, u: int, side: int, some: list[Piece]) -> list[Piece]:
-        """Return the pieces that fit a side of the kink at u = 0, with that side."""
+        """Return the pieces in `some` that exist on side 1 or -1 of the kink at u = 0.
+
+        The side is added to each.
+        """
         node, sign = oriented(self.g, Surface(u, "sign", u))
         own = frozenset([(node, side * sign)])
         return [Piece(x.node, x.sides | own) for x in some if x.fits(Piece(0, own))]
@@ -255,10 +267,11 @@ class _Pieces:
     # Kinks of any other kind: both sides near them, and a line
 
     def _apart(self, n: int, way: int) -> list[Piece]:
-        """Return the pieces of a node by the two sides of its innermost kink.
+        """Return two pieces of node n, by the sides of its innermost kink, or n.
 
-        The derivative with respect to the kinked expression is evaluated on the present
-        side of the kink: on the other side it may have no value.
+        way : as in `of`. The derivative with respect to the kinked expression is
+        evaluated on
+        the present side of the kink: on the other side it may have no value.
         """
         g = self.g
         atom = next(iter(self.kinked([n])))
@@ -304,7 +317,10 @@ class _Pieces:
         return None if steps else (u, above, below)
 
     def _jump(self, difference: int, u: int) -> int | None:
-        """Return r of difference = r u near u = 0; None if du = 0 for all variables."""
+        """Return the node r, with difference = r u to first order near u = 0.
+
+        None where du = 0 for all variables.
+        """
         g = self.g
         names = [v for v in map(g.variable, self.moving) if v in g.cone([u])]
         by_u, by_all = (slopes(g, x, frozenset(names)) for x in (u, difference))
@@ -350,7 +366,7 @@ class _Pieces:
 
 
 def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
-    """Return knots x and values y, shape (m + 1,), and slopes, shape (m + 2,).
+    """Return the knots x and values y (m + 1,) of a linear table, and slopes (m + 2,).
 
     The first and last slopes are those outside the knots; for a table that ends the run
     there, these are the slopes of the first and last cell.
@@ -370,7 +386,10 @@ def _line(
     at: tuple[float, float, float],
     ends: tuple[float, float] | None,
 ) -> int:
-    """Return the node y + slope (w - x), at = (x, y, slope), limited to `ends`."""
+    """Return the node of the line y + slope (w - x) through at = (x, y, slope).
+
+    ends : the interval of w outside of which the line has no value, or None.
+    """
     x, y, slope = at
     if ends is None:
         way = g.call("sub", w, g.constant(x))
@@ -383,7 +402,10 @@ def _line(
 
 
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
-    """Return a table of w, 0 before its knots x (k,), with jumps (k,) of the slope."""
+    """Return the node of a piecewise linear function of w with given slope jumps.
+
+    It is 0 for w < x[0]; jumps (k,) are those at the knots x (k,).
+    """
     if not len(x):
         return g.zero
     far = FAR * max(float(x[-1] - x[0]), float(np.max(np.abs(x))), 1.0)
@@ -447,7 +469,12 @@ def _chosen(
     w: int,
     lines: tuple[list[float], list[tuple[float, float]], float],
 ) -> int:
-    """Return a periodic table of lines = (starts, (value, slope) at each, period)."""
+    """Return the node of a periodic table of w that consists of lines.
+
+    lines : the starts of the lines, a pair (value, slope) at each start, and the
+    period.
+    Neighbouring lines that continue each other are joined.
+    """
     starts, pairs, period = lines
     kept = [0]
     for i in range(1, len(starts)):

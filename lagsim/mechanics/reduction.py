@@ -121,7 +121,7 @@ def of_those_left(
     f: Sequence[int],
     momenta: Sequence[int],
 ) -> Equations:
-    """Return the equations of the remaining coordinates.
+    """Return equations restricted to some coordinates, with new M, f and momenta.
 
     Parameters
     ----------
@@ -147,19 +147,22 @@ def of_those_left(
 
 
 def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseVector:
-    """Return a vector over the coordinates `left`; `entries` are by old indices."""
+    """Return the sparse vector of the entries at the coordinates `left`.
+
+    entries : old index of a coordinate -> node.
+    """
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}
     return SparseVector(g, len(left), kept)
 
 
 def plus(g: Graph, node: int, x: int, y: int) -> int:
-    """Return node + x y."""
+    """Return the node of node + x y."""
     return g.call("add", node, g.call("mul", x, y))
 
 
 def minus(g: Graph, node: int, x: int, y: int) -> int:
-    """Return node - x y."""
+    """Return the node of node - x y."""
     return g.call("sub", node, g.call("mul", x, y))
 
 
@@ -208,7 +211,7 @@ ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh")
 def usable(
     g: Graph, row: Row, values: Mapping[str, float], moving: Collection[str]
 ) -> bool:
-    """Whether a row may determine a coordinate: holonomic, no switches, no edges.
+    """Whether a row may be used to eliminate a coordinate: holonomic, without kinks.
 
     A jump of the rate of a relation is an impact, at which all velocities jump. At an
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
@@ -297,11 +300,12 @@ def _add_products(
 
 
 def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
-    """Return equations with M + A^T W A and f + A^T W b for M and f, A of `rows`.
+    """Return equations with M + A^T W A and f + A^T W b in place of M and f.
 
-    q'' and lambda are unchanged. The new M is regular if M is positive definite on
-    the null space of A: the length of a quaternion has no inertia. W is diagonal, of
-    the magnitude of M.
+    A : the rows `rows`. q'' and lambda are unchanged. The new M is regular if M is
+    positive definite on the
+    null space of A: the length of a quaternion has no inertia. W is diagonal, of the
+    magnitude of M.
     """
     g, M, f = e.graph, e.mass_entries, list(e.f)
     inertias = {i: node for (i, j), node in M.items() if i == j}
@@ -328,7 +332,7 @@ MOMENTUM = "momentum."
 
 
 def conserved(equations: Equations) -> list[int]:
-    """Return indices of coordinates of constant momentum, as derived from the graph."""
+    """Return the indices of coordinates whose momentum is constant by the equations."""
     e, g = equations, equations.graph
     if e.is_set:
         return []  # momenta jump where events set an inertia
@@ -483,7 +487,12 @@ class Reduction(NamedTuple):
         return reduction._replace(equations=replace(equations, model=model))
 
     def kept(self, full: Floats) -> Floats:
-        """Return the entries (n,) of `full` for the remaining coordinates or rates."""
+        """Return the entries of the remaining coordinates in a vector over all of them.
+
+        full : coordinates or velocities, (all coordinates,); a vector (n,) is returned
+        as it
+        is.
+        """
         if len(full) == len(self.equations.q):
             return full
         names = (c.name for c in self.equations.model.coordinates)
@@ -578,7 +587,10 @@ def equations_of_motion(model: Model) -> Equations:
 
 
 def at_limit(g: Graph, law: Law, force: float) -> int:
-    """Return a node that is 0 if a slider's force is at its limit with its sign."""
+    """Return a node that is 0 where the force of a slider reaches its limit.
+
+    force : the force at present, which determines the sign of the limit.
+    """
     slider = law.slider
     assert slider is not None
     if law.pair >= 0:
@@ -588,7 +600,16 @@ def at_limit(g: Graph, law: Law, force: float) -> int:
 
 
 def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
-    """Return slider law -> its coordinate and multiplier (node), and all forces."""
+    """Return coordinates and multipliers of sliders without mass, and all forces.
+
+    Returns
+    -------
+    found : dict
+        Index of a law -> its massless coordinate, and the node of its multiplier, which
+        the balance of forces on this coordinate determines.
+    f : list of int, length n
+        Forces with these multipliers inserted.
+    """
     g, f = e.graph, list(e.f)
     found: dict[int, tuple[int, int]] = {}
     held = {j for row in e.rows for j in row.A.entries}
@@ -618,7 +639,10 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
 def _slider(
     e: Equations, law: Law, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
 ) -> Slider | None:
-    """Return the slider of law k on coordinate j; None without spring or damper."""
+    """Return the slider of law k on the massless coordinate j.
+
+    None where no spring or damper acts between the slider and the rest.
+    """
     g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k
     way = g.variable(f"slides.{e.laws[k if first else law.pair].constraint}")

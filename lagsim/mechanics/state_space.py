@@ -163,7 +163,10 @@ def state_space(
 
 
 def _order(L: Linearisation, levels: Floats) -> int:
-    """Return the order of the highest rate of an input in the constraint rows."""
+    """Return the order of the highest derivative of an input in the constraint rows.
+
+    levels : (m,), the change of each row's right side per unit of the input.
+    """
     held = np.flatnonzero(levels)
     return max((2 if L.holonomic[i] else 1 for i in held), default=0)
 
@@ -171,9 +174,9 @@ def _order(L: Linearisation, levels: Floats) -> int:
 def _pushed(
     L: Linearisation, values: Mapping[str, float], one: Input
 ) -> tuple[Floats, Floats]:
-    """Return the change of the residuals, and of the right sides of the rows.
+    """Return the changes of residuals and of right sides of rows per unit of an input.
 
-    Shapes (n + m + l,) and (m,), per unit of an input.
+    Shapes (n + m + l,) and (m,); residuals as in `Slopes`.
     """
     e, g, n, m = L.e, L.g, L.n, L.m
     change, levels = np.zeros(n + m + L.first), np.zeros(m)
@@ -202,7 +205,12 @@ def _outputs(
     motion: Floats,
     at: Sequence[int],
 ) -> Floats:
-    """Return the changes of the outputs, by the changes of all variables."""
+    """Return the changes of the outputs per unit of states and inputs (o, columns).
+
+    motion : changes of state variables, q'' and lambda, one per row. at : the number of
+    the
+    first column of each input among those of the inputs, then their count.
+    """
     e, g = L.e, L.g
     names = [*e.state, *(rate_of(q, 2) for q in e.q), *e.multipliers]
     place = {g.variable(name): k for k, name in enumerate(names)}
@@ -220,10 +228,10 @@ def _outputs(
 
 
 def _chosen(Z: Floats, M: Floats) -> list[int]:
-    """Return the coordinates that determine the coefficients of the columns of Z.
+    """Return the indices of coordinates that serve as free coordinates.
 
-    These are the pivots of a QR decomposition with column pivoting, in the metric of
-    the diagonal of M.
+    Their values determine the coefficients of the columns of Z (n, d): the pivots of a
+    QR decomposition with column pivoting, in the metric of the diagonal of M.
     """
     if not Z.shape[1]:
         return []

@@ -42,7 +42,7 @@ class Surface(NamedTuple):
 
 
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """Return the nodes `and`, `or`, `not` of a condition, in order of evaluation."""
+    """Return nodes `and`, `or`, `not` of a condition, in order of evaluation."""
     found: set[int] = set()
     stack = [discrete]
     while stack:
@@ -139,10 +139,14 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 
 
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the value of a step, or a condition's truth, from its mode variable.
+    """Return the value of a discrete function, as a node of its mode variable.
 
-    Where the expression keeps its level on an interval, the variable is 0, or a whole
-    number minus 1/2, and the value of the step is its value at the level.
+    op : the function, or a comparison, whose truth is returned. side : its mode
+    variable.
+    sign : of its expression relative to the side, see `oriented`. Where the expression
+    keeps its level on an interval, the variable is 0, or a whole number minus 1/2, and
+    the
+    value is the function's at the level.
     """
     if op == "floor":
         return g.call("ceil", side)
@@ -157,7 +161,11 @@ def stepped(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def between(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the value of a step while its mode variable lies between its two sides."""
+    """Return the value of a discrete function while the motion slides along it.
+
+    It is a node of the mode variable `side`, which then lies between its values on both
+    sides; op, side, sign : see `stepped`.
+    """
     if op == "floor":
         return side
     if op == "ceil":
@@ -168,9 +176,10 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def share(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the weight, from 0 to 1, of the true branch while the motion slides.
+    """Return the weight in [0, 1] of the true branch while the motion slides.
 
-    The weight of Filippov's convex combination of the two sides.
+    It is the weight in Filippov's convex combination of the fields of both sides, a
+    node of the mode variable `side`; op, side, sign : see `stepped`.
     """
     half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
     return g.call("add", g.constant(0.5), g.call("mul", half, side))
@@ -182,7 +191,10 @@ def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
 
 
 def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
-    """Return binding power and text of a node; `depth` bounds the recursion."""
+    """Return the binding power and the text of a node.
+
+    `...` stands for nodes below `depth`.
+    """
     op, args = g.ops[n], g.args[n]
     if op in (VARIABLE, TRUTH):
         return 9, str(g.payload(n))

@@ -55,10 +55,10 @@ if TYPE_CHECKING:
 
 
 def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
-    """Return the condition that roots and logarithms of a branch have a value.
+    """Return the condition under which roots and logarithms of a branch have values.
 
-    Only of functions of the variables `decides`, which decide the branch, and outside
-    nested branches; None if there are no such functions.
+    Only functions of the variables `decides`, which decide the branch, and outside
+    nested branches, count; None if there are no such functions.
     """
     found = None
     seen: set[int] = set()
@@ -104,7 +104,10 @@ class Roots(NamedTuple):
         sides: Sequence[Side],
         speeds: Collection[str],
     ) -> Roots:
-        """Find the roots, below `nodes`, of expressions of `sides` in `speeds`."""
+        """Return the roots below `nodes` whose arguments are surfaces of velocities.
+
+        speeds : the names of velocities. sides : the sides of all surfaces.
+        """
         fast = g.dependent([s.node for s in sides], speeds)
         names = {
             s.node: f"floor.{k}"
@@ -121,7 +124,10 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Return the name of the floor of a root or power, and its factor, or None."""
+        """Return the floor of root or power n: name of its variable, and a factor.
+
+        Else None.
+        """
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):
             return None
@@ -129,13 +135,21 @@ class Roots(NamedTuple):
         return (self.floors[node], factor) if node in self.floors else None
 
     def _smooth(self, n: int) -> bool:
-        """Whether a power is neither a root nor the derivative of a root."""
+        """Whether a power has a continuous derivative at 0.
+
+        Exponent > 1, or an integer.
+        """
         g = self.graph
         exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
         return exponent is not None and (exponent > 1.0 or exponent % 1.0 == 0.0)
 
     def _inside(self, n: int) -> tuple[int, float]:
-        """Return the expression that is 0 where the argument n is 0, and its factor."""
+        """Return the surface's expression u, and c > 0, with |argument| = c |u|.
+
+        n : the argument of a root. Where it is no multiple of a surface's expression, n
+        or a
+        part of it is returned.
+        """
         g, factor = self.graph, 1.0
         while n not in self.floors:
             op, args = g.ops[n], g.args[n]
@@ -167,7 +181,7 @@ class Roots(NamedTuple):
 
 
 def mixed(g: Graph, part: int, low: int, high: int) -> int:
-    """Return low + part (high - low)."""
+    """Return the node low + part (high - low), an interpolation between two nodes."""
     return g.call("add", low, g.call("mul", part, g.call("sub", high, low)))
 
 
@@ -205,7 +219,7 @@ class Shown:
         self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
 
     def nodes(self, nodes: list[int]) -> list[int]:
-        """Return `nodes` with steps replaced."""
+        """Return `nodes` with discrete functions replaced by their sliding values."""
         g = self.g
         if not self.slides:
             return nodes
@@ -273,7 +287,10 @@ class Shown:
         return g.call("if", self.slides[v], mixed(g, part, low, high), n)
 
     def _root(self, n: int, args: tuple[int, ...]) -> int:
-        """Return a root with its floor, which is 0 unless the motion slides."""
+        """Return root n of arguments `args`, bounded below by its floor.
+
+        The floor is 0 unless the motion slides.
+        """
         g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
         if g.ops[inner] in CHOOSING:
             return self._apart(n, inner, args)
@@ -287,7 +304,12 @@ class Shown:
         return g.call("mul", kept, g.call("cbrt", size))
 
     def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
-        """Return the root of an expression of two branches: both roots combined."""
+        """Return the root of an argument with two branches: both roots combined.
+
+        n : the root. inner : its argument, an interpolation between the branches. args
+        : the
+        root's arguments.
+        """
         g, op = self.g, self.g.ops[inner]
         condition, *branches = g.args[inner]
         if op != "if":
@@ -376,9 +398,11 @@ class Switches:
         return [done[n] for n in nodes]
 
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
-        """Return discrete functions whose surface depends on `names` with sides frozen.
+        """Return discrete functions that depend on `names` with other sides frozen.
 
-        The other ones, as `sign(sign(x))`, step with another switch and need no side.
+        discrete : nodes of discrete functions. A function such as `sign(sign(x))`
+        changes
+        only with another switch and is left out.
         """
         g = self.graph
         nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
@@ -397,7 +421,10 @@ class Switches:
     def _on_a_side(
         self, n: int, args: tuple[int, ...], variable: int, sign: int
     ) -> int:
-        """Return switch `n` of the frozen `args`, decided by its side."""
+        """Return switch n with arguments `args`, decided by a mode variable.
+
+        variable : the mode variable, a node. sign : see `oriented`.
+        """
         g, op = self.graph, self.graph.ops[n]
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
@@ -408,7 +435,7 @@ class Switches:
         return g.call("if", value, *args) if op in ("min", "max") else value
 
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
-        """Return node `n` of the frozen `args`.
+        """Return node n with the frozen arguments `args` in place of its own.
 
         A root or power of an expression that is a number on one side becomes a number
         on that side, which has derivatives where the root of 0 has none.
@@ -429,11 +456,14 @@ class Switches:
         return self._inside(n, args, args[0])
 
     def _as_written(self, n: int) -> int:
-        """Return node `n` frozen by time alone."""
+        """Return node n with time switches alone frozen."""
         return replace(self, _sides_of={}).freeze([n])[0]
 
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
-        """Return `if` n of frozen `args`; as written where a branch has no value."""
+        """Return the node `if` n with frozen arguments `args`.
+
+        It is as written where a branch has no value.
+        """
         g, (condition, *branches) = self.graph, args
         decides = g.depends([g.args[n][0]])
         inside = [_has_value(g, branch, decides) for branch in branches]
@@ -464,11 +494,11 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return node `n` of the frozen `args` in its domain, else as written.
+        """Return node n with frozen arguments `args` in its domain, else as written.
 
         A stage past the surface could evaluate a root of a negative number, where the
-        expression as written has none. `frozen` is the whole first argument: if it is
-        frozen by time alone, no stage leaves the domain.
+        expression as written has none. frozen : the first argument, wholly frozen: if
+        it is frozen by time alone, no stage leaves the domain.
         """
         g = self.graph
         op = g.ops[n]
@@ -496,9 +526,11 @@ class Switches:
 def prevailing(
     value: Callable[[float], Sequence[float]], start: float, end: float
 ) -> list[float]:
-    """Return the values of step functions, `value(t)`, without a break in (start, end).
+    """Return the values of step functions on an interval in which none of them steps.
 
-    The majority of three samples excludes a value at one instant only, like sign(0).
+    value : t -> the values of all functions. The majority of three samples in (start,
+    end)
+    excludes a value at one instant only, like sign(0).
     """
     samples = [
         [float(x) for x in value(start + part * (end - start))]
@@ -577,7 +609,12 @@ def find_switches(
 def _sides(
     g: Graph, switches: Mapping[int, str]
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
-    """Return the sides of switches, one per surface, and the side of each switch."""
+    """Return one side for each surface, and the side of each discrete function.
+
+    switches : discrete function (node) -> its text. The second result maps it to the
+    mode
+    variable (a node) and the sign of `oriented`.
+    """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
     for discrete, text in switches.items():
@@ -591,13 +628,18 @@ def _sides(
 
 
 def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, float]:
-    """Return the open interval of levels of a table's cell at which y' is continuous.
+    """Return the open interval of a table's cell numbers at which y' is continuous.
 
-    y' contains derivatives of the table up to an order; these are continuous at the
-    knots of the interval. No event occurs there: an impact, the end of a contact, or
-    sliding along the knot needs a jump. Sliding needs vector fields of both sides that
-    point to the knot (Filippov), but here both fields are equal: a motion crosses the
-    knot at its rate, turns back where it only touches, and stays at rest if at rest.
+    discrete : the node of the cell's number. orders : cell -> the order of derivatives
+    of
+    the table in y'. Derivatives up to this order are continuous at the knots of the
+    interval. No event occurs there: an impact, the end of a contact, or sliding along
+    the
+    knot needs a jump. Sliding needs vector fields of both sides that point to the knot
+    (Filippov), but here both fields are equal: a motion crosses the knot at its rate,
+    turns
+    back where it only touches, and stays at rest if at rest. (0, 0) for other
+    functions.
     """
     cell = cell_of(g, discrete)
     return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)
@@ -659,7 +701,10 @@ class _Finder:
             stack += dict.fromkeys(below)
 
     def _below(self, n: int) -> tuple[int, ...]:
-        """Record `n` if it is a switch; return the nodes below it to be searched."""
+        """Record node n if it is a switch.
+
+        Return its arguments that are to be searched.
+        """
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)

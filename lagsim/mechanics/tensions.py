@@ -78,7 +78,10 @@ class Newton(NamedTuple):
 
 
 def newton(e: Equations) -> Newton | None:
-    """Return Newton's laws; None if masses vary, couple, or have no position."""
+    """Return Newton's laws of all unknowns, or None.
+
+    None if masses vary, are coupled, or belong to sums that are no rates of positions.
+    """
     g, model = e.graph, e.model
     if e.q != tuple(c.name for c in model.coordinates):
         return None  # reduced
@@ -123,7 +126,10 @@ def newton(e: Equations) -> Newton | None:
 def _places(
     g: Graph, model: Model, flow: Flow, found: Chains
 ) -> dict[int, tuple[int, int]]:
-    """Return known integrals of sums: sum -> node of the position, and of its sign."""
+    """Return sums that are rates of known positions.
+
+    Sum -> position and sign, nodes.
+    """
     known, minus = rates_of_places(model, flow), g.constant(-1.0)
     places = {}
     for k, rate in enumerate(found.rates, found.size):
@@ -138,7 +144,7 @@ def _places(
 
 
 def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
-    """Return the rate of each sum for constant velocities and constant inner sums."""
+    """Return the rate (node) of each sum at constant velocities and inner sums."""
     below = {a for node in found.rates for a in g.args[node]}
     rates = tangent(g, below, flow.forward | dict.fromkeys(found.rates, g.zero))
     known = dict(zip(below, rates, strict=True))
@@ -188,7 +194,12 @@ class Joints(NamedTuple):
 def joints(
     g: Graph, held: Newton, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
-    """Return the joints of the massless velocities `free`; None if `_join` fails."""
+    """Return the joints of massless links, or None where a joint is not supported.
+
+    held : Newton's laws. free : the massless velocities. moving : the names of
+    variables
+    that change along a motion.
+    """
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
     found = Joints([], [], {})
     sums_of: dict[int, list[int]] = {u: [] for u in free}
@@ -220,11 +231,11 @@ def _join(
     sums: Sequence[int],
     moving: frozenset[str],
 ) -> bool:
-    """Add a joint of `velocities` with as many `sums`, or one sum more.
+    """Add to `found` the joint of massless `velocities` that occur in `sums`.
 
-    Return False for more than 3 sums, or for another count of velocities.
-    On lines and in planes, fixed unit directions replace the missing velocities of
-    space.
+    There are as many sums as velocities, or one more. Return False for more than 3
+    sums, or for another count of velocities. On lines and in planes, fixed unit
+    directions replace the missing velocities of space.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
@@ -253,7 +264,7 @@ def _join(
 def _across(
     g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
 ) -> list[int]:
-    """Return the cross product a x b divided by the common factor of its components."""
+    """Return the cross product a x b, divided by its components' common factor."""
     found = [
         g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
         for i, j in ((1, 2), (2, 0), (0, 1))
@@ -289,7 +300,10 @@ class Group(NamedTuple):
 
 
 def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group]:
-    """Return the groups of `pulls`, t -> u -> p_tu, and `weights`, u -> w_u."""
+    """Return the squares of S, those in the same unknowns as one group.
+
+    pulls : tension t -> mass u -> coefficient p_tu. weights : mass u -> w_u; all nodes.
+    """
     alike: dict[tuple[int, ...], Vector] = {}
     for u, members in _holders(pulls).items():
         alike.setdefault(tuple(members), {})[u] = weights[u]
@@ -308,7 +322,7 @@ def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group
 
 
 def _holders(pulls: Mapping[int, Vector]) -> dict[int, list[int]]:
-    """Return, for each mass u, the indices t of the pulls that contain it."""
+    """Return, for each mass u, the tensions t whose pulls act on it: u -> list of t."""
     found: dict[int, list[int]] = {}
     for t, pull in pulls.items():
         for u in pull:
@@ -356,7 +370,10 @@ class Squares(Factorisation):
         super().__init__(g, rows, Budget(), some=some)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Rank in the elimination: fewest neighbours, then least depth."""
+        """Return the sort key of unknown k in the elimination.
+
+        Fewest neighbours, then least depth.
+        """
         met = {k, *self.rows[k]}.union(*(self.groups[x].members for x in self.those[k]))
         return 0, len(met), self.after[k], k
 
@@ -382,7 +399,10 @@ class Squares(Factorisation):
         return row
 
     def _alone(self, k: int) -> Vector:
-        """Return i -> pivot times Schur complement (i, i), for k in one group alone."""
+        """Return the diagonal of the Schur complement of unknown k, times its pivot.
+
+        As i -> node, without cancellation; {} unless k is in one group only.
+        """
         g, own = self.g, self.rows[k].get(k, self.g.zero)
         if len(self.those[k]) != 1 or self.rows[k].keys() - {k}:
             return {}
@@ -439,9 +459,10 @@ def accelerations(e: Equations) -> list[int] | None:
 
 
 def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
-    """Replace massless velocities that are in one sum alone, by that sum.
+    """Eliminate massless velocities, in one sum each, in favour of these sums.
 
-    Return the laws without those sums, and the sum of each replaced velocity.
+    Return the laws without these sums, and the sum of each eliminated velocity. size :
+    the number of velocities.
     """
     users = Counter(i for form in laws.sums.values() for i in form)
     sums, forces, leaders = dict(laws.sums), dict(laws.forces), dict[int, int]()
@@ -461,7 +482,7 @@ def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
 
 
 def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Vector:
-    """Return the accelerations of masses and the rates of massless velocities.
+    """Return the accelerations of masses and d/dt of massless velocities, by unknown.
 
     Internal units are the commonest mass and length. Products of sines and cosines are
     combined to sines and cosines of differences of angles in the drifts and in the
@@ -520,14 +541,17 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
 
 
 def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
-    """Return the quotients of nodes by key, with common factors cancelled."""
+    """Return quotients tops[k] / bottoms[k] by key, with common factors cancelled."""
     nodes = [g.call("div", node, bottoms[k]) for k, node in tops.items()]
     found = normal_form(g, nodes, set(g.cone(nodes)))
     return dict(zip(tops, found, strict=True))
 
 
 def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector:
-    """Return u'' / length of each mass, without tensions and torques."""
+    """Return force / (mass `length`) of each mass: its acceleration without tensions.
+
+    Accelerations are in units of `length`; torques on massless links are left out, too.
+    """
     pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
     moved = g.dependent(pushed.values(), moving)
     # Divide by mass first: weights yield one common quotient. Most are -m g, where m
@@ -544,7 +568,10 @@ def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector
 
 
 def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
-    """Return the drifts of sums over `length`, divided by their own lengths first."""
+    """Return the drifts of sums divided by `length`, the internal unit of length.
+
+    A drift is first divided by its own length, so that common factors cancel.
+    """
     own = dict.fromkeys(held.sums, length) | met.lengths
     drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)
     scales = _quotients(g, own, dict.fromkeys(own, length))
@@ -552,7 +579,10 @@ def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
 
 
 def _back(g: Graph, held: Newton, parts: Vector) -> Vector:
-    """Return the forces C^T F on single masses due to forces F on weighted sums."""
+    """Return the forces C^T F on the masses due to forces F on sums.
+
+    parts : sum -> node of F.
+    """
     total = dict(parts)
     for k, part in parts.items():
         for i, c in held.sums[k].items():
@@ -568,7 +598,11 @@ def _dot(g: Graph, one: Vector, other: Vector) -> int:
 def _products(
     g: Graph, rows: Mapping[int, Vector], columns: Mapping[int, Vector], weights: Vector
 ) -> dict[int, Vector]:
-    """Return weighted inner products of rows and columns that have common masses."""
+    """Return weighted inner products of rows and columns that act on a common mass.
+
+    rows, columns : t -> mass u -> coefficient. The result maps t of rows to t of
+    columns to the node.
+    """
     holders = _holders(columns)
     found = {}
     for t, row in rows.items():
