@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
+from keyword import iskeyword
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
@@ -83,7 +84,8 @@ def _renamed(problem: Problem) -> Problem:
     if place is None or found is None:
         return problem
     # `--set k=2` gives a name of the model, `--step 2` an argument of ours.
-    name = "" if found[1] == "set" else f"{found[1].replace('-', '_')}="
+    word = found[1].replace("-", "_")
+    name = "" if word == "set" else f"{word}{'_' * iskeyword(word)}="
     moved = len(name) - found.end()
     file, source = (name + x[found.end() :] for x in (place.file, place.source))
     new = Place(file, place.line, place.column + moved, place.length, source)

@@ -7,9 +7,17 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
-from lagsim.api import given, in_python, lists, one_of, with_settings
+from lagsim.api import (
+    given,
+    in_python,
+    lists,
+    number_or_text,
+    one_of,
+    with_settings,
+)
 from lagsim.api.models import Model, model_of
 from lagsim.api.simulating import data_frame
+from lagsim.model.reader.runs import FROM
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
@@ -179,6 +187,7 @@ def sweep(
     N: int | None = None,
     seed: int = 0,
     ends: bool = False,
+    from_: float | str | None = None,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
     **options: Unpack[Options],
@@ -210,6 +219,10 @@ def sweep(
     ends : bool
         Compute only the last value of each column: no rows are stored, runs without
         constraints and events take a sixth of the time, and there is no error bar.
+    from_ : float or str, optional
+        A time, as a number or an expression: `.min` and `.max` of each column, and
+        further columns `.mean`, `.rms` (of the deviation from the mean) and
+        `.peak_to_peak`, count the rows from this time on.
     jobs : int, optional
         The number of processes; by default one for each core, where that saves time.
     error_bar
@@ -244,6 +257,11 @@ def sweep(
     if jobs is not None and not (type(jobs) is int and jobs > 0):
         raise ValueError(f"jobs={jobs!r:.60}: 1 or more is expected")
     asked = given(options)
+    if from_ is not None:
+        number_or_text("from_", from_)
+        asked[FROM] = from_
+    if ends and from_ is not None:
+        raise TypeError("`from_` is a time of rows, and `ends` computes no rows")
     bars = one_of("error_bar", error_bar, ErrorBars)
     with in_python():
         read = model_of(model)

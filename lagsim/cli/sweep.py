@@ -33,6 +33,7 @@ from lagsim.cli.run import ERROR_BAR, with_settings
 from lagsim.errors import LagsimError, counted, unusable
 from lagsim.files import content
 from lagsim.model.reader import read_file
+from lagsim.model.reader.runs import FROM
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
@@ -101,6 +102,11 @@ def command(
         "Compute only the last value of each column: no rows, no error estimate, much "
         "faster."
     ),
+    since: str | None = option(
+        "T0",
+        "Compute .min, .max, .mean, .rms and .peak_to_peak of the rows from T0 on.",
+        "--from"
+    ),
     resume: bool = flag("--resume", "Continue an interrupted sweep."),
     dask: str | None = option(
         "ADDRESS", "Address of a Dask scheduler, whose workers make the runs."
@@ -114,10 +120,16 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Run a model at all combinations of parameter values."""
-    if ends and (keep or error_bar is ErrorBars.ALWAYS):
-        option = "--keep" if keep else "--error-bar always"
-        text = f"--ends stores no rows, which {option} requires"
+    others = {
+        "--keep": keep,
+        "--error-bar always": error_bar is ErrorBars.ALWAYS,
+        "--from": since is not None,
+    }
+    if ends and (asked := [name for name, given in others.items() if given]):
+        text = f"--ends stores no rows, which {asked[0]} requires"
         raise unusable("usage", text, hint="leave one of the two out")
+    if since is not None:
+        options = options | {FROM: since}
     fixed = assignments(sets)
     read = read_file(model, fixed)
     wanted(read, "sweep", options, "add it, or give --duration")

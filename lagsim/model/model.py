@@ -62,6 +62,8 @@ class Settings(NamedTuple):
         Options of methods that are set, see `methods.options`.
     moments : tuple of float
         Further times of states, ascending, beside the rows.
+    measured_from : float or None
+        Time from which on the measures of a sweep count rows.
     """
 
     start: float = 0.0
@@ -79,6 +81,7 @@ class Settings(NamedTuple):
     moments: tuple[float, ...] = ()
     rest: bool = False
     retired: tuple[tuple[str, str], ...] = ()
+    measured_from: float | None = None
 
     @property
     def duration(self) -> float:

@@ -73,6 +73,8 @@ if TYPE_CHECKING:
 MAX_ROWS = 10**8
 # Keys of one time.
 TIMES = ("duration", "end", "output_step", "step")
+# Option of sweeps, no key of files: the time from which on measures count rows.
+FROM = "from"
 # Kinds of start: the values in `initial`, guesses solved for, or at rest.
 BEGIN = ("initial", "rest")
 
@@ -133,10 +135,16 @@ class _Simulation:
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
+        since = self._number(FROM)
+        if since is not None and since > end:
+            text = f"`{FROM}` is {since:g}, after the end of the run, {end:g}"
+            self._fault("out-of-range", text, FROM)
         if step and "until" not in given and not (end - start) / step <= STEPS:
             text = f"`step` {step:g} makes {(end - start) / step:.3g} steps, more than "
             self._fault("out-of-range", f"{text}{STEPS:,}", "step")
-        return asked._replace(start=start, end=end, output_step=output_step)
+        return asked._replace(
+            start=start, end=end, output_step=output_step, measured_from=since
+        )
 
     def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
         self.x.faults.add(code, text, self.given.at(key), hint)

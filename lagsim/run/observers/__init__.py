@@ -222,3 +222,82 @@ class Extremes:
         self.end = columns[:, -1].copy()
         self.last = float(self.end[0])
         self.rows += len(rows)
+
+
+# Rows whose sums are added at a time: equal sums for any division of rows into blocks.
+SUMMED = 256
+
+
+class Measures(Extremes):
+    """Last row, and measures of each column over the rows from a time on.
+
+    The measures ignore nan; all rows count alike, both rows of an impact, too.
+
+    Parameters
+    ----------
+    columns : int
+        Number of leading columns of a row to be observed.
+    since : float
+        Time of the first row that counts.
+    """
+
+    def __init__(self, columns: int, since: float) -> None:
+        self._since = since
+        super().__init__(columns)
+
+    def begin_anew(self) -> None:
+        """Reset to the state without rows."""
+        super().begin_anew()
+        self._waiting = np.empty((0, self._columns))
+        # Number, mean, and sum of the squared deviations from the mean, by column.
+        self._sums = np.zeros((3, self._columns))
+
+    @property
+    def stacked(self) -> Floats:
+        """End, minimum, maximum, mean, rms and peak to peak: shape (6, columns).
+
+        `rms` is the root mean square of the deviation from the mean.
+        """
+        count, mean, squares = _merged(self._sums, self._waiting)
+        with np.errstate(invalid="ignore"):
+            mean = np.where(count > 0, mean, np.nan)
+            rms = np.sqrt(squares / count)
+            spread = self.high - self.low
+        return np.stack([self.end, self.low, self.high, mean, rms, spread])
+
+    def add(self, rows: Floats) -> None:
+        """Update the last row, and the measures by the rows (k, columns) that count."""
+        counted = rows[rows[:, 0] >= self._since]
+        super().add(counted)
+        if len(rows):
+            self.end = rows[-1, : self._columns].copy()
+            self.last = float(self.end[0])
+            self.rows += len(rows) - len(counted)
+        waiting = np.concatenate([self._waiting, counted[:, : self._columns]])
+        whole = len(waiting) - len(waiting) % SUMMED
+        for block in np.split(waiting[:whole], range(SUMMED, whole, SUMMED)):
+            self._sums = _merged(self._sums, block)
+        self._waiting = waiting[whole:]
+
+
+def _merged(sums: Floats, rows: Floats) -> Floats:
+    """Return number, mean and squares (3, columns) with further rows (k, columns).
+
+    Source: T. F. Chan, G. H. Golub, R. J. LeVeque, Algorithms for computing the sample
+    variance, Amer. Stat. 37 (1983), eq. 2.1.
+    """
+    if not len(rows):
+        return sums
+    known = ~np.isnan(rows)
+    base = np.where(known[0], rows[0], 0.0)  # no rounding error in constant columns
+    count = known.sum(axis=0)
+    before, old, squares = sums
+    whole = before + count
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.where(known, rows - base, 0.0)
+        mean = away.sum(axis=0) / np.maximum(count, 1)
+        squares = squares + (np.where(known, away - mean, 0.0) ** 2).sum(axis=0)
+        shift, share = base - old + mean, count / np.maximum(whole, 1)
+        return np.stack(
+            [whole, old + shift * share, squares + shift**2 * before * share]
+        )

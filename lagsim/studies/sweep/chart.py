@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.model.reader.runs import FROM
 from lagsim.outputs.figure import (
     NO_RESULT,
     PENS,
@@ -46,7 +47,14 @@ SPREAD = 20.0
 ABREAST = 3
 # Of a column of a run.
 END, HIGH = 0, 2
-PARTS = {"end": "at the end", "min": "least", "max": "greatest"}
+PARTS = {
+    "end": "at the end",
+    "min": "least",
+    "max": "greatest",
+    "mean": "mean",
+    "rms": "rms about the mean",
+    "peak_to_peak": "peak to peak",
+}
 FAILED: Pen = mark("x", 5.0, "#D55E00")
 AT_END: Pen = mark("o", 3.0, PENS[0]["color"])
 MANY_AT_END: Pen = mark(".", 3.0, PENS[0]["color"])
@@ -90,7 +98,7 @@ def values_of(found: Found, column: str) -> Array:
     cells = np.full((found.grid.runs, 3), np.nan)
     for number, row in found.rows.items():
         if row.complete:
-            cells[number] = row.numbers[:, place]
+            cells[number] = row.numbers[: cells.shape[1], place]
     return cells
 
 
@@ -228,6 +236,9 @@ def _notes(found: Found, columns: int) -> list[str]:
     elif fixed:
         text = f"Of the other names, the middle value is shown: {', '.join(fixed)}."
         lines.append(text)
+    since = dict(found.work.options).get(FROM)
+    if since is not None and (len(found.grid.axes) == 1 or not found.grid.together):
+        lines.append(f"Least and greatest values from t = {since} on.")
     if columns > MOST:
         lines.append(f"The first {MOST} of {columns}; sweep.csv has all columns.")
     return lines

@@ -34,6 +34,7 @@ from lagsim.errors import InputError, LagsimError, Problems, did_you_mean, unusa
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
+from lagsim.model.reader.runs import FROM
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.table import table_writer
@@ -42,13 +43,14 @@ from lagsim.program.functions import Columns
 from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
-from lagsim.run.observers import Extremes
+from lagsim.run.observers import Extremes, Measures
 from lagsim.run.session import Clock, Session, StartError, wanted
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 from lagsim.studies.trials import Forms, refused, structure
+from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -277,6 +279,9 @@ AT_ONCE = 256
 COLLECTED = 50
 DONE = Outcome.DONE.word
 NOTHING = np.empty((3, 0))
+# Values of each column of a run, in the order of sweep.csv.
+EXTREMES = ("end", "min", "max")
+MEASURES = (*EXTREMES, "mean", "rms", "peak_to_peak")
 
 
 class Work(NamedTuple):
@@ -306,6 +311,13 @@ class Work(NamedTuple):
     plots: bool = False
     ends: bool = False
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The values of each column: its end, extremes, and with `from` measures."""
+        if self.ends:
+            return EXTREMES[:1]
+        return MEASURES if FROM in dict(self.options) else EXTREMES
+
 
 class Row(NamedTuple):
     """Result of a run: a row of the sweep.
@@ -321,8 +333,8 @@ class Row(NamedTuple):
     reason : str
         The reason of an incomplete run.
     numbers : ndarray, shape (3, columns)
-        Last, least and greatest value of each column; shape (1, columns) if only ends
-        are requested, and no columns if there was no run.
+        Values of each column: a row for each of `Work.parts`; no columns if there was
+        no run.
     form : int
         A number shared by runs with equal compiled functions; 0 if there was no run.
     """
@@ -463,7 +475,7 @@ class Runs:
             found = refused(error)
             return Row(grid.values(number), found.outcome, reason=found.reason)
         own, work = session.columns.of_table, self.work
-        extremes = Extremes(len(own))
+        extremes = _observer(session)
         if work.kept is not None:
             made = self._written(number, session, extremes, interrupt)
         else:
@@ -533,6 +545,16 @@ def _mark(session: Session) -> int:
     """Return a number that is equal for runs with equal compiled functions."""
     watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())
+
+
+def _observer(session: Session) -> Extremes:
+    """Return the observer of the values of each column of a run."""
+    settings, columns = session.case.settings, len(session.columns.of_table)
+    if settings.measured_from is None:
+        return Extremes(columns)
+    # Row k is at start + k*output_step, rounded.
+    since = settings.measured_from - SAME_STEP * settings.output_step
+    return Measures(columns, since)
 
 
 class Batch:

@@ -190,8 +190,7 @@ def header(found: Found) -> list[str]:
     """Return the columns of sweep.csv; the time has only its last value."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
-    parts = ("end",) if found.work.ends else ("end", "min", "max")
-    reported = [f"{column}.{part}" for column in columns for part in parts]
+    reported = [f"{name}.{part}" for name in columns for part in found.work.parts]
     return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *reported, REASON]
 
 
