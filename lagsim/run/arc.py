@@ -48,7 +48,7 @@ ERRED = 1e4
 
 
 def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
-    """Return the size of a change of coordinates relative to their ranges.
+    """Return the size (a number) of a change of coordinates relative to their ranges.
 
     Changes within roundoff are ignored, and each coordinate is weighted by its own
     force, as in `methods.parts.driver.projected`.
@@ -69,7 +69,9 @@ def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float
 
 
 def largest_shift(rtol: float | None) -> float:
-    """Return the largest relative shift by a projection that does not count as a jump.
+    """Return the relative shift beyond which a projection counts as a jump.
+
+    The shift is the result of `shift`, without unit.
 
     rtol : relative tolerance of the method; None for one with fixed steps.
     """
@@ -88,7 +90,7 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
 
 
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
-    """Return a copy of a state for another method or system, at the start of an arc."""
+    """Return a copy of a state for another method or system, at an arc's start."""
     new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
     kept = [values.copy() for values in own]
@@ -349,7 +351,7 @@ class Arc(NamedTuple):
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
-        """Return the arc with another method or system, on a copy of the state."""
+        """Return the arc with another plan and its system, on a copy of the state."""
         runner = system.link(plan.method)
         if system is not self.system:
             system.begin(self.start)

@@ -88,7 +88,7 @@ OUT_OF_RANGE = ("NaN", "infs", "math domain")
 
 
 def unless_overflow(work: Callable[P, Ending | None]) -> Callable[P, Ending | None]:
-    """Return a stage of a run that ends the run if numbers are out of range.
+    """Decorate a stage of a run: an overflow in Python ends the run.
 
     Kernels check each state themselves. Events are computed in Python, which raises
     ArithmeticError or ValueError where numpy returns inf and nan.
@@ -375,7 +375,11 @@ class Run:
         return self._cut(rows[known]) if known < emitted else None
 
     def _cut(self, row: Floats) -> Ending:
-        """End the run before a row with a state that is not finite."""
+        """Return the ending by a state that is not finite.
+
+        row : the first row with that state, which is stored for the message and not
+        written.
+        """
         self.cut = row
         return Ending(Outcome.NOT_FINITE)
 
@@ -392,7 +396,7 @@ class Run:
         return not over
 
     def _meet(self) -> None:
-        """Replace a located time by the time of the instant to which it belongs."""
+        """Replace the arc's time by the time of its instant, see `instants`."""
         arc, settings = self.arc, self.arc.settings
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant
@@ -618,7 +622,7 @@ class Run:
         return None
 
     def _take(self, decision: Decision) -> None:
-        """Apply a decision to the arc and the rows, and store its records."""
+        """Carry out a decision on the arc, write an impact's rows, store records."""
         if decision is GO_ON:
             return
         self.recorder.keep(decision)
@@ -643,7 +647,10 @@ class Run:
             arc.pass_shown()
 
     def _set_out(self, ahead: float) -> None:
-        """Begin an arc at the current state, to be examined again at time `ahead`."""
+        """Begin the next arc at the current state.
+
+        ahead : the time at which the kernel pauses before the end of the arc.
+        """
         arc = self.arc
         known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))

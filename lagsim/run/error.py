@@ -151,7 +151,7 @@ class Held(NamedTuple):
 
     @property
     def moved(self) -> Floats:
-        """Displacement (n,) by roundoff of a body whose forces balance."""
+        """Displacements (n,) by rounding errors of bodies whose forces balance."""
         return np.asarray(SUM_ROUNDOFF * self.reach)
 
 
@@ -211,7 +211,7 @@ def could_push(
 
 
 def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
-    """Return the displacement of first-order states (l,) that follow coordinates.
+    """Return displacements (l,) of first-order states that follow coordinates.
 
     It is reached during the whole motion, or during the time constant of a state.
 
@@ -240,7 +240,7 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:
-    """Return the largest finite quotient sizes/inertias of each row; 0 without one."""
+    """Return the largest finite quotient sizes/inertias in each row of both; else 0."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias
     return np.asarray(

@@ -90,7 +90,7 @@ def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision
 
 
 def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
-    """Return the decision to continue with `arc`, which has another method.
+    """Return the decision to continue with `arc`, the same arc with another method.
 
     reason : reason of the change, for the reader.
     numbers : new values of fields of the state's header.

@@ -115,7 +115,7 @@ class Interrupt:
         self._stopped = True
 
     def prompt(self, _number: int, _frame: object) -> None:
-        """Raise KeyboardInterrupt within `raised`; a handler of signals."""
+        """Handle a signal: raise KeyboardInterrupt within the context `raised`."""
         if self._raises:
             raise KeyboardInterrupt
 
@@ -180,7 +180,7 @@ class Interrupt:
 
 
 def noting() -> bool:
-    """Whether signals are recorded, since there are results to be stored."""
+    """Whether a context `Interrupt.noted` is active, which records signals."""
     return bool(_noting)
 
 

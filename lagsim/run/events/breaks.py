@@ -221,7 +221,7 @@ class Division:
                 stack.append(_divided(cells[ready:]))
 
     def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
-        """Mark as ready the cells to be split that are too narrow to be divided.
+        """Mark cells too narrow to be divided as ready, so that they are not split.
 
         The least width is larger beside a long undecidable interval `rough` (lo, hi).
         """
@@ -291,7 +291,7 @@ def _next(t: Floats, most: Floats) -> Floats:
 def _seen(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
-    """Return enclosures of a surface's discrete values in cells (n,), and its states.
+    """Return enclosures of the discrete function's values in n cells, and their states.
 
     Parameters
     ----------
@@ -498,9 +498,9 @@ class _Locator:
         self.doubtful: tuple[float, float, int] | None = None
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
-        """Return the times of steps known by the end of `cell`.
+        """Return the times of steps that are certain once `cell` has been examined.
 
-        `state`: the surface's state in the cell; None for a pause.
+        state : the surface's state in the cell; None for a pause.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:
@@ -514,7 +514,7 @@ class _Locator:
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Return the time of the step in the doubtful interval, if any, and end it."""
+        """Return the time of the step in the doubtful interval, if any; leave it."""
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful

@@ -32,21 +32,28 @@ PART = 2.0**-10
 
 
 def located_within(arc: Arc) -> float:
-    """Return the error, by rounding, of the time of the condition just located."""
+    """Return the bound, by rounding, of the error of the time just located.
+
+    In units of time; it is the time at which a condition became true.
+    """
     truth = Truth(arc)
     return truth.run("located_within", *truth.tolerances)
 
 
 def wait(arc: Arc) -> bool:
-    """Whether the located condition waits for another one, see `truth.wait`."""
+    """Whether the event of the located condition is postponed to another condition's.
+
+    See `truth.wait`.
+    """
     truth = Truth(arc)
     return truth.run("wait", *truth.tolerances) > 0
 
 
 def rounding_of_start(arc: Arc) -> Floats:
-    """Return twice the change (C,) of the conditions by the rounding of the start.
+    """Return bounds (C,) of the rounding errors of conditions at the start.
 
-    That is the rounding of the expressions that state the start values.
+    They are twice the changes of the conditions by the rounding of the expressions that
+    give the start values.
     """
     errors = {x.name: x.error for x in arc.equations.model.initial}
     moved = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
@@ -72,7 +79,7 @@ class Truth:
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """The width of the instant, and the relative tolerance of the run."""
+        """Largest time difference in an instant, and relative tolerance."""
         arc = self.arc
         return width(arc.settings, arc.t), float(arc.plan.tolerance)
 
@@ -102,7 +109,9 @@ class Truth:
             give_leeway(self.arc, values, true)
 
     def become_at_start(self, before: Floats | None) -> set[int]:
-        """Return the conditions that become true at the start, and mark them as due.
+        """Return the indices of conditions that become true at the start.
+
+        Mark them as due.
 
         By an impact at the start, or by a jump of a switch in an inequality just after
         it, as in `mod(-x, 2) >= 1` where x rises from 0.
@@ -127,9 +136,10 @@ class Truth:
         return self._marked(float(found.any()))
 
     def _located_after(self, late: float, part: float) -> Floats:
-        """Return the conditions (C,) a `part` of the time `late` after the start.
+        """Return the values (C,) of the conditions shortly after the start.
 
-        Time and state move by at least some units in the last place.
+        The time is the part `part` of `late`; time and state move by at least some
+        units in the last place.
         """
         arc, places = self.arc, PLACES * part / PART
         rates = np.zeros(len(arc.y))
@@ -142,7 +152,7 @@ class Truth:
         return arc.located(time, arc.y + moved)
 
     def see(self, found: int = -1) -> None:
-        """Evaluate the conditions at the state just before an instant.
+        """Store the truth of the conditions at the state just before an instant.
 
         found : index of the condition located at the instant, or -1.
         """
@@ -156,20 +166,22 @@ class Truth:
         return self._marked(self.run("meet"))
 
     def hold(self, *, for_ever: Iterable[int] = ()) -> None:
-        """Store that the conditions marked last are true from now on.
+        """Store that the conditions that became true last are true from now on.
 
-        The conditions of `for_ever` remain true for ever: their events never act again.
+        for_ever : indices of conditions that are true for the rest of the run, so that
+        their
+        events never act again.
         """
         self.run("hold")
         for c in for_ever:
             self.state.leeway[c] = np.inf
 
     def changed(self) -> set[int]:
-        """Return the conditions that become true by modes set, whatever the rates."""
+        """Return indices of conditions that become true by modes that events set."""
         return self._marked(self.run("change")) if self.set_by_modes else set()
 
     def settled(self, *, struck: bool) -> set[int]:
-        """Return the conditions that become true at the state just after the instant.
+        """Return indices of conditions that become true by all acts of an instant.
 
         struck : whether velocities have jumped.
         """
@@ -177,9 +189,11 @@ class Truth:
         return self._marked(self.run("settle", jumped, *self.tolerances))
 
     def _marked(self, count: float) -> set[int]:
-        """Return the indices of the conditions marked as due, `count` in number.
+        """Return the indices of the conditions that the last kernel has marked as due.
 
-        Raise the leeway of conditions that constraints may keep at 0.
+        count : their number. Where constraints may keep a true condition at 0, its
+        leeway is
+        raised first.
         """
         state = self.state
         if state.any_stays > 0.0 and self.arc.equations.model.constraints:
@@ -222,7 +236,7 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
 
 
 def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
-    """Count conditions as true at the state y that are true where its gaps are closed.
+    """Set the leeway of conditions that an impact makes true but for rounding.
 
     After an impact rounding leaves a gap of either sign, and the motion opens it:
     without this, `x <= 0` may never be true at the ground `x >= 0`.

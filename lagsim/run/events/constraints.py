@@ -85,7 +85,10 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """Return the allowed velocity error on the constraints, shape (n,)."""
+    """Return the velocity error (n,) on the constraints that is no impact.
+
+    It is 0 where each step is projected, else the Newton step onto the constraints.
+    """
     if arc.plan.projected:
         return np.zeros(arc.system.n)
     return _newton_step(arc, "velocity")
@@ -233,7 +236,7 @@ def _is_held(arc: Arc, k: int) -> bool:
 
 
 def _smallest(arc: Arc, k: int) -> Point:
-    """Return the point of the motion at which inertia `k` was smallest."""
+    """Return the state at which inertia k was smallest so far."""
     state = arc.state
     where = state.inertia_where.reshape(state.inertias, -1)[k]
     blocks = state.positions, state.velocities, state.first_order

@@ -333,14 +333,14 @@ class Contacts(Source):
         self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
 
     def _put(self, arc: Arc, chosen: Chosen) -> None:
-        """Store selected modes in the memory that the compiled functions read."""
+        """Store selected modes in the parameters that the kernels read."""
         p = arc.system.p
         own = p.law_place < 0.0  # the modes of sliders are set by `settle`
         p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
         p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 
     def rest_soon(self, arc: Arc, within: float) -> None:
-        """Count as at rest the slips on discs that may stop within this time.
+        """Set the slips on discs that may stop within this time to be at rest.
 
         This applies where switches accumulate: a slip whose direction turns with the
         switches vanishes at their limit, and friction along the remaining slip would
@@ -358,7 +358,7 @@ class Contacts(Source):
         p.law_still[discs] = np.maximum(p.law_still[discs], slow)
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
-        """Return the kinematics after an update of the massless sliders.
+        """Return the kinematics after sliders without mass have changed their modes.
 
         The state, events and ending are stored in `found`.
         """
@@ -538,11 +538,10 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
 
 
 def _corrected_state(here: Kinematics, met: int | None) -> Floats | None:
-    """Return the state (size,) without errors of the step that ended there.
+    """Return the state (size,) corrected for errors of the step that just ended.
 
-    None where there is nothing to correct.
-
-    met : the number of the law whose mode has ended, or None.
+    None where there is nothing to correct. met : the index of the law whose mode has
+    ended, or None.
     """
     if here.arc.system.p.law_opens.any():
         return _raised_state(here)
@@ -552,9 +551,9 @@ def _corrected_state(here: Kinematics, met: int | None) -> Floats | None:
 
 
 def _raised_state(here: Kinematics) -> Floats:
-    """Return the state (size,) with contacts that are below ground by an error raised.
+    """Return the state (size,) in which contacts just opened have gap and rate >= 0.
 
-    Their gaps and closing rates become 0.
+    Errors of a step may leave such contacts below ground, or approaching.
     """
     state, p = here.arc.state, here.arc.system.p
     y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
@@ -568,9 +567,9 @@ def _raised_state(here: Kinematics) -> Floats:
 
 
 def _is_stopping(here: Kinematics, k: int) -> bool:
-    """Whether a slip on a disc stops before a position changes by more than rounding.
+    """Whether the slip of law k stops before a position changes by more than rounding.
 
-    k : the number of the law whose mode has ended.
+    k : the index of a slip on a disc whose mode has ended.
     """
     pair, p = [k, here.laws[k].pair], here.arc.system.p
     if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
@@ -583,7 +582,7 @@ def _is_stopping(here: Kinematics, k: int) -> bool:
 
 
 def _straightened_state(here: Kinematics, k: int) -> Floats:
-    """Return the state (size,) with a slip on a disc along its last known direction.
+    """Return the state (size,) with a slip on a disc turned to its last direction.
 
     In the step that ends at the stop of a slip, rounding turns the last directions of
     its friction, and thus the slip.
@@ -602,7 +601,7 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
 
 
 def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) -> Floats:
-    """Return the velocities (n,) to subtract so that stopped laws do not move at y.
+    """Return the correction (n,) of velocities that keeps stopped laws at rest at y.
 
     Parameters
     ----------
@@ -624,9 +623,9 @@ def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) ->
 
 
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
-    """Return the state (size,) after time `moment`, to second order.
+    """Return the state (size,) a short time later, to second order.
 
-    `p`, shape (r,): the multipliers of the laws `some`.
+    p : ndarray, shape (r,), the multipliers of the laws `some`. moment : the time.
     """
     rates = here.free.copy()
     rates[here.arc.velocities] += here.answer.response[:, some] @ p
@@ -637,7 +636,7 @@ def ahead_of(
     here: Kinematics, some: list[int],
     others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
 ) -> Ahead:  # fmt: skip
-    """Return a function of multipliers (r,): the rates of change of accelerations.
+    """Return a function that maps multipliers (r,) to d/dt of accelerations.
 
     The function returns these rates (k + r,) of `others` and of laws, and the rounding
     bounds (r,) of those of laws. Each bounded multiplier keeps its ratio to its bound.
@@ -669,7 +668,7 @@ def ahead_of(
 
 
 def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
-    """Return the numbers of the laws that are closed and do not separate.
+    """Return the indices of the laws that are closed and do not separate.
 
     Laws of `also` count as closed whatever their gaps are. A slip could act only where
     its contact could.
@@ -741,7 +740,7 @@ def _chosen(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chose
 
 
 def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
-    """Store the least speeds of slips that begin on a disc, and the speeds to stop at.
+    """Store the speeds at which slips on a disc count as begun, and as stopped.
 
     A slower slip has no direction but rounding, and friction would turn it into the
     direction of its force at once, for which explicit steps are too long. Up to
@@ -829,7 +828,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 
 
 def _set_slack(here: Kinematics, found: Chosen) -> None:
-    """Store slacks and bands: rounding must not end a mode that has just begun."""
+    """Store the slacks and bands of laws, so that rounding ends no mode."""
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
     slack = p.slack[K:]
     slack[:] = 0.0

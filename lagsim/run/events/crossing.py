@@ -247,9 +247,9 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
-    """Return the largest magnitude of each surface so far (K,); 0 if rounding only.
+    """Return the largest magnitude of each surface so far (K,); 0 if within rounding.
 
-    `pushed`, shape (K,): changes by the forces in the interval between two rows.
+    pushed : ndarray, shape (K,), the largest rates of the surfaces by forces.
     """
     arc = modes.arc
     slopes = np.abs(modes.rows().J)
@@ -264,7 +264,10 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
 
 
 def _pushes(modes: Modes) -> Floats:
-    """Return the rates of the surfaces by the forces ahead, shape (SAMPLES, K)."""
+    """Return d/dt of the surfaces' rates by forces at later times, (SAMPLES, K).
+
+    The times are distributed geometrically from now to the end of the run.
+    """
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
     first = min(arc.state.row_step, left)
@@ -274,7 +277,7 @@ def _pushes(modes: Modes) -> Floats:
 
 
 def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
-    """Return the velocity at which the root of surface k equals the largest force.
+    """Return the velocity at which the root on surface k balances the largest force.
 
     It is extrapolated by a power law from the roots at `floors` (K,) and at FARTHER
     times these; infinite where the power law does not apply.
@@ -291,7 +294,7 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: Modes, k: int) -> float:
-    """Return half the difference of the rates of surface k between its two sides."""
+    """Return half the difference of the rates of surface k on its two sides."""
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
@@ -394,21 +397,25 @@ class Crossing:
         return level if abs(value - level) <= most else None
 
     def _put_clear(self, k: int) -> None:
-        """Store the side of surface k given by the value of its expression."""
+        """Store the side of surface k by its expression, which is not at a level."""
         before = self.modes.value[k]
         self.modes.put_clear(k, self.values[k])
         if self.modes.value[k] != before:
             self.stale.add(k)
 
     def _put(self, k: int, mode: int) -> None:
-        """Store that surface k is below or above its level, or at rest at it."""
+        """Set surface k to a mode: BELOW, ABOVE, or LEVEL (at rest at its level)."""
         before = self.modes.value[k]
         self.modes.put(k, self.levels[k], mode)
         if self.modes.value[k] != before:
             self.stale.add(k)
 
     def _sort(self, k: int) -> None:
-        """Select the mode of surface k by its own rate, or count k as open or loose."""
+        """Select the mode of surface k by its own rate where the rate is not 0.
+
+        Otherwise k is appended to `open`, to be decided by forces, or to `loose`, if it
+        steps together with open surfaces.
+        """
         modes = self.modes
         rows = self.rows
         hangs = not modes.depends[k].isdisjoint([*self.open, *self.loose])
@@ -447,7 +454,7 @@ class Crossing:
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
     def _follows(self, k: int) -> bool:
-        """Whether the side of surface k follows from the sides of the open surfaces.
+        """Whether the sides of the open surfaces determine the side of surface k.
 
         On each side of these its expression may have another value, at a level or not,
         and at another level.
@@ -471,9 +478,10 @@ class Crossing:
         return len(found) > 1 or next(iter(found))[1] == 0.0
 
     def _corners(self) -> list[tuple[int, ...]]:
-        """Return the sides of the open surfaces at which rates are compared.
+        """Return the combinations of open surfaces' sides at which rates are compared.
 
-        Where many surfaces are open, these are only all lower and all upper sides.
+        Each is a tuple of BELOW or ABOVE, one per open surface; where many surfaces are
+        open, only all lower and all upper sides.
         """
         count, sides = len(self.open), (BELOW, ABOVE)
         if count > FEW_CORNERS:
@@ -481,9 +489,9 @@ class Crossing:
         return list(product(sides, repeat=count))
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
-        """Return the open surface with which k steps together, and the factor.
+        """Return an open surface whose gradient is a multiple of that of surface k.
 
-        The factor is the ratio of their gradients; None if there is no such surface.
+        With the factor between both gradients; None if there is no such surface.
         """
         J, b = rows.J, rows.b
         for j in self.open:
@@ -495,7 +503,7 @@ class Crossing:
         return None
 
     def _settle(self, corner: Sequence[int]) -> set[int]:
-        """Store sides of the open surfaces, and the sides of those that follow.
+        """Store given sides of open surfaces, and sides that depend on these.
 
         Loose and hanging surfaces are put on the sides of their expressions' values. So
         is an open surface whose expression leaves its level beside other open ones.
@@ -545,7 +553,7 @@ class Crossing:
     def _by_forces(self, now: list[int]) -> None:
         """Select the modes of the open surfaces by the forces on each side.
 
-        `now`: the side of each open surface before.
+        now : the present side of each open surface.
         """
         cone = self._cone()
         # The surface just reached starts from its side, not from rest at its level.
@@ -594,7 +602,7 @@ class Crossing:
         return None
 
     def _take(self, sides: Sequence[int], shares: Floats) -> None:
-        """Store the modes of open surfaces, and of surfaces that step with them.
+        """Store the modes of open surfaces, and of the surfaces that these carry.
 
         Parameters
         ----------
@@ -681,7 +689,7 @@ class Crossing:
     def _acting(
         self, left: Mapping[int, int], corner: Sequence[int]
     ) -> tuple[Acting, Floats]:
-        """Return the laws at a corner, and their effect on the open surfaces' rates.
+        """Return the laws that could act at a corner, and their effect on surfaces.
 
         Parameters
         ----------
@@ -704,7 +712,7 @@ class Crossing:
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
-        """Store shares w (k,) of open surfaces, between their sides or at levels."""
+        """Store the shares w (k,) of open surfaces as values between their sides."""
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
             if share != LEVEL:

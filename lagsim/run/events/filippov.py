@@ -175,7 +175,7 @@ class FilippovCone:
         return None
 
     def _others(self, sides: Corner, trial: Trial) -> list[int]:
-        """Return [k] of the first surface k left by its other side alone, or [].
+        """Return [k], the first surface with a solution on its other side alone, or [].
 
         If the motion leaves a surface on both sides, `is_fork` is set. A surface to
         which the motion returns from both sides is followed, although its rate
@@ -206,7 +206,7 @@ class FilippovCone:
         return []
 
     def _change(self, w: Floats, j: int) -> Floats:
-        """Return the change of the rates from below surface j to above it, at shares w.
+        """Return the difference of the rates above and below surface j, at shares w.
 
         w : shape (count,). The result has the accelerations of laws, too: (count + r,).
         """
@@ -215,9 +215,9 @@ class FilippovCone:
         return self._blended(above) - self._blended(below)
 
     def _blended(self, w: Floats) -> Floats:
-        """Interpolate the rates (count + r,) between corners.
+        """Return the rates (count + r,) at shares w, interpolated between corners.
 
-        The rates are linear in each of the shares w (count,).
+        The rates are linear in each of the shares.
         """
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
@@ -233,7 +233,7 @@ class FilippovCone:
         return rates
 
     def _solved(self, sides: Corner) -> Trial | None:
-        """Solve for the modes where surfaces that do not attract have these sides.
+        """Solve for all modes, with given sides of the surfaces that do not attract.
 
         A surface at which laws alone hold the motion has the value at its level. None
         where the problem has no solution.
@@ -383,7 +383,7 @@ WAYS = {Mode.HELD: SLIDING, Mode.REDUNDANT: REDUNDANT}
 
 
 def exchange(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
-    """Return the sides with that of surface k exchanged; from its level, for `now`."""
+    """Return the sides with surface k on its other side; LEVEL is replaced by `now`."""
     other = now if sides[k] == LEVEL else 1 - sides[k]
     return (*sides[:k], other, *sides[k + 1 :])
 
@@ -476,7 +476,7 @@ class Modes:
         self.watched: list[int] = []  # whose mode ends off their level
 
     def _ordered(self) -> list[int]:
-        """Return the surfaces in an order in which each follows its dependencies."""
+        """Return the surfaces, each after the surfaces on which it depends."""
         found: list[int] = []
         left = list(range(self.count))
         while left:
@@ -497,7 +497,7 @@ class Modes:
 
     @property
     def bound(self) -> Floats:
-        """Whether the mode of each surface is independent of its expression (K,)."""
+        """Whether each surface's mode does not follow from its expression (K,)."""
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
     @property
@@ -518,13 +518,18 @@ class Modes:
         self.value[:], self.kind[:] = value, kind
 
     def forget(self) -> None:
-        """Clear all modes of sliding, carried and watched surfaces."""
+        """Remove all surfaces from the modes of sliding, carried and watched ones."""
         self.kind[:] = 0.0
         self.carried = {}
         self.watched = []
 
     def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
-        """Set the mode of surface k: below or above its level, along it or at it."""
+        """Set the mode of surface k: a side, sliding along its level, or rest at it.
+
+        level : of the surface. mode : BELOW, ABOVE, SLIDING, ... share : the share w of
+        the
+        upper side where the mode is redundant.
+        """
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
         self.kind[k] = KINDS.get(mode, 0.0)
@@ -538,13 +543,13 @@ class Modes:
         return 1.0 if above else -1.0
 
     def put_clear(self, k: int, value: float) -> None:
-        """Set the side of surface k on which its expression has this value."""
+        """Set the side of surface k by its expression's value, not at a level."""
         self.kind[k] = 0.0
         sign = 1.0 if value > 0.0 else -1.0
         self.value[k] = math.floor(value) if self.whole[k] else sign
 
     def carry(self, k: int, carried: Carried) -> None:
-        """Set surface k to be carried by a surface that the motion follows."""
+        """Set surface k to be carried by its leader, a followed surface."""
         self.kind[k] = kept.CARRIED
         self.carried[k] = carried
 
@@ -581,7 +586,7 @@ class Modes:
         p.most[:] = most
 
     def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
-        """Return the least and largest values (K,) of expressions on sides (K,)."""
+        """Return the least and greatest values (K,) of expressions on sides (K,)."""
         up, whole = sides > 0.0, self.whole
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         if self.has_whole:
@@ -619,7 +624,9 @@ class Modes:
         )
 
     def held(self) -> dict[int, float]:
-        """Return the surfaces at whose level constraints hold the motion, with bounds.
+        """Return the surfaces at whose level constraints hold the motion.
+
+        Index -> bound.
 
         Their rates are rounding on both sides, at other states and at later times. The
         bound of each is the largest distance from its level that rounding causes in the
@@ -651,10 +658,10 @@ class Modes:
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
 
     def drifts(self) -> Floats:
-        """Return the changes (K,) of the expressions by rounding of balanced forces.
+        """Return the changes (K,) of the surfaces' expressions by rounding of forces.
 
-        That is in the duration of the run: where laws hold the motion at rest, the
-        sizes of positions and velocities so far may all be 0.
+        These are changes in the duration of the run: where laws hold the motion at
+        rest, the sizes of positions and velocities so far may all be 0.
         """
         arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
         bounds = arc.runner.function("rounding")(arc.t, arc.y)[:n]
@@ -667,7 +674,10 @@ class Modes:
         return np.asarray(found)
 
     def _aside(self, t: float) -> Floats:
-        """Return a state (size,) changed by a part of each range or expected range.
+        """Return a state (size,) in general position near the one reached.
+
+        Each component is changed by a part of its range so far, or of its expected
+        range.
 
         At the start of a run all ranges are 0. There the change of a component up to
         time t by its rate is used; it is iterated, since components at rest are set in
@@ -686,7 +696,10 @@ class Modes:
         return np.asarray(arc.y + parts * reach)
 
     def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
-        """Return rounding bounds (K,) of the rates at y; -1 where a rate is larger."""
+        """Return bounds (K,) of rounding in the rates at y.
+
+        -1 where a rate exceeds it.
+        """
         arc, rates = self.arc, self.forced(y, t)
         now = arc.t if t is None else t
         bounds = arc.runner.function("rounding")(now, y)[: arc.system.n]
@@ -713,7 +726,7 @@ class Modes:
         return np.asarray(rows.J @ self.accelerations(y, t) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
-        """Return the magnitude of the terms of each surface (K,), at the sizes so far.
+        """Return the magnitude of each surface's terms (K,), at the sizes so far.
 
         It is at least the change by rounding of the state, divided by the unit of
         rounding, since slopes may vanish.

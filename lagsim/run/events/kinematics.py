@@ -51,7 +51,7 @@ class Shape:
         return delassus(self.M, self.equalities, self.rows)
 
     def lift(self, some: Sequence[int], rates: Floats) -> Floats:
-        """Return the change of q or q' (n,) that adds given rates to some laws.
+        """Return the least change (n,) of q or q' for given changes of laws' rates.
 
         Parameters
         ----------
@@ -153,7 +153,11 @@ class Kinematics:
         return there
 
     def _let_go(self) -> None:
-        """Compute the accelerations without any law, and the sizes of their terms."""
+        """Compute the laws' accelerations (L,) without forces of laws, and terms.
+
+        Stores `free`, `bounds`, `statics`, `accelerations`, `forces`, `pushes` and
+        `moves`.
+        """
         n = self.arc.system.n
         self.free, b, self.bounds, self.statics = self._free(self.t, self.y)
         a = self.free[self.levels[1]]
@@ -257,7 +261,9 @@ class Kinematics:
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
     def _goes_below(self, k: int, met: int | None) -> bool:
-        """Whether a bound of 0 or less is negative by more than rounding, or falls.
+        """Whether the bound of law k, which is 0 or less, is or becomes negative.
+
+        Negative by more than rounding.
 
         The bound of the law that was located (`met`) is 0 within rounding. At the end
         of an arc a switch may keep it from falling, as in `max(0, sin(t))`: the test is
@@ -269,7 +275,7 @@ class Kinematics:
 
     @cached_property
     def present(self) -> Floats:
-        """The accelerations (L,) of the laws with the modes now in force."""
+        """The accelerations (L,) of the laws with the forces of the present modes."""
         system = self.arc.system
         if not system.p.law_mode.any():
             return self.accelerations
@@ -277,7 +283,7 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Return the sizes (size,) that determine the rounding of a state.
+        """Return the magnitude (size,) of each component that determines its rounding.
 
         They include the sizes of the terms of the rows, within whose rounding a row in
         force is satisfied. Rows of velocities have no terms of positions.

@@ -75,7 +75,7 @@ class Sequence:
         self.own.setdefault(surface, deque(maxlen=STUCK)).append(time)
 
     def lately(self) -> list[int]:
-        """Return the sorted numbers of the surfaces in the last two windows."""
+        """Return sorted indices of surfaces that switched in the last two windows."""
         return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
 
     def ratio(self) -> float:

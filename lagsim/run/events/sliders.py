@@ -141,7 +141,7 @@ class _Sliders:
         return self.arc.runner.function("sliders", len(self.all))(self.arc.t, y)
 
     def _past(self, some: list[int], part: float) -> list[int]:
-        """Return the sliders of `some` whose forces are past their limits.
+        """Return the sliders of `some` whose forces exceed their limits.
 
         They exceed the limit by the part `part` of it and by rounding; with a negative
         part, they exceed the limit less this part and less rounding.
@@ -185,7 +185,7 @@ class _Sliders:
         return Kinematics(arc, y, arc.t + later)
 
     def _slip(self, edge: list[int]) -> None:
-        """Select the sliding ones of the sliders at their limits, `edge`."""
+        """Select which of the sliders at their limits, `edge`, slide."""
         for _ in range(STEPS if edge else 0):
             self._move()
             before, self.sliding = self.sliding, self._slipping(edge)

@@ -92,7 +92,7 @@ class Switching(Source):
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:
-        """Return the number of steps after which progress at surfaces is checked."""
+        """Return the number of steps at which approach to surfaces is checked next."""
         return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:
@@ -229,10 +229,10 @@ class Switching(Source):
         return found
 
     def _put_on(self, y: Floats) -> None:
-        """Project y (size,) onto the surfaces followed and the rows with corners there.
+        """Project the state y (size,), in place, onto surfaces that the motion follows.
 
-        The rows are those of the lower side, while the velocities may satisfy those of
-        the upper side. The state is changed in place.
+        Velocities are projected first onto the equality rows of the lower side: before,
+        they may satisfy those of the upper side.
         """
         arc = self.modes.arc
         step = arc.runner.function("velocity_step")(arc.t, y)
@@ -267,7 +267,7 @@ class Switching(Source):
         return y
 
     def _known(self, hit: int | None, *, carried: bool) -> dict[int, float]:
-        """Return the surfaces known to be at their levels, with largest distances.
+        """Return the surfaces known to be at their levels: index -> largest distance.
 
         These are the surface reached last, with its distance then, and the surfaces at
         whose levels constraints hold the motion, with the rounding of the constraints.
@@ -353,7 +353,7 @@ class Switching(Source):
             yield Event(time, "switch", switch=self.sides[hit].text)
 
     def _meet(self, arc: Arc, k: int) -> Decision:
-        """Select the modes past surface k, which was located.
+        """Select the modes at surface k, which the motion has just reached.
 
         Where switches accumulate, the state is taken as at rest on their surfaces.
         """
@@ -383,9 +383,10 @@ class Switching(Source):
         return found._replace(turn=Turn.MODE)
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
-        """Return the event of switches of surface k that accumulate.
+        """Return the event of an accumulation of switches of surface k.
 
-        At the corner of an equality it has the name of the equality.
+        time : of the event. At the corner of an equality it has the name of the
+        equality.
         """
         corner = arc.system.switches.corners.get(k)
         name = corner.rows[0] if corner else None
@@ -407,7 +408,9 @@ class Switching(Source):
         return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return the next surface if it is reached, else None; and a time ahead of it.
+        """Return the next surface, if it is reached already, and a time just before it.
+
+        The first is None if it is not reached.
 
         None alone where no surface is near.
         """

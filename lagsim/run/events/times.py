@@ -68,7 +68,10 @@ class _Ahead(Source):
         return self._arc.parameters | self._modes
 
     def _is_other(self, arc: Arc) -> bool:
-        """Whether modes on which breaks depend have changed; then restart from now."""
+        """Whether modes on which breaks depend have changed.
+
+        If so, search again from now.
+        """
         modes = {name: arc.modes[name] for name in self._names}
         if modes == self._modes:
             return False
@@ -206,7 +209,10 @@ class TimeBreaks(_Ahead):
         return break_times(g, self._nodes(arc), self._values, *ends)
 
     def _nodes(self, arc: Arc) -> list[int]:
-        """Return the discrete functions of its modes, then of the ends of `Knots`."""
+        """Return the nodes of discrete functions of t whose changes are breaks.
+
+        They belong to the modes of the source, then to the ends of tables in `Knots`.
+        """
         g, modes = arc.equations.graph, arc.system.switches.modes
         closed = (clock for k, clock in clocks(arc).items() if k in self._closed)
         ends = (at_ends(g, clock.axis, clock.argument) for clock in closed)
@@ -315,7 +321,7 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
 
 
 def _pushed(arc: Arc, time: float) -> Floats:
-    """Return the changes (size,) of a state by the forces at a time.
+    """Return the changes (size,) of the state by the forces at a later time.
 
     The forces act for the part `FORESEEN` of the interval between samples.
     """

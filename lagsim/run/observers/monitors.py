@@ -24,7 +24,7 @@ MOST_ROWS = 4096
 
 
 def numbers(t: Floats, start: float, step: float) -> Floats:
-    """Return the index of each time (k,) on the grid of output times, -1 off the grid.
+    """Return the index of each time (k,) in the grid of output times; -1 off the grid.
 
     Parameters
     ----------
@@ -390,7 +390,7 @@ class Growth:
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Return the indices of the columns of each constraint's residual and scale.
+    """Return the columns of each constraint's residual and scale: name -> two indices.
 
     Constraints that hold only at times have no such columns and are omitted.
     """
