@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 import lagsim
 from lagsim.model.reader import read, read_file
@@ -23,6 +25,21 @@ MODELS = ROOT / "models"
 DATA = Path(__file__).parent / "data"
 LIMITS = {"most_steps", "arc_steps", "longest_step"}
 HEARD = {"interrupt", "progress"}
+
+
+@contextlib.contextmanager
+def refused(code, *names, kind=lagsim.LagsimError):
+    """Expect an error with a code, whose message and hint have these names and numbers.
+
+    The wording is free. Yield pytest's record of the error.
+    """
+    with pytest.raises(kind) as caught:
+        yield caught
+    error = caught.value
+    found = [p for p in getattr(error, "problems", ()) if p.code == code]
+    assert found or error.code == code, repr(error)
+    text = "\n".join(map(str, found)) or str(error)
+    assert all(name in text for name in names), text
 
 
 def simulate(model, **options):

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.errors import InputError
 from tests.admissibility.scenes import check, codes, judged, scene, warning
-from tests.support import run
+from tests.support import refused, run
 
 # relations, a point of the set, its dimension, the names that must be told
 THIN = {
@@ -150,7 +149,7 @@ def test_guesses_at_the_point_of_a_cone_are_solved(cone, height):
 @pytest.mark.parametrize("cone", ["z = hypot(x, y)", "z = sqrt(x^2 + y^2)"])
 @pytest.mark.parametrize("value", ["0", "{guess: 0}"])
 def test_the_point_of_a_cone_is_told(cone, value):
-    with pytest.raises(InputError, match="not finite"):
+    with refused("not-finite", "`a`"):
         judged(scene(cone, dict.fromkeys("xyz", value)))
 
 

@@ -18,7 +18,7 @@ from tests.admissibility.scenes import (
     warning,
 )
 from tests.scenes.reference import model_text
-from tests.support import run
+from tests.support import refused, run
 
 CIRCLE = "x^2 + y^2 = 1"
 AT = {"x": 0.6, "y": 0.8}
@@ -338,20 +338,20 @@ def test_constraints_determine_what_has_no_inertia(text, freedom):
 
 
 @pytest.mark.parametrize(
-    ("relations", "kinetic", "told"),
+    ("relations", "kinetic", "code", "name"),
     [
-        ({}, "x_dot^2/2", "the coordinate y has no inertia"),
-        ({}, "(x_dot + y_dot)^2/2", "combination of coordinates x - y has no inertia"),
-        ({}, "x_dot^2/2 - y_dot^2/2", "falls with the speed of the coordinate y"),
-        ({}, "x_dot^2/2 + 2*x_dot*y_dot", "the mass matrix is indefinite"),
+        ({}, "x_dot^2/2", "no-inertia", "coordinate y "),
+        ({}, "(x_dot + y_dot)^2/2", "no-inertia", " x - y "),
+        ({}, "x_dot^2/2 - y_dot^2/2", "negative-inertia", "coordinate y "),
+        ({}, "x_dot^2/2 + 2*x_dot*y_dot", "negative-inertia", " -0.7808 x + y "),
         # A row of rounding completes nothing.
-        ("sin(b)*x + y = 0", "y_dot^2/2", "the coordinate x has no inertia"),
+        ("sin(b)*x + y = 0", "y_dot^2/2", "no-inertia", "coordinate x "),
         # With x = y it would be 2 - 1 = 1 in sum.
-        ("x = y", "x_dot^2 - y_dot^2/2", "coordinate y"),
+        ("x = y", "x_dot^2 - y_dot^2/2", "negative-inertia", "coordinate y "),
     ],
 )
-def test_what_has_no_inertia_is_refused_by_name(relations, kinetic, told):
-    with pytest.raises(InputError, match=told):
+def test_what_has_no_inertia_is_refused_by_name(relations, kinetic, code, name):
+    with refused(code, name):
         judged(scene(relations, ORIGIN, kinetic=kinetic, parameters="b: pi"))
 
 

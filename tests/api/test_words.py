@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from tests.support import refused
 
 SPRING = """
 parameters: {k: 4}
@@ -155,7 +156,7 @@ def test_a_path_or_a_text_stands_for_a_model(spring, tmp_path, name):
     for wrong in (3, None, ["a"]):
         with pytest.raises(TypeError, match=r"a path, or the text of a file"):
             call(wrong)
-    with pytest.raises(lagsim.InputError, match="cannot be read"):
+    with refused("unreadable", "other.yaml"):
         call(tmp_path / "other.yaml")
 
 

@@ -8,6 +8,7 @@ import pytest
 import lagsim as in_python
 from lagsim.errors import InputError
 from lagsim.model.reader import read
+from tests.support import refused
 
 BALL = """
 name: ball
@@ -150,7 +151,7 @@ def test_faults_have_their_place(change, code):
 
 def test_a_definition_has_no_uncertainty():
     text = OSCILLATOR.replace("double: 2*x", "double: {value: 2*x, uncertainty: 1}")
-    with pytest.raises(InputError, match="uncertainty"):
+    with refused("unknown-key", "`uncertainty`"):
         read(text, "<model>")
 
 

@@ -10,6 +10,7 @@ import pytest
 import lagsim as python
 from lagsim.studies.tables import read_results
 from tests.cli._results import manifest, names, table
+from tests.support import refused
 
 MODEL = """
 name: swing
@@ -71,7 +72,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(lagsim, write, monkeypat
     told = lagsim("run", path, "--table", "npz", "--units", code=2)
     assert "a table in the format npz has no line of units" in told.err
     result = python.simulate(python.load(path), duration=0.1)
-    with pytest.raises(python.InputError, match="no line of units"):
+    with refused("usage", "npz"):
         result.write("results", table="npz", units=True)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)

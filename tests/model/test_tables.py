@@ -8,6 +8,7 @@ import pytest
 from lagsim import limits, load, simulate
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
+from tests.support import refused
 
 MODEL = """
 coordinates: {x: {}}
@@ -118,7 +119,7 @@ def test_a_file_of_a_spreadsheet_is_read(tmp_path, content):
 def test_a_text_has_no_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "curve.csv").write_text(GOOD)
-    with pytest.raises(InputError, match="has no folder"):
+    with refused("table-file", "`curve.csv`"):
         load(MODEL.replace("FILE", "curve.csv"))
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.outputs import results as module
 from lagsim.outputs.results import open_results
+from tests.support import refused
 
 
 def names(folder):
@@ -147,7 +147,7 @@ def test_a_manifest_that_somebody_has_altered(folder, content):
 def test_a_folder_is_held_by_one_run(folder):
     with open_results(folder) as first:
         first.write("a", b"first")
-        with pytest.raises(InputError, match="another run"), open_results(folder):
+        with refused("output-folder", str(folder)), open_results(folder):
             pass
         first.commit(b"{}")
     put(folder, a=b"second")
@@ -162,7 +162,7 @@ def test_a_run_elsewhere_holds_the_file_that_is_locked(folder):
     folder.mkdir(parents=True)
     with (folder / module.LOCK).open("w") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another run"), open_results(folder):
+        with refused("output-folder", str(folder)), open_results(folder):
             pass
         assert names(folder) == [module.LOCK]
         threading.Timer(0.1, (folder / module.LOCK).unlink).start()  # as its end does

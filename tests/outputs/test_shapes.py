@@ -14,6 +14,7 @@ from tests.outputs import node as page
 from tests.outputs.drawn import assert_legible, drawn, record
 from tests.outputs.node import Screen, ends, fills, lines, near, needs_node
 from tests.outputs.test_animation import filmed
+from tests.support import refused
 
 # A body that goes round (1, -2) at 3, and turns at 2.
 PLANE = """\
@@ -196,7 +197,7 @@ def test_other_sizes_follow_a_binding():
     model = lagsim.load(filled(PLANE, BLOCK))
     [body] = filmed_of(model.bind(w=1.0))
     assert np.ptp(body.corners[0, :, 0]) == 1
-    with pytest.raises(lagsim.InputError, match=r"box `block` is -1; it must not be"):
+    with refused("out-of-range", "`block`", "-1"):
         model.bind(w=-1.0)
 
 

@@ -3,11 +3,9 @@
 import itertools
 import time
 
-import pytest
-
 from lagsim.model.reader import read
 from lagsim.run.session import LAPS, Clock, StartError, check, open_case
-from tests.support import case_of
+from tests.support import case_of, refused
 
 SPRING = """
 parameters: {k: 4, a: 1}
@@ -27,7 +25,7 @@ simulation: {duration: 1, output_step: 0.1}
 
 
 def test_values_that_are_bound_begin_no_run_where_the_start_is_not_admissible():
-    with pytest.raises(StartError, match="rod"):
+    with refused("inadmissible", "rod", kind=StartError):
         case_of(ROD).bind({"l": 2.0})
     case, choices = check(read(ROD, "rod.yaml", {"l": "2"}))
     assert (case.examined.admissible, choices) == (False, ())

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSplin
 from lagsim import check, derive, load, sweep
 from lagsim.errors import InputError
 from lagsim.methods import method, names
-from tests.support import MODELS, run, simulate
+from tests.support import MODELS, refused, run, simulate
 
 ADAPTIVE = [name for name in names() if method(name).ADAPTIVE]
 solved = functools.partial(solve_ivp, method="DOP853", rtol=1e-13, atol=1e-14)
@@ -164,7 +164,7 @@ def test_taylor_refuses_what_has_no_series_and_auto_does_not_take_it():
     found = simulate(load(ground(interpolation="cubic")))
     assert found.record["method"] == "dop853"
     of_places = ground("ground(x + 1)", interpolation="cubic")
-    with pytest.raises(Exception, match="the table `ground`"):
+    with refused("method-refused", "`taylor`", "`ground`"):
         simulate(load(of_places), method="taylor")
 
 

@@ -5,12 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.show.lagrange import content
 from lagsim.show.printers import as_json
 from tests.show.cases import known, numbers
-from tests.support import MODELS, SHIPPED, case_of, ready, run, shipped
+from tests.support import MODELS, SHIPPED, case_of, ready, refused, run, shipped
 
 # Without the constraint of its length a quaternion has directions without inertia.
 CONSTRAINED = [
@@ -108,9 +107,9 @@ output: {gauss: true}
 def test_a_singular_mass_matrix_has_no_unconstrained_acceleration():
     case = case_of(MASSLESS)
     e = case.equations
-    with pytest.raises(InputError, match="mass matrix of this model is singular"):
+    with refused("singular-mass", "`output.gauss`"):
         case.plan()
-    with pytest.raises(InputError, match="direction has no inertia"):
+    with refused("singular-mass"):
         content(e, with_gauss=True)
     content(e)
 
@@ -124,5 +123,5 @@ def test_without_constraints_it_is_zero():
 def test_methods_that_would_leave_the_action_out_are_refused():
     text = asking("pendulum-cartesian", action=True)
     for name in ("rattle", "radau"):
-        with pytest.raises(InputError, match="does not integrate the action"):
+        with refused("method-refused", f"`{name}`", "`output`"):
             run(text, method=name)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.errors import LagsimError
-from tests.support import MODELS, simulate
+from tests.support import MODELS, refused, simulate
 
 CHAIN = """
 parameters: {n: %d, k: 40, m: 0.1}
@@ -201,21 +200,21 @@ def test_the_benchmark_bicycle():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "name"),
     [
-        ({"theta": 0.3}, "theta_ddot"),
-        ({"theta": 0, "theta_dot": 1}, "in no steady motion"),
+        ({"theta": 0.3}, "theta_ddot = "),
+        ({"theta": 0, "theta_dot": 1}, "theta_dot = 1"),
     ],
 )
-def test_a_start_that_moves_is_refused(change, said):
-    with pytest.raises(LagsimError, match=said):
+def test_a_start_that_moves_is_refused(change, name):
+    with refused("no-rest", name):
         lagsim.modes(lagsim.load(HOOP).bind(**change), at="start")
 
 
 @pytest.mark.slow
 def test_a_model_without_rest_is_refused():
     text = OSCILLATOR.replace("k*x^2/2", "-k*x")
-    with pytest.raises(LagsimError, match="x_ddot = "):
+    with refused("no-rest", "x_ddot = "):
         lagsim.modes(text)
 
 
@@ -360,7 +359,7 @@ def test_a_moving_constraint_stands_still_at_the_start():
 
 
 def test_a_name_that_is_no_input_is_refused():
-    with pytest.raises(lagsim.InputError, match="`z` is no input"):
+    with refused("unknown-name", "`z`"):
         lagsim.modes(ABSORBER, response=["z:x"])
-    with pytest.raises(lagsim.InputError, match="did you mean `y_dot`"):
+    with refused("unknown-name", "`y_dit`", "`y_dot`"):
         lagsim.modes(ABSORBER, response=["x:y_dit"])

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 import lagsim
 from lagsim.errors import InputError
 from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene, tried
+from tests.support import refused
 
 PLANE = "(x_dot^2 + y_dot^2)/2"
 
@@ -91,7 +92,7 @@ def test_a_floor_that_grows_rougher():
 def test_other_methods_follow_or_say_why_not(method):
     text = plane(law=rough("0.2 + 0.1*slip_speed"), start={"x_dot": 2.0})
     if method in ("taylor", "radau"):
-        with pytest.raises(InputError, match="y' only"):
+        with refused("method-refused", f"`{method}`"):
             play(text, method=method)
         return
     found = play(text, method=method, step=1e-3)
@@ -134,10 +135,9 @@ def test_a_limit_that_becomes_negative_ends_the_run(duration):
     assert found.t[-1] == pytest.approx(0.5, abs=GLOBAL)
     assert "the limit of `brake`" in found.result.reason
     late = text.replace("duration", "start: 0.75\n  duration")
-    with pytest.raises(InputError, match=r"`brake` is -0.25 at the start") as error:
+    with refused("out-of-range", "`brake`", "-0.25"):
         lagsim.check(lagsim.load(late))
-    assert error.value.problems[0].code == "out-of-range"
-    with pytest.raises(InputError, match=r"`floor` is -0.2 at the start"):
+    with refused("out-of-range", "`floor`", "-0.2"):
         lagsim.check(lagsim.load(plane(law=rough("x - 0.2"))))
     lagsim.check(lagsim.load(plane(law=rough("x - 0.2"), start={"y": 1.0})))
 

@@ -8,6 +8,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.studies.tables import read_table
+from tests.support import refused
 
 # Values whose texts have every form: signs, exponents, no point, no digits before it.
 FORMS = (
@@ -114,18 +115,18 @@ def test_archives_of_others_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arrays", "why"),
+    ("arrays", "column"),
     [
-        ({"a": np.ones(3)}, "there is no column `t`, the time"),
-        ({"t": np.ones(3), "a": np.ones(2)}, "a is no column of as many numbers"),
-        ({"t": np.ones(3), "a": np.array(["x"] * 3)}, "a is no column of as many"),
-        ({"t": np.ones((2, 2))}, "t is no column of as many"),
-        ({"t": np.ones(0)}, "there are no rows"),
-        ({"t": np.ones(1), "a": np.array([None])}, "no archive of arrays of numbers"),
+        ({"a": np.ones(3)}, "`t`"),
+        ({"t": np.ones(3), "a": np.ones(2)}, " a "),
+        ({"t": np.ones(3), "a": np.array(["x"] * 3)}, " a "),
+        ({"t": np.ones((2, 2))}, " t "),
+        ({"t": np.ones(0)}, ""),
+        ({"t": np.ones(1), "a": np.array([None])}, ""),
     ],
 )
-def test_archives_that_are_no_tables(tmp_path, arrays, why):
-    with pytest.raises(InputError, match=why):
+def test_archives_that_are_no_tables(tmp_path, arrays, column):
+    with refused("bad-table", "a.npz:", column):
         read_table(packed(tmp_path / "a.npz", **arrays))
 
 
@@ -135,11 +136,11 @@ def test_what_is_not_what_its_name_says(tmp_path):
             pytest.importorskip("pyarrow", reason="needs pyarrow")
         for content in (b"", b"t,a\n0,1\n", b"PK\x03\x04 and no more", b"PAR1"):
             (tmp_path / name).write_bytes(content)
-            with pytest.raises(InputError, match=rf"{name}: it is no "):
+            with refused("bad-table", f"{name}:"):
                 read_table(tmp_path / name)
     np.save(tmp_path / "one.npy", np.ones(3))
     (tmp_path / "one.npy").rename(tmp_path / "one.npz")
-    with pytest.raises(InputError, match="one array"):
+    with refused("bad-table", "one.npz:"):
         read_table(tmp_path / "one.npz")
 
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep.runs import Found, parsed
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
+from tests.support import refused
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask`")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -44,7 +44,7 @@ def test_who_does_not_answer_is_told(monkeypatch):
         raise OSError("timed out")
 
     monkeypatch.setattr(distributed, "Client", client)
-    with pytest.raises(InputError, match="no Dask scheduler at tcp://nowhere:1"), (
+    with refused("usage", "tcp://nowhere:1"), (
         machines("tcp://nowhere:1")
     ):  # fmt: skip
         pass
