@@ -11,7 +11,6 @@ from lagsim.errors import UNSEEN as INVISIBLE
 from lagsim.language.functions import JOINING
 from lagsim.methods import options
 from lagsim.model.reader.fields import OPTIONS
-from tests.json_schema import faults
 from tests.model._files import completed
 from tests.model.test_faults import CASES
 from tests.support import MODELS, ROOT
@@ -27,9 +26,11 @@ SHAPES = {
 }  # fmt: skip
 # Names that a mapping may have beside the known ones; members of families have lists.
 OPEN = {"^x-": {}, r"\(": {}}
-# Letters are those of Unicode; whether a contact needs a restitution its relation says.
+# Letters are those of Unicode; whether a contact needs a restitution its relation says;
+# `$` of Python's patterns matches before a last line break, that of JavaScript's not.
 UNSEEN = {
     r'description: "a⟪\0⟫"', "parameters: {⟪x²⟫: 1}", "constraints: {⟪floor⟫: x >= -1}",
+    r'parameters: {⟪"a\n"⟫: 1}',
 }  # fmt: skip
 FAULTY = [n for n, case in CASES.items() if case[0] in SHAPES and n not in UNSEEN]
 
@@ -47,6 +48,15 @@ Loader.yaml_implicit_resolvers = {
 
 def loaded(text):
     return yaml.load(text, Loader)  # noqa: S506  a safe one
+
+
+@pytest.fixture
+def faults():
+    """Return a function that lists the faults of a file's data by the schema."""
+    validator = pytest.importorskip("jsonschema", reason="needs jsonschema")
+    validator.Draft7Validator.check_schema(SCHEMA)
+    validate = validator.Draft7Validator(SCHEMA)
+    return lambda data: list(validate.iter_errors(data))
 
 
 def test_the_shipped_file_is_what_the_command_prints(lagsim):
@@ -72,22 +82,22 @@ def test_options_have_a_type_in_python_and_a_text_in_the_schema():
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
-def test_models_are_valid(path):
-    assert faults(loaded(path.read_text(encoding="utf-8")), SCHEMA) == []
+def test_models_are_valid(faults, path):
+    assert faults(loaded(path.read_text(encoding="utf-8"))) == []
 
 
 @pytest.mark.parametrize("name", FAULTY)
-def test_faulty_models_are_not(name):
+def test_faulty_models_are_not(faults, name):
     text = re.sub("[⟪⟫]", "", CASES[name][2])
     data = loaded(completed(text))
-    assert faults(data, SCHEMA) != []
+    assert faults(data) != []
 
 
 @pytest.mark.parametrize("section", ["coordinates", "energy", "initial"])
-def test_required_sections(section):
-    assert faults(loaded(completed("name: a", section)), SCHEMA) == [
-        f": `{section}` is missing"
-    ]
+def test_required_sections(faults, section):
+    [fault] = faults(loaded(completed("name: a", section)))
+    assert fault.validator == "required"
+    assert f"'{section}'" in fault.message
 
 
 def walk(schema, at="lagsim"):
@@ -112,13 +122,13 @@ def test_every_key_says_what_it_is_for():
             assert silent == [], at
 
 
-def test_mappings_take_no_unknown_keys_but_those_of_the_user():
+def test_mappings_take_no_unknown_keys_but_those_of_the_user(faults):
     for at, schema in walk(SCHEMA):
         if "properties" in schema or "propertyNames" in schema:
             assert schema["additionalProperties"] is not True, at
             own = schema["patternProperties"].items()
             assert {"^x-": {}}.items() <= own <= OPEN.items(), at
     data = loaded(completed("x-mine: [1, {a: b}]\nsimulation: {x-a: 1}"))
-    assert faults(data, SCHEMA) == []
+    assert faults(data) == []
     data["y-mine"] = 1
-    assert faults(data, SCHEMA) != []
+    assert faults(data) != []
