@@ -63,7 +63,10 @@ class Structure(NamedTuple):
 
 
 def unrestricted(_scene: Structure) -> str:
-    """Return "", no refusal: the method handles every model."""
+    """Return "", the refusal of a method that handles every model.
+
+    The argument, the structure of a model, is not used.
+    """
     return ""
 
 

@@ -108,7 +108,10 @@ def refusal(scene: Structure) -> str:
 
 
 def start(s: Gauss, p: Parameters) -> None:
-    """Begin an arc: compute momenta; the stages' first guess is the velocity."""
+    """Begin an arc: compute the momenta, and a first guess of the stages.
+
+    The guess of the stages' velocities is the velocity at the start.
+    """
     begin(s, p)
     n = s.n
     lagrangian(s.t, s.y, p, s.found)
@@ -134,7 +137,10 @@ def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
 
 
 def predict(s: Gauss) -> None:
-    """Extrapolate the polynomial through the velocities of stages and step end."""
+    """Extrapolate the stages' velocities: a first guess for the next step.
+
+    By the polynomial through the velocities at the stages and at the step's end.
+    """
     n, nodes, stages, v = s.n, s.nodes, s.stages, s.y[s.velocities]
     s.V_before[:] = s.V
     if s.step_h == 0.0:
@@ -189,7 +195,10 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def residual(s: Gauss, p: Parameters, h: float) -> None:
-    """Store p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
+    """Store the residuals p0 + h sum_j a_ij F_j - dL/dq'(Q_i, V_i) of stages i.
+
+    They are the right side of Newton's method; p0 : the momenta at the step's start.
+    """
     n, stages = s.n, s.stages
     out, width = s.found, s.size
     for stage in range(stages):
@@ -218,7 +227,10 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
-    """Factor the Newton matrix at the present stages; return 0 if it is singular."""
+    """Factor Newton's matrix at the present stages.
+
+    Return 0 if it is singular, else 1.
+    """
     n, stages = s.n, s.stages
     unknowns = stages * n
     block = 4 * n * n
@@ -240,7 +252,10 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
-    """Return d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one entry of the matrix."""
+    """Return an entry of Newton's matrix, d(dL/dq'(Q_i, V_i) - h sum_j a_ij F_j)/dV_k.
+
+    rc : index of the entry in a matrix (n, n), row by row.
+    """
     square = s.n * s.n
     stages, slopes, a = s.stages, s.slopes, s.coefficients
     value = h * a[stages * i + k] * slopes[i * 4 * square + rc]
@@ -255,7 +270,7 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 
 def conclude(s: Gauss, h: float) -> None:
-    """Write the new positions, momenta and work; the velocities are a first guess."""
+    """Store positions, momenta and work after the step h, and a guess of velocities."""
     n, new, compensation = s.n, s.new, s.compensation
     stages, works, lost = s.stages, new[s.quadratures], compensation[s.quadratures]
     s.new[:] = s.y
@@ -269,7 +284,10 @@ def conclude(s: Gauss, h: float) -> None:
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
-    """Solve dL/dq' = p for the velocities; return 0 if Newton's method fails."""
+    """Solve dL/dq'(q', q, t) = p for the velocities q'; return 0 on failure, else 1.
+
+    By Newton's method, with the momenta p of the new state.
+    """
     n, new, M, change = s.n, s.new, s.M, s.change
     v = new[s.velocities]
     previous = 0.0

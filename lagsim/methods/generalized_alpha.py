@@ -215,7 +215,11 @@ def advance(s: GeneralizedAlpha, h: float) -> None:
 
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Factor (1 - alpha_m) - (1 - alpha_f)(h^2 beta Jq + h gamma Jv); 0 if singular."""
+    """Factor Newton's matrix of the balance; return 0 if it is singular, else 1.
+
+    The matrix is (1 - alpha_m) - (1 - alpha_f)(h^2 beta Jq + h gamma Jv), with Jq and
+    Jv the derivatives of the accelerations.
+    """
     n, J, factors, radius = s.n, s.J, s.factors, s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)
     positions = part * h * h * displacement(radius)

@@ -115,7 +115,10 @@ def step(s: Composition, p: Parameters) -> int:
 
 
 def make_dense(s: Composition, p: Parameters) -> None:
-    """Compute the polynomials: always the quintic, r if a row lies within the step."""
+    """Compute the polynomials of the dense output of the last step.
+
+    The quintics are always computed, the corrections r if a row lies within the step.
+    """
     size, n = s.size, s.n
     s.r[:] = 0.0
     quintic(s)
@@ -150,7 +153,11 @@ def quintic(s: Composition) -> None:
 
 
 def look_within(s: Composition, p: Parameters) -> None:
-    """Compute residuals of rates and accelerations at the nodes (4, size)."""
+    """Store how far the dense output is from the equations at four nodes of the step.
+
+    These residuals (4, size) are h^2 q'' less the second derivative of the quintics,
+    and h times the rate less the derivative of the polynomial for other components.
+    """
     h, slope, first = s.step_h, s.slope, s.velocities.start
     a, old_a = slope[s.velocities], s.before[s.velocities]
     for j in unrolled(4):
@@ -166,7 +173,7 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Compute residuals of the powers at the nodes, along the corrected path."""
+    """Store the residuals of the quadratures' rates at four nodes of the step."""
     h = s.step_h
     first = s.quadratures.start
     for j in unrolled(4):
@@ -179,7 +186,10 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 
 
 def correct(s: Composition, first: int, end: int) -> None:
-    """Compute corrections r of components first ... end - 1 from residuals of rates."""
+    """Compute corrections r of components first ... end - 1 of the dense output.
+
+    From the residuals at the four nodes.
+    """
     for i in range(first, end):
         for m in unrolled(4):
             some = total(RISE[m][j] * s.residuals[j * s.size + i] for j in unrolled(4))
@@ -187,7 +197,7 @@ def correct(s: Composition, first: int, end: int) -> None:
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
-    """Return the slope at x of the Hermite cubic of component i, times the step."""
+    """Return the derivative by x of component i's Hermite cubic, x in [0, 1]."""
     h = s.step_h
     u = 1.0 - x
     change = s.y[i] - s.old[i]
@@ -210,7 +220,7 @@ def interpolate(s: Composition, p: Parameters, x: float, out: Floats) -> None:
 
 
 def polynomial(s: Composition, i: int, x: float) -> float:
-    """Return r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
+    """Return the correction r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
     size, r = s.size, s.r
     c = x - 0.5
     more = r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i])

@@ -161,7 +161,10 @@ def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
 
 
 def attempt(s: Moreau, p: Impulses, h: float) -> int:
-    """Compute the state after a step h; return 0 if the impulses have not converged."""
+    """Compute the state after a step h; return the sweeps of the relaxation.
+
+    0 if the impulses did not converge.
+    """
     n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
     s.z[:] = y
@@ -184,9 +187,9 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
 
 
 def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
-    """Compute the impulses, and their mean multipliers; return the sweeps, or 0.
+    """Compute the impulses of a step h, and mean multipliers; return the sweeps made.
 
-    The last impulses are the first guess.
+    0 if the relaxation has not converged. The last step's impulses are the first guess.
     """
     first = s.size - p.row_count
     count = gather(p, s.z[s.velocities], s.w, h, s.room)
@@ -210,7 +213,11 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
 
 
 def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
-    """Add the works of the forces, and of the impulses at the mean velocities."""
+    """Add the work of forces and of impulses in a step h.
+
+    middle : the time at which forces are evaluated. An impulse acts at the mean of the
+    velocities before and after.
+    """
     z, new = s.z, s.new
     works, before = new[s.quadratures], s.y[s.quadratures]
     z[s.velocities] = 0.5 * (s.y[s.velocities] + new[s.velocities])
@@ -365,7 +372,10 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
 
 def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
-    """Store M^-1 A^T and A M^-1 A^T of row k; return 0 if the latter is not > 0."""
+    """Store M^-1 A_k^T and A_k M^-1 A_k^T of row k, active row number `count`.
+
+    Return 0 if the latter is not positive, else 1. room : (n,), workspace.
+    """
     starts = p.slope_starts
     room[: p.n] = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
@@ -396,7 +406,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """Return the size of the rate of row k at velocities v and w, by its terms."""
+    """Return the sum of the |terms| of row k's rate, at velocities v and w (n,)."""
     found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])
@@ -405,7 +415,7 @@ def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
 
 
 def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
-    """Add the response to an impulse of active row i to velocities w (n,)."""
+    """Add to the velocities w (n,) the response to an impulse of active row i."""
     for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
         w[int(p.answer_columns[e])] += p.answers[e] * impulse
 
@@ -499,7 +509,10 @@ def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> flo
 
 
 def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
-    """Return the largest impulse of active row i that rests; inf of an equality."""
+    """Return the largest |impulse| with which active row i rests.
+
+    Inf for an equality.
+    """
     k = int(p.acting[i])
     return limit(p, k, h, v, 0.0) if p.row_kind[k] == LIMITED else inf
 
@@ -507,7 +520,10 @@ def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
 def satisfy(
     p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float
 ) -> float:
-    """Set the impulse of active row i by its law; return the relative change."""
+    """Update the impulse of active row i, and w, by one relaxation step for its law.
+
+    Return the change relative to the row's scale. beyond : factor of over-relaxation.
+    """
     k = int(p.acting[i])
     kind = p.row_kind[k]
     pair = int(p.row_pair[k])
@@ -562,10 +578,10 @@ def satisfy_disc(
 
 
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
-    """Return the largest impulse of row k, static or dynamic.
+    """Return the largest |impulse| of row k, a slip or a limited row.
 
-    Static if the row rested before the step and the impulse `asked` is within the
-    static limit.
+    By the static bound if the row rested before the step and the impulse `asked` is
+    within it; else by the dynamic bound.
     """
     normal = int(p.row_normal[k])
     factor_of = h

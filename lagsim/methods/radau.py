@@ -99,7 +99,11 @@ def step(s: Radau, p: SparseNewton) -> int:
 
 
 def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
-    """Choose the step after one of length h, and whether the Jacobian is kept."""
+    """Choose the next step after one of length h, and whether to keep the Jacobian.
+
+    ahead : the next step by the error. rejected : whether an attempt was rejected
+    before.
+    """
     s.h = min(ahead, h) if rejected else ahead
     if s.ceiling > 0.0:
         s.ceiling *= FORGOTTEN
@@ -144,13 +148,19 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
 
 
 def change(s: Radau, error: float) -> float:
-    """Return the divisor of the step: IV.8 (8.21), larger after a long Newton."""
+    """Return the factor by which the step is divided, IV.8 (8.21).
+
+    It is larger after many Newton iterations. error : in units of the tolerance.
+    """
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
 
 
 def predict(s: Radau, h: float, error: float) -> float:
-    """Return the divisor after an accepted step, with the last error: IV.8 (8.25)."""
+    """Return the factor by which the step is divided, by two errors, IV.8 (8.25).
+
+    h, error : the accepted step, and its error in units of the tolerance.
+    """
     quotient = change(s, error)
     if s.previous_h > 0.0:
         ahead = (error * error / s.previous_error) ** 0.25 / SAFETY

@@ -142,7 +142,10 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
 
 
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
-    """Project the step of the positions, over h, onto the span of the old gradients."""
+    """Project a correction of the positions onto the span of the old gradients.
+
+    moved : (n,), the correction divided by h.
+    """
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
     probe[s.velocities] = s.y[s.velocities] + work[:n] / h

@@ -138,7 +138,12 @@ def step(s: Taylor, p: Parameters) -> int:
 
 
 def shorten(s: Taylor, h: float, error: float) -> int:
-    """Choose the step to try after one of this error; return the failure's code."""
+    """Set s.h to the step to try after a rejected step h.
+
+    Return the code of the failure.
+
+    error : in units of the tolerance.
+    """
     if not error < OVERFLOW:
         s.h = SHORTEST * h
         return at.NOT_FINITE
@@ -256,16 +261,16 @@ STATE = Taylor
 
 
 def buffer(size: int, which: float) -> int:
-    """Return the offset of series `which`, 0 or 1; for 2 the length of both."""
+    """Return the offset in memory of series 0 or 1; for 2 the length of both."""
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
 def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
-    """Compute the state (size,) at h in a step of series c, and its roundoff.
+    """Evaluate the series c at a time h after its start, with its roundoff.
 
-    lost : (size,), the compensation at the start. The roundoff is stored in
-    `remainder`. At the end of the step this is the new state to the last bit, so that
-    both are on one side of a switch.
+    Writes the state (size,) to out. lost : (size,), the compensation at the start. The
+    roundoff is stored in `remainder`. At the end of the step this is the new state to
+    the last bit, so that both are on one side of a switch.
     """
     size, remainder = s.size, s.remainder
     sum_bend(size, c, h, remainder)
@@ -320,7 +325,7 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
 
 
 def bound(term: float, shrink: float, k: int) -> float:
-    """Return the logarithm of the longest step that the term y_k allows."""
+    """Return log h of the longest step h for which the term y_k h^k is small enough."""
     part = 1.0 / k
     found = (shrink - log(max(term, LEAST_NUMBER))) * part
     return found if term > LEAST_NUMBER else UNBOUNDED
@@ -366,7 +371,7 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute the error (size,) that the terms of a series may cause in a step."""
+    """Compute y_0 + sum_k |y_k| h^k (size,), a bound of the motion in a step h."""
     order = int(c[0])
     for i in range(size):
         far = 0.0
@@ -376,7 +381,7 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> float:
-    """Return the error of a step, from y' (size,) at its end and that of the series.
+    """Return a step's error in tolerances, from y' (size,) at its end and the series.
 
     The square of a finite error is finite.
     """

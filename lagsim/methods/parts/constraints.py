@@ -52,7 +52,7 @@ class Rank(Control):
 
 
 def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
-    """Project the state (size,) after a step h; return 0 on failure, else 1."""
+    """Project the state `new` (size,) after a step h to time t; return 0 on failure."""
     if project(s, p, t, h, new, s.work) == 0:
         return 0
     record_sigma(s, s.work[s.n + 1], h)
@@ -90,7 +90,10 @@ def satisfied_part(s: Rank, order: float) -> float:
 def project_level(
     level: int, s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats
 ) -> int:
-    """Project the positions (level 0) or the velocities (1) alone; return 1 or 0."""
+    """Project the positions (level 0) or the velocities (level 1) of y alone.
+
+    Return 1 if Newton's method converged, else 0. h and work as in `project`.
+    """
     n = s.n
     part = y[level * n :]
     previous = 0.0
@@ -208,7 +211,7 @@ GLANCE = 0.1
 
 
 def record_sigma(s: Rank, sigma: float, h: float) -> None:
-    """Store sigma after a step of length h.
+    """Store sigma, the smallest singular value of the rows, after a step of length h.
 
     `watched` becomes 1, for a search of the step, if sigma could have fallen to zero
     and risen again within the step at the steepest slope so far.
@@ -342,10 +345,10 @@ def sigma_at(s: Rank, p: Parameters, x: float) -> float:
 
 
 def passable(s: Rank, error: float) -> float:
-    """Return the error of a step in tolerances, lowered for a step over a loss.
+    """Return the error of a step in tolerances, set to "accepted" past a loss of rank.
 
-    Shorter steps have a smaller truncation error and more rounding: beyond the minimum
-    of both, a shorter step loses all digits.
+    Where a step goes over a loss of rank, shorter steps have a smaller truncation error
+    and more rounding: beyond the minimum of both, a shorter step loses all digits.
     """
     if s.passes == 0.0 or error < 1.0:
         return error
@@ -368,13 +371,13 @@ def hides_error(s: Rank, p: Parameters) -> bool:
 
 
 def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
-    """Store the directions in which projection will move the state `new`."""
+    """Store the directions along which projection will move the state `new` at t."""
     p.least_sigma = NOTE
     velocity_step(t, new, p, s.work)
 
 
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
-    """Remove the part off the constraints from errors of q and q' (2 n,).
+    """Remove, from errors of q and q' (2 n,), the part that projection removes.
 
     Return twice the kinetic energy of that part, as velocities (errors of q over h),
     relative to the energy of the mechanism.
@@ -397,11 +400,10 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
 
 
 def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
-    """Return twice the largest kinetic energy so far along a direction z (n,).
+    """Return twice the largest kinetic energy so far of a mechanism.
 
-    Of the mechanism that rows or the mass matrix join to z, and at most of the whole
-    scene.
-    mass : (n,), M z.
+    It is the mechanism that rows or the mass matrix couple to the direction z (n,); the
+    energy is at most that of the whole scene. mass : (n,), M z.
     """
     n = s.n
     speeds = s.sizes[s.velocities]
@@ -417,9 +419,11 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 
 
 def bent(s: Rank, removed: float, left: float) -> float:
-    """Return the error of a step with an error `left` after projection, in tolerances.
+    """Return the error of a step in tolerances, with the curvature of the constraints.
 
-    Constraints are curved: the square of the removed part remains, relative to the
-    speed.
+    left : the error after the part off the constraints is removed. removed : twice the
+    relative energy of that part, see `forget_removed`: its square, relative to the
+    speed,
+    which remains as an error of second order.
     """
     return float(max(left, removed / (LOCAL * s.rtol)))

@@ -110,7 +110,7 @@ def record_sizes(s: Control, p: Parameters) -> None:
 
 
 def record_measured(s: Control, p: Parameters) -> None:
-    """Update sizes and energy by the state that `set_tolerances` has evaluated last."""
+    """Update sizes and energy by the state that `set_tolerances` evaluated last."""
     record_extents(s)
     change = abs(s.energies[1] - s.potential)
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
@@ -141,7 +141,7 @@ def record_extents(s: Control) -> None:
 
 
 def forget_roundoff(s: Control) -> None:
-    """Set the roundoff bounds to 0, to be computed anew where they are needed."""
+    """Set the roundoff bounds to 0; they are computed again where they are needed."""
     for i in range(s.size):
         s.roundoff[i] = 0.0
     s.rounding_known = 0.0
@@ -219,7 +219,7 @@ def slides_on_a_disc(p: Parameters) -> int:
 
 
 def share_tolerances(s: Control) -> None:
-    """Raise tolerances that are far finer than those of coordinates linked by rows.
+    """Raise tolerances that are much finer than those of coordinates coupled by rows.
 
     In the metric of M, in which projection converts errors of one into errors of
     another. A coordinate at rest by symmetry has no motion of its own as a scale.
@@ -251,10 +251,11 @@ def against(error: float, tolerance: float) -> float:
 
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
-    """Raise tolerances of works to the error of the energy that each is compared with.
+    """Raise the tolerances of works to the error of the corresponding energies.
 
-    On a coordinate without inertia a multiplier is a difference of terms that replace
-    the inertia, with the rounding of these terms.
+    new : (size,), the state after the step. On a coordinate without inertia a
+    multiplier is
+    a difference of terms that replace the inertia, with the rounding of these terms.
     """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
@@ -309,7 +310,7 @@ def allow_roundoff(
 def bound_by_others(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats
 ) -> None:
-    """Raise tolerances of states and works to the effect of errors of other components.
+    """Raise tolerances of states and works to the effect of other components' errors.
 
     A state that follows a constrained coordinate, or the power on it, has no scale but
     the tolerance of that coordinate; another state may follow this state.
@@ -392,9 +393,10 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
-    """Return the time in which a rate changes by its own size: from k to `slopes` in h.
+    """Return the time in which a rate changes by its own size, the least of all rates.
 
-    Rates that begin at 0 do not count, nor do changes within the tolerances.
+    k, slopes : (size,), y' at times h apart. Rates that begin at 0 do not count, nor do
+    changes within the tolerances.
     """
     least = OVERFLOW
     for i in range(s.size):
@@ -456,10 +458,10 @@ LARGER = 2.0**26
 
 
 def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
-    """Whether a step moves a position by few of its last places.
+    """Whether a step h moves some position by a few units in the last place only.
 
     With switches, positions at rest count: another body may set them in motion by a
-    force that starts at a switch.
+    force that starts at a switch. k : (size,), y' at the start.
     """
     for i in range(s.n):
         moved = h * abs(k[i])
@@ -469,7 +471,7 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
 
 
 def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
-    """Extend the roundoff bound by that of the rates in the middle of a step h.
+    """Extend the roundoff bound of the rates by that at the middle of a step h.
 
     Near a switch, forces may have no derivative to judge by (Hertz, a root), and the
     step itself may end anywhere. k : (size,), y' at its start.
@@ -484,7 +486,10 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 
 
 def lead_positions(s: Control, h: float, k: Floats) -> None:
-    """Store as `point` the state moved by velocities, or from rest by accelerations."""
+    """Store in `point` the state with positions advanced by a time h.
+
+    By the velocities in k = y' (size,), or by the accelerations from rest.
+    """
     accelerations = k[s.velocities]
     s.point[: s.size] = s.y
     for i in range(s.n):
@@ -641,7 +646,12 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 
 
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
-    """Compute the change of y' (size,), which is k at y, by the compensation term."""
+    """Compute the change of y' that the compensation term of the state y causes.
+
+    k : (size,), y' at y. The change is stored in out (size,); it is 0 with constraints
+    or
+    switches.
+    """
     size = s.size
     if CONSTRAINED or SWITCHES:
         out[:size] = 0.0
@@ -655,7 +665,10 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
-    """Add the motion of the compensation term in a step h."""
+    """Add to `remainder` the motion that the compensation term causes in a step h.
+
+    drift : (size,), see `find_drift`.
+    """
     accelerations = drift[s.velocities]
     for i in range(s.size):
         s.remainder[i] += h * drift[i]
@@ -664,7 +677,7 @@ def add_drift(s: Control, drift: Floats, h: float) -> None:
 
 
 def keep_compensation(s: Control) -> None:
-    """Store the roundoff of an accepted step as the compensation term."""
+    """Store the roundoff of an accepted step as the state's compensation term."""
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return

@@ -159,7 +159,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
 
 
 def know_bands(s: Crossings, p: Parameters) -> None:
-    """Set the bands of the last step, unless they are set."""
+    """Compute the bands of the sections for the last step, once per step."""
     if s.banded == 0.0:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
@@ -220,7 +220,10 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
 
 
 def store_last(s: Crossings, end: float) -> None:
-    """Store the relations at the end of the last step, which `starts` contains."""
+    """Store values and slopes of the relations at the end of the last step.
+
+    end : 1 if the step was searched to its end. Values and slopes are in `starts`.
+    """
     s.known_until = s.t if end == 1.0 else -inf
     for j in range(s.sections):
         k = relations(s) + j
@@ -256,7 +259,11 @@ def crossed_within(
 
 
 def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> bool:
-    """Whether no relation reaches 0 on a stretch, the usual case."""
+    """Whether all relations provably keep their sides on a stretch of the step.
+
+    width : of the stretch, as a fraction of the step. before, after : rows and slopes
+    (2 R,) at its ends.
+    """
     for j in range(s.sections):
         k = relations(s) + j
         side = s.sides[j]
@@ -273,9 +280,10 @@ def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
 
 
 def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
-    """Return the fraction in (low, x] at which the motion has left section j, or inf.
+    """Return the fraction of the step, in (low, x], at which section j is left.
 
-    The motion may return very soon: the start of an arc is sampled densely.
+    inf if it does not. The motion may return very soon: the start of an arc is sampled
+    densely.
     """
     know_bands(s, p)
     near = x
@@ -326,10 +334,11 @@ def bracket(
 
 
 def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
-    """Store or postpone the crossings at a root; return a fraction just past it.
+    """Decide the crossings at the fraction `root` of the step.
 
-    0 if there is none: it is a touch, or the crossing waits at the end x of the
-    stretch.
+    A relation that is past its band at the end x of the stretch has crossed; if it is
+    not yet, the crossing waits. Return a fraction just past the root, or 0 if nothing
+    crossed.
     """
     end = s.cut if s.cut > 0.0 else 1.0
     late = s.t - (s.step_t + root * s.step_h) <= same_time(s, s.t)
@@ -360,7 +369,7 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
 
 
 def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
-    """Whether the relation of section j itself jumps at a fraction of the step."""
+    """Whether the relation of section j is discontinuous at the fraction `root`."""
     if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
         return False
     k = relations(s) + j
@@ -388,9 +397,11 @@ def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
 
 
 def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
-    """Store a crossing of section j at a fraction of the step, or at its waiting state.
+    """Store the state of a crossing of section j.
 
-    A waiting crossing at the time of an instant is shown after all acts.
+    The state is that at the fraction `root` of the step, or the one stored while the
+    crossing waited. A waiting crossing at the time of an instant is shown after all
+    acts.
     """
     x = root_of(s, p, j, root)
     waits = s.waits[j] > 0.0
@@ -421,7 +432,7 @@ def next_state(s: Crossings, number: int) -> int:
 
 
 def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
-    """Write the time and the state (1 + size,) at a fraction of the last step."""
+    """Write time and projected state (1 + size,) at the fraction x of the step."""
     t = s.step_t + x * s.step_h
     interpolate(s, p, x, out[1:])
     if CONSTRAINED and x > s.satisfied:
@@ -432,7 +443,10 @@ def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
 
 
 def shown_time(s: Crossings, t: float) -> float:
-    """Return a time, or that of an arc's start, an end or a row at the same instant."""
+    """Return the time at which a state is dated: t, or another time of its instant.
+
+    These are the start and the end of the arc, and the time of a row.
+    """
     if is_same(s, t, s.arc_start):
         return float(s.arc_start)
     if is_same(s, t, s.end):
@@ -442,9 +456,11 @@ def shown_time(s: Crossings, t: float) -> float:
 
 
 def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
-    """Whether the relation of section j is past 0 by its band at x, seen from a side.
+    """Whether the relation of section j is past 0 by more than its band at x.
 
-    Evaluated for the projected state, as it is shown.
+    side : 1 or -1, the side of 0 from which the motion comes. x : the fraction of the
+    last
+    step. Evaluated for the projected state, as shown.
     """
     t, z = s.step_t + x * s.step_h, s.point
     interpolate(s, p, x, z)

@@ -117,7 +117,7 @@ def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def arrived(s: State, p: Parameters) -> int:
-    """Return the code of the end that has been reached, or NOWHERE."""
+    """Return the code of the end that the run has reached, or NOWHERE."""
     if s.cut > 0.0:
         take_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:
@@ -140,7 +140,10 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def pass_knots(p: Parameters, t: float) -> int:
-    """Set the table cells after all knots up to a time; return the number of knots."""
+    """Set the cells of tables to those after all knots up to time t.
+
+    Return the count.
+    """
     count = 0
     while p.passed < p.known and p.knot_times[int(p.passed)] <= t:
         pass_knot(p)
@@ -149,7 +152,10 @@ def pass_knots(p: Parameters, t: float) -> int:
 
 
 def passes_level(s: State, p: Parameters) -> bool:
-    """Continue past a level of a table; return False if this is undecided."""
+    """Continue past the level of a table's surface; return whether that is decided.
+
+    False if the run has to select the modes of surfaces and laws.
+    """
     k = int(s.switched) - 1
     if k >= p.surfaces or p.slides[k] != 0.0:
         return False
@@ -205,9 +211,11 @@ def laws_go_on(s: State, p: Parameters) -> bool:
 
 
 def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
-    """Whether surface k passes a level at a clear rate, without other open decisions.
+    """Whether surface k passes a level at a rate that is clearly not zero.
 
-    A repeated passage may be that of a motion that comes to rest at the level.
+    way : 1 or -1, the direction. False where another surface is followed, or where the
+    same
+    level was passed just before, as by a motion that comes to rest at it.
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
@@ -229,7 +237,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
 
 
 def go_on(s: State, p: Parameters) -> None:
-    """Begin another piece of the arc; steps may be as long as the last one."""
+    """Restart the method at the present state, with a first step like the last."""
     last = s.step_h
     start(s, p)
     if ADAPTIVE:
@@ -300,7 +308,7 @@ def inspect(s: State, p: Parameters) -> None:
 
 
 def take_cut(s: State, p: Parameters) -> None:
-    """Set the state to that at the cut of the last step."""
+    """Set the state to that at the fraction `cut`, where the last step was ended."""
     interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
@@ -459,7 +467,7 @@ def tabulate(
 
 
 def exchange_lengths(p: Parameters) -> None:
-    """Exchange the scales of constraint rows of the run with those of the plan."""
+    """Exchange two sets of constraint rows' scales: that of the run and of the plan."""
     p.reference, p.usual_reference = p.usual_reference, p.reference
     for i in range(p.m if p.loops > 0 else 0):
         k = p.lengths[i]

@@ -232,7 +232,10 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
 
 
 def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -> float:
-    """Return the error of a step without the part that projection removes."""
+    """Return the error of a step in tolerances, without the part off the constraints.
+
+    errors : (2 size,), see `error_norm`.
+    """
     removed = h * h * constraints.forget_removed(s, p, h, errors)
     if PAIR.combines:
         constraints.forget_removed(s, p, h, errors[s.size :])
@@ -251,7 +254,7 @@ def make_stages(s: Embedded, p: Parameters, t: float, y: Floats, h: float) -> No
 
 
 def estimate(s: Embedded, p: Parameters, t: float) -> None:
-    """Compute the error estimates of the slope of a step that ends at t."""
+    """Compute the error estimates of a step that ends at t, from the stages' slopes."""
     size, k = s.size, s.k
     if PAIR.ends:
         derivative(t, s.new, p, k[PAIR.last * size :])
@@ -307,7 +310,7 @@ def error_norm(s: Embedded, h: float, errors: Floats) -> float:
 def combined(error5: float, error3: float) -> float:
     """Return the square of the error from two squared estimates (II.10, (10.17)).
 
-    A pair with one estimate has the square of it. nan remains nan.
+    With one estimate, error3 is not used. nan remains nan.
     """
     if not PAIR.combines:
         return error5

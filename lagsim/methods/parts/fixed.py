@@ -76,11 +76,12 @@ def judge(
     s: Fixed, p: Parameters, h: float, v: Floats, change: Floats,
     iteration: int, moved: float, previous: float,
 ) -> int:  # fmt: skip
-    """Return the state of Newton's method for velocities v, after a change (n,) of v.
+    """Return the state of Newton's iteration: GO_ON, RENEW, SOLVED or LOST.
 
-    moved : largest ratio of a change to its component; previous : that of the iteration
-    before. Changes that stagnate may be rounding: of velocities that should stay 0
-    under forces that cancel, or of positions far from the origin.
+    v, change : (n,), the velocities and their last change. moved : largest ratio of a
+    change to its component; previous : that of the iteration before. Changes that
+    stagnate may be rounding: of velocities that should stay 0 under forces that cancel,
+    or of positions far from the origin.
     """
     state = progress(iteration, moved, previous)
     if state == SOLVED or iteration == 0 or not moved < OVERFLOW:
@@ -114,7 +115,7 @@ def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def take(s: Fixed, p: Parameters, after: float) -> None:
-    """Accept the new state and y' there; keep the old ones for interpolation."""
+    """Accept the new state at time `after`; keep the old state for interpolation."""
     s.old[:] = s.y
     s.before[:] = s.k
     s.y[:] = s.new

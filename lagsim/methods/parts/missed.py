@@ -138,7 +138,7 @@ def check_features(
     new: Floats,
     new_rates: Floats,
 ) -> None:
-    """Set `feature_possible` if a signal may approach its value within a step h.
+    """Set `feature_possible` if a localized term may become active within a step h.
 
     old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
@@ -165,7 +165,11 @@ def sample_roughly(
     beside: float,
     out: Floats,
 ) -> None:
-    """Write signals and their slopes, among rows (2 R,), at a fraction x of it."""
+    """Estimate the signals and their slopes at the fraction x of a step, in out (2 R,).
+
+    By a cubic between states and rates (size,) at both ends. beside : distance over
+    which slopes are differenced.
+    """
     z, count = s.point, rows(s)
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
     for point in range(2):
@@ -190,9 +194,11 @@ def sample_roughly(
 
 
 def may_approach(s: Table, k: int, width: float) -> bool:
-    """Whether the distance of signal k may be less inside a stretch than at its ends.
+    """Whether signal k may come closer to its value inside a stretch than at its ends.
 
-    Also true if its distance does not follow from values at the ends.
+    width : of the stretch, as a fraction of the step. Also true if values and slopes at
+    the
+    ends do not determine the signal in between.
     """
     if not signal_is_known(s, k, width):
         return True
@@ -221,7 +227,12 @@ def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
 
 
 def off(s: Table, k: int, width: float) -> float:
-    """Return the difference of row k inside a stretch to the cubic of its ends."""
+    """Return how far row k at the middle of a stretch is from the cubic of its ends.
+
+    width : of the stretch, as a fraction of the step. The cubic has the values and
+    slopes
+    of both ends.
+    """
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
     value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
@@ -229,7 +240,10 @@ def off(s: Table, k: int, width: float) -> float:
 
 
 def turned(s: Table, k: int, width: float) -> float:
-    """Return the weighted difference of the slope of row k to that of its cubic."""
+    """Return how far row k's slope at the middle is from that of the cubic of its ends.
+
+    The difference is weighted to be comparable with `off`.
+    """
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
     change = s.ends[k] - s.starts[k]
@@ -240,13 +254,16 @@ def turned(s: Table, k: int, width: float) -> float:
 
 
 def variation(s: Table, k: int) -> float:
-    """Return the variation of row k on a stretch."""
+    """Return the largest change of row k from the middle of a stretch to its ends."""
     m = s.middles[k]
     return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
 
 
 def signal_is_known(s: Table, k: int, width: float) -> bool:
-    """Whether the ends of a stretch determine signal k, or its distance, within it."""
+    """Whether values and slopes at the ends determine signal k within a stretch.
+
+    width : of the stretch. It suffices that its distance is determined.
+    """
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
     error = max(off(s, k, width), turned(s, k, width))
@@ -262,7 +279,10 @@ def signal_is_known(s: Table, k: int, width: float) -> bool:
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Return the distance of a signal u: powers of e by which its term is below one."""
+    """Return the distance of a signal u from activity of its term.
+
+    That is -log of the term relative to 1. kind, power : see `Indicator`.
+    """
     if kind == FALLING:
         return 0.0
     if kind == LARGEST:
@@ -275,12 +295,15 @@ def distance(kind: float, power: float, u: float) -> float:
 
 
 def away(s: Table, k: int, at_point: Floats) -> float:
-    """Return the distance of signal k, from the rows at a point."""
+    """Return the distance of signal k, with the rows' values in `at_point`."""
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
 def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return a lower bound of the distance of signal k between two points."""
+    """Return a lower bound of the distance of signal k between two points.
+
+    left, right : rows and slopes (2 R,) at the points, `width` apart.
+    """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, left, right, width)
     u = -lowest(-1.0, s, k, left, right, width)
@@ -359,7 +382,7 @@ def find_defect(s: Table, p: Parameters) -> float:
 
 
 def expect(s: Table) -> None:
-    """Add the change by the defect at a row to the sizes of components.
+    """Raise the sizes of components by the change that the defect at a row causes.
 
     Otherwise the first traces of the motion would be controlled as finely as denormal
     numbers.
@@ -375,12 +398,12 @@ def expect(s: Table) -> None:
 
 
 def time_of(s: Table, k: float) -> float:
-    """Return the time of row k."""
+    """Return the time of output row k of the arc."""
     return float(s.row_start + k * s.row_step)
 
 
 def place(s: Table, k: float) -> float:
-    """Return the fraction of the last step at row k."""
+    """Return the fraction of the last step at which output row k lies."""
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
@@ -491,7 +514,7 @@ def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
 
 
 def keep_extents(s: Table) -> None:
-    """Store the largest sizes before a step, which may go far past its later end."""
+    """Store sizes and ranges of the state before a step that may be shortened later."""
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high

@@ -205,13 +205,13 @@ def solve(width: Static, n: int, A: Floats, pivots: Floats, x: Floats) -> None:
 
 
 def square(width: Static, g: Floats) -> None:
-    """Write the square of g behind g."""
+    """Write g^2 into the elements of g that follow the number itself."""
     take(width, g, g[width:])
     multiply(width, g, g[width:])
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Write s + g r (n,)."""
+    """Write the vector s + g r (n,) to out; s follows r in memory."""
     for i in range(n):
         own = out[width * i :]
         take(width, r[width * (n + i) :], own)
@@ -219,7 +219,7 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 
 
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
-    """Write x and g x - r to row i of r and s."""
+    """Write x to element i of r, and g x - r_i to element i of s, behind r."""
     other = r[width * (n + i) :]
     for k in unrolled(width):
         other[k] = -r[width * i + k]
@@ -256,7 +256,10 @@ def solve_newton(
     width: Static, s: Blocks,
     g: Floats, J: Floats, K: Floats, pivots: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (size,) by the solution. x : (n + states,), working memory."""
+    """Solve the Newton system for the right side r (size,), in place.
+
+    With the factors K of `decompose_newton`. x : (n + states,), working memory.
+    """
     n = s.n
     combine(width, n, g, r, x)
     for i in range(n, n + s.states):

@@ -248,11 +248,14 @@ def sample(
 def unknown_up_to(
     kind: Static, s: Events, p: Parameters, low: float, x: float
 ) -> float:
-    """Return the width of a shorter stretch to try than (low, x); 0 if rows are known.
+    """Return the width of a shorter stretch to examine than (low, x).
 
-    Rows are known if they follow from values at the ends. For events, no signal may
-    approach its value inside either, since an event function made of its term would be
-    flat at every point; the shorter stretch then ends at the closest approach.
+    0 if none is needed.
+
+    None is needed if rows on the stretch follow from values at its ends. For events, no
+    signal may approach its value inside either, since an event function made of its
+    term would be flat at every point; the shorter stretch then ends at the closest
+    approach.
     """
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
@@ -300,7 +303,7 @@ def sections_are_known(s: Events, width: float) -> bool:
 
 
 def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
-    """Return a point in (low, x] just past the first step of a condition, or x.
+    """Return a point in (low, x] just past the first jump of a condition, or x.
 
     A condition with a step has equal values at all points, though it may differ in
     between.
@@ -539,7 +542,7 @@ def ends(s: Events, p: Parameters, k: int, value: float, x: float) -> bool:
 
 
 def errs_until(s: Events, p: Parameters, k: int, value: float) -> float:
-    """Return the fraction of the last step up to which a gap is negative by an error.
+    """Return the fraction of the step up to which a negative gap counts as an error.
 
     A gap that is open after the step, and neither closes nor is pushed together at its
     start, is open in between: a negative value is an error of the interpolant, as for a
@@ -712,7 +715,7 @@ def shorten(s: Events, x: float) -> None:
 
 
 def orient(s: Events, p: Parameters, t: float, y: Floats, most: float) -> None:
-    """Arm the conditions that are false at a state.
+    """Arm the conditions that are false at a state, to be located when they turn true.
 
     Of inequalities only conditions with a leeway of at most `most`.
     """

@@ -138,7 +138,7 @@ def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> 
 
 
 def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
-    """Evaluate the conditions at the state just before an instant.
+    """Store which conditions are true or false at the state just before an instant.
 
     Rates are evaluated only where a condition may change. The parameters are those of
     `look`.
@@ -288,7 +288,10 @@ def settle(
 
 
 def remember(s: Events) -> None:
-    """Store the values, and which are off 0 by more than their zero tolerance."""
+    """Store the values of the conditions, and mark those that are off 0.
+
+    Off 0 by more than their zero tolerance.
+    """
     for k in range(s.conditions):
         s.former[k] = s.worth[k]
         s.was_clear[k] = 1.0 if abs(s.worth[k]) > s.zero[k] else 0.0
