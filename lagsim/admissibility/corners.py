@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def raised_by_corners(point: Point) -> int:
-    """Return the rank that rows of corners add to the rank of the equality rows.
+    """Return the rank that rows of corners add to that of the equality rows.
 
     A motion at rest at a corner stays there unless the equations of one branch alone
     lead away from the corner.
@@ -44,7 +44,10 @@ def raised_by_corners(point: Point) -> int:
 
 
 def _holds(point: Point, row: Row, kink: Kink, across: Row) -> bool:
-    """Whether the equations of neither branch of a kink lead away from it."""
+    """Whether the equations of neither branch of a kink lead away from the kink.
+
+    row : the row with the kink. across : the row of the surface on which the kink lies.
+    """
     e, g = point.e, point.g
     for way, side in ((1.0, kink.above), (-1.0, kink.below)):
         (residual,) = g.substitute([row.residual], {kink.node: side})

@@ -383,7 +383,12 @@ class _Examiner:
         velocities: bool,
         definitions: bool = True,
     ) -> Relations:
-        """Return the relations between the values `free`, positions or velocities."""
+        """Return the relations that determine the values with indices `free`.
+
+        velocities : whether these are velocities, not positions. definitions : whether
+        start
+        values of definitions count.
+        """
         e = self.e
         # Contacts that touch imply no equation for the rate: an impact decides it.
         touching = self.touching.values()
@@ -434,7 +439,7 @@ class _Examiner:
         return nearest(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> Found:
-        """Solve relations, and describe the failure or the peculiarity of the root."""
+        """Solve relations for guesses, and describe a failure, or a special root."""
         found = self._nearest(relations)
         if not relations.wanted:
             return found
@@ -481,7 +486,10 @@ class _Examiner:
     # Guesses
 
     def _guessed(self) -> tuple[Point, str]:
-        """Solve guesses: positions, velocities, states; with the reason if it fails."""
+        """Solve for guesses: positions, then velocities, then states.
+
+        Return the solved point, and the reason of a failure or "".
+        """
         point, warnings = self.stated, self.warnings
         # Velocities that relations give may depend on states, and these on them.
         again = (1, 2) * OTHER_STARTS if all(self.free[1:]) else ()
@@ -508,7 +516,10 @@ class _Examiner:
         return point, ""
 
     def _at_rest(self) -> tuple[Point, str]:
-        """Solve guesses for a state of rest; return the reason of a failure."""
+        """Solve for guesses such that the state is at rest.
+
+        Return the solved point, and the reason of a failure or "".
+        """
         found = self._rest(self.free[0], self.free[2])
         if found is None:
             return self._guessed()[0], "no rest was found near the guesses"
@@ -532,7 +543,12 @@ class _Examiner:
         return find_rest(still, stated, (positions, states), self.off)
 
     def _asked(self, point: Point, block: int) -> Relations:
-        """Return the relations for guesses; for states, that their rates vanish."""
+        """Return the relations that guesses have to satisfy.
+
+        block : 0 for positions, 1 for velocities, 2 for first-order states, whose rates
+        have to
+        vanish.
+        """
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:
             return self._relations(point, free, velocities=block > 0)
@@ -580,7 +596,10 @@ class _Examiner:
             self._warn("undetermined-guess", text)
 
     def _closest_root(self, relations: Relations, found: Found) -> Found:
-        """Return the root nearest to a guess; warn of others about as near."""
+        """Return the root nearest to the guess, among several.
+
+        Warn if others are as near.
+        """
         x0, k = relations.x0, len(relations.free)
         J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
@@ -617,7 +636,7 @@ class _Examiner:
     # The state that is reported
 
     def _inexact(self, point: Point) -> Point:
-        """Return the point with error bounds of its values, as stated or as solved."""
+        """Return the point with error bounds of its values, stated or solved for."""
         here = {x: point.values[x] for x in self.e.state}
         same = {name for name, x in here.items() if x == self.initial[name].value}
         if same == here.keys():

@@ -408,7 +408,7 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """Return the distance at which second-order expansions hold; 0 if unknown."""
+    """Return the distance within which second-order expansions hold; 0 if unknown."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):

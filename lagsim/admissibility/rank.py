@@ -331,7 +331,10 @@ def _combinations(
 
 
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
-    """Return right-hand sides (m,) of the rows on each level, and error bounds (m,)."""
+    """Return right-hand sides (m,) of the rows on each level, with error bounds (m,).
+
+    As level -> both. Levels : positions, velocities, accelerations.
+    """
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
     lengths = of_rows(point, rows)

@@ -299,7 +299,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
 
 
 def _is_at_rest(point: Point, law: Law) -> bool:
-    """Whether a row, and the other row of its disc, have no slip."""
+    """Whether the slip of a law, and that of the other row of its disc, is 0."""
     pair = [point.e.laws[law.pair]] if law.pair >= 0 else []
     nodes = [x.row.rate for x in (law, *pair)]
     return bool((np.abs(point.array(nodes)) <= STILL * point.rounding(nodes)).all())
@@ -683,7 +683,7 @@ def _rough(what: str, residual: Residual, advice: str) -> Caution:
 
 
 def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
-    """Return the advice to mark a value of the row as a guess."""
+    """Return the advice to mark a start value in a row as a guess."""
     names = equations.velocities if velocities else equations.q
     free = [in_file(names[j]) for j in row.A.entries]
     if len(free) == 1:

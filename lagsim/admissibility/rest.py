@@ -291,7 +291,7 @@ def _downhill(rest: Rest) -> Floats | None:
 
 
 def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> float:
-    """Return the fraction of a step to go; 0 if no fraction gains enough.
+    """Return the fraction of a step for which the merit function falls enough; else 0.
 
     Parameters
     ----------

@@ -214,7 +214,10 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
-    """Return the indices of other rows whose lengths propagate to rows `asked`."""
+    """Return the indices of rows that share coordinates with the rows `asked`.
+
+    Their lengths propagate to these rows.
+    """
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
     for _ in range(LINKS):
@@ -224,7 +227,7 @@ def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
 
 
 def _of_size(residual: Residual, own: float) -> Residual:
-    """Return a residual whose scale is at most the relation's own size."""
+    """Return the residual with a scale of at most `own`, the relation's own size."""
     if not np.isfinite(own):
         return residual
     residual = residual._replace(floor=float(RESIDUAL_ROUNDOFF * own))
@@ -234,7 +237,12 @@ def _of_size(residual: Residual, own: float) -> Residual:
 
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
-    """Return a residual scaled by the motion in a relation, with its body's floor."""
+    """Return the residual of a rate with a scale limited by the motion.
+
+    motion : size of the motion in the relation; a tenth of it is the least scale. body
+    :
+    size of the motion of its bodies, to which rounding is relative.
+    """
     scale, size = residual.scale, residual.size
     if motion < residual.scale:
         scale, size = float(motion), "the velocities that it relates"
@@ -360,7 +368,11 @@ def judge_starts(point: Point) -> list[Verdict]:
 def _against_levers(
     point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Return differences of nodes from targets, scaled by values and |q_i dg/dq_i|."""
+    """Return differences of nodes from target values, as residuals.
+
+    targets : pairs (node, value). The scale is the largest of |value| and |q_i
+    dg/dq_i|.
+    """
     sizes, nodes = np.abs([*point.q, *point.v]), [node for node, _ in targets]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found, forms = [], []
@@ -596,7 +608,10 @@ def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
-    """Return the modes of sliders without mass: held, or sliding at their limits."""
+    """Return the modes of sliders without mass by index.
+
+    Held, or sliding at a limit.
+    """
     own = {k: x.slider for k, x in enumerate(point.e.laws) if x.slider}
     if not own:
         return {}

@@ -203,7 +203,7 @@ _GLANCE_SECONDS = 0.05
 
 
 def again() -> None:
-    """Raise the exception of a signal again, if other code has replaced it."""
+    """Raise the exception of a received signal, which other code may have swallowed."""
     if heard:
         raise exception_of(heard[0])
 

@@ -57,7 +57,7 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
 
 @contextlib.contextmanager
 def _paths_told() -> Iterator[None]:
-    """Report a path that cannot be looked at as an argument that is wrong."""
+    """Context manager: report a path that cannot be accessed as a wrong argument."""
     try:
         yield
     except (OSError, RuntimeError) as error:

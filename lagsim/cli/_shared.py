@@ -118,7 +118,10 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
 
 
 def refused(name: str, codes: Iterable[str]) -> str:
-    """Return the line that `--strict` ends with where there are warnings."""
+    """Return the closing line of a command that `--strict` fails for its warnings.
+
+    codes : of the warnings.
+    """
     codes = list(codes)
     named = ", ".join(dict.fromkeys(codes))
     return f"lagsim: {name}: {counted(len(codes), 'warning')} ({named}), and --strict"
@@ -402,14 +405,17 @@ def numbers(
 
 
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
-    """Return the first of the closing lines: whether it is done, and how much."""
+    """Return the first line of a summary.
+
+    Whether the study is complete, with counts.
+    """
     state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
     counted_up = " by ".join(counted(*count) for count in counts)
     return f"{coloured(state, colour)}: {document['model']['name']}, {counted_up}"
 
 
 def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
-    """Return the closing lines of methods that do not apply, by their reasons."""
+    """Return lines of a summary on methods that do not apply, grouped by the reason."""
     by_reason: dict[str, list[str]] = {}
     for one in refused:
         by_reason.setdefault(one["reason"], []).append(one["method"])
@@ -526,7 +532,7 @@ def _broken(lines: Iterable[str], width: int) -> Iterator[str]:
 
 
 def put(write: Callable[[], object]) -> None:
-    """Call `write`, which writes to stdout, and flush.
+    """Call `write`, a function that writes to stdout, and flush stdout.
 
     A closed pipe (`| head`) is no error: the remaining output is discarded.
     """
@@ -540,7 +546,7 @@ def put(write: Callable[[], object]) -> None:
 
 
 def full(error: OSError) -> int:
-    """Report an error of writing to stdout; return the exit code."""
+    """Report that writing to stdout failed; return the exit code."""
     from lagsim.codes import number
 
     _mute(sys.stdout)

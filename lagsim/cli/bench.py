@@ -197,7 +197,7 @@ def _between(
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the closing lines."""
+    """Return the summary that the command prints at its end."""
     rows, reference = document["rows"], document["reference"]
     counts = (len(rows), "solve"), (len(curves(rows)), "method")
     refused = [x for x in document["refused"] if x["formulation"] == "auto"]
@@ -211,7 +211,7 @@ def _summary(document: Document, files: str) -> str:
 
 
 def _time(document: Document) -> str:
-    """Return the time spent, and the curves that there was no time for."""
+    """Return a line on the time spent, and on curves left out for lack of time."""
     cut = curves(row for row in document["rows"] if row["outcome"] == OUT_OF_TIME)
     budget = document["budget"]
     text = f"{budget['spent']:.3g} s of {budget['seconds']:g}"

@@ -135,7 +135,7 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the closing lines."""
+    """Return the summary that the command prints at its end."""
     found = document["equilibria"]
     name = document["model"]["name"]
     lines = [f"{name}: {counted(len(found), 'position')} of rest"]

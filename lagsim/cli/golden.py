@@ -249,7 +249,7 @@ def _store(case: Case, folder: Path) -> _Answer:
 
 
 def _rows(golden: Golden) -> str:
-    """Return how many rows are compared, and of how many."""
+    """Return a text on the number of rows that are compared, out of all rows."""
     count = len(golden.rows)
     every = golden.about.get("run_rows", count)
     return f"{count} of {every:,} rows" if count < every else counted(count, "row")
@@ -268,7 +268,7 @@ def _unseen(known: Summary) -> str:
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:
-    """Return warnings on numbers of the model whose changes pass the golden."""
+    """Return warnings on numbers whose changes the golden does not detect."""
     model, found = golden.about["model"], []
     if len(golden.rows) < min(LEAST_ROWS, golden.about["run_rows"]):
         text = f"the golden of {model} has {_rows(golden)} only"

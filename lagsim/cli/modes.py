@@ -149,7 +149,7 @@ def _write_matrices(path: Path, space: StateSpace) -> None:
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the closing lines."""
+    """Return the summary that the command prints at its end."""
     about = {k: x for k, x in document["about"].items() if abs(x) > TINY and k != "t"}
     where = [f"{name} = {x:.6g}" for name, x in about.items()]
     if len(where) > MOST_NAMED:

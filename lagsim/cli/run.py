@@ -247,7 +247,10 @@ class Job:
             return self._made(session, {**options, "set": {**overrides}})
 
     def _made(self, session: Session, wishes: Document) -> int:
-        """Run a session into its folder; return the exit code."""
+        """Run a session, write its folder of results, and return the exit code.
+
+        wishes : documents of the options.
+        """
         wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name
         warning = refuse_without_room(

@@ -143,7 +143,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the closing lines."""
+    """Return the summary that the command prints at its end."""
     methods = sum(map(len, document["methods"].values()))
     head = headline(document, (methods, "method"))
     lines = [f"{head}, {counted(len(document['cells']), 'run')}"]

@@ -260,7 +260,7 @@ def _code(document: Mapping[str, Any]) -> int:
 
 
 def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
-    """Return the closing lines."""
+    """Return the summary that the command prints at its end."""
     runs, complete = document["runs"], document["complete"]
     head = f"{coloured('done', '32' if complete == runs else '31')}: "
     head += (

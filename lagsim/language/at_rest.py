@@ -151,7 +151,7 @@ def _is_discrete(g: Graph, n: int) -> bool:
 
 
 def _is_condition(g: Graph, n: int) -> bool:
-    """Tell whether a node is true or false."""
+    """Whether the value of a node is a truth value."""
     row = OPERATIONS.get(g.ops[n])
     return g.ops[n] == TRUTH or (row is not None and row.condition)
 
@@ -333,7 +333,11 @@ class _Beside:
     def _decide(
         self, n: int, below: list[list[int]], done: dict[int, list[int]]
     ) -> None:
-        """Decide a switch whose argument vanishes at slip 0, or so near to it."""
+        """Decide switch n, whose argument vanishes at slip 0, there and beside it.
+
+        below : the versions of its arguments. done : the versions of each node,
+        extended here.
+        """
         g, op = self.g, self.g.ops[n]
         parts = [args[0] if op in STEPS else g.call("sub", *args) for args in below]
         vanishes = self._vanishes(parts[REST], whole=op in WHOLE)
@@ -377,7 +381,7 @@ class _Beside:
         return found
 
     def _falls(self, rest: int) -> bool:
-        """Whether the bound is less beside slip 0 than at rest."""
+        """Whether the bound beside slip 0 is less than the bound at rest, `rest`."""
         for point in self.points:
             here = evaluate(self.g, [rest], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:

@@ -123,7 +123,11 @@ class _Reverse:
         return result
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
-        """Return active nodes under `nodes`, last first, stopping at selections."""
+        """Return the active nodes below `nodes`, last first.
+
+        Nodes are active if they depend on the variables. Arguments of selections are
+        left out.
+        """
         seen = set(nodes)
         stack = list(seen)
         while stack:

@@ -619,9 +619,12 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Whether a product with a unique moving part is best left as it is.
+        """Whether a product is left as it is, not grouped with others.
 
-        Its constant factors can be shared with other expressions, and are collected
+        still : its constant factor. factors : of its moving part, which occurs in no
+        other
+        product. Its constant factors can be shared with other expressions, and are
+        collected
         only where that leaves fewer of them.
         """
         signs = self.g.one, self.g.constant(-1.0)
@@ -637,7 +640,10 @@ class Collected:
     def _alike(
         self, products: Iterable[Sequence[int]]
     ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
-        """Group the moving parts by their constant factor; keep their given form."""
+        """Group the moving parts of products by their constant factors.
+
+        The second result has the products of each group as they were given.
+        """
         g = self.g
         given: dict[Key, list[Sequence[int]]] = {}
         fronts: dict[Key, int] = {}

@@ -115,7 +115,7 @@ def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Flo
 def _but(
     where: Flags, size: Floats | float, lo: Floats, hi: Floats
 ) -> tuple[Floats, Floats]:
-    """Return bounds, replaced `where` a condition holds by -`size` and `size`."""
+    """Return bounds with -`size` and `size` in place of those selected by `where`."""
     return np.where(where, -size, lo), np.where(where, size, hi)
 
 
@@ -444,7 +444,7 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 
 
 def _each(op: str, axis: Data, x: Interval) -> Floats:
-    """Return the values, shape (2, k), of a function at the lower and upper bounds."""
+    """Return the values (2, k) of a table's function at the lower and upper bounds."""
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 

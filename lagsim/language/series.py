@@ -130,7 +130,10 @@ class Coefficients:
         return self._moves[n]
 
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Return an expression with the series of `n`, or None; `made` computes it."""
+        """Return a node equal to `n` whose series is shorter, or None.
+
+        made : computes it at the first call.
+        """
         if n not in self._twins:
             self._twins[n] = made()
         return self._twins[n]

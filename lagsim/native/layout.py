@@ -282,7 +282,10 @@ class Memory:
         return type(self)(self.flat.copy())
 
     def take(self, other: Memory) -> None:
-        """Copy from `other` the numbers and arrays of equal length that both have."""
+        """Copy numbers, and arrays of equal length, from another memory.
+
+        Names that only one of the memories has are left out.
+        """
         for name in self.fields.keys() & other.fields.keys():
             field = self.fields[name]
             if field.kind == NUMBER:

@@ -179,7 +179,10 @@ def _whole(
     projected: bool = False,
     gain: float = 0.0,
 ) -> Formulation:
-    """Return a formulation of the full equations."""
+    """Return a formulation named `name` of the full equations, without reduction.
+
+    gain : the rate of `baumgarte`.
+    """
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
 

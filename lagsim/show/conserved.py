@@ -136,7 +136,11 @@ def _momentum(
 
 
 def _part(kind: str, of: Sequence[str], value: Any) -> Part:
-    """Return a conserved quantity as a part of the document."""
+    """Return a conserved quantity as an entry of the document.
+
+    kind : `energy`, `momentum` and others. of : names of coordinates. value :
+    expression.
+    """
     return {"kind": kind, "of": of, "expression": value, "definition": None}
 
 

@@ -194,7 +194,10 @@ class Balance(NamedTuple):
 
     @property
     def of(self) -> str:
-        """The group in messages, as in " of x, y"; "" for the whole system."""
+        """The names of the group in messages, as in " of x, y".
+
+        "" for the whole system.
+        """
         return f" of {', '.join(self.names)}" if self.names else ""
 
     @property
@@ -265,9 +268,12 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Return the extremes between rows of the velocities that rows do not represent.
+    """Return extremes between rows of velocities, where rows do not show these.
 
-    The list has two entries, the least and the greatest values by name, or none.
+    velocities : names. rows : columns of the table by name. extremes : least and
+    greatest
+    value by name, at the ends of steps. Returns two entries, the least and the greatest
+    values by name, or none.
     """
     missed = {
         v: extents[v]

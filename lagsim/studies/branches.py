@@ -82,7 +82,7 @@ class Place(NamedTuple):
 
     @property
     def whirls(self) -> bool:
-        """Whether an oscillating mode grows."""
+        """Whether a mode that oscillates grows, as past a Hopf point."""
         found = self.steady.spectrum
         return bool(np.any(found.growing & (np.abs(found.values.imag) > found.errors)))
 
@@ -152,7 +152,10 @@ class Curve:
         return [row.name for row in self._held]
 
     def visible(self, y: Floats) -> Floats:
-        """Return the scaled positions and states, and the parameter, of unknowns."""
+        """Return the scaled positions, states and parameter in a vector of unknowns.
+
+        y : (k + 1,). The multipliers are left out.
+        """
         count = len(y) - 1 - len(self._rest.rows)
         return np.append(y[:count], y[-1])
 
@@ -176,7 +179,7 @@ class Curve:
         return self._bound[value]
 
     def _at(self, y: Floats) -> tuple[Floats, Floats]:
-        """Return F (m,) and its slopes (m, k + 1) in scaled unknowns."""
+        """Return the residuals F (k,) at scaled unknowns, and slopes (k, k + 1)."""
         value = self.value(y)
         x = (y * self._sizes)[:-1]
         r, J = self._model_at(value)[1].looked_at(x)
@@ -190,9 +193,11 @@ class Curve:
         return r[self._rows] * self._weights, J[self._rows] * self._weights[:, None]
 
     def returned(self, y: Floats, normal: Floats) -> tuple[Floats, int] | None:
-        """Return the point of the curve in the plane through y, by Newton's method.
+        """Return the curve's point in a plane through y (k + 1,), by Newton's method.
 
-        With the number of iterations; None if it does not converge.
+        normal : (k + 1,), of the plane. The result has the number of iterations, too;
+        None
+        without convergence.
         """
         begun = y
         for k in range(ITERATIONS):
@@ -210,7 +215,11 @@ class Curve:
         return None
 
     def place(self, y: Floats, along: Floats) -> Place:
-        """Return the point of the curve at y, with the tangent in a direction."""
+        """Return the point of the curve at y (k + 1,), tangent along a direction.
+
+        along : (k + 1,); the tangent's sign is that for which their product is
+        positive.
+        """
         _, J = self._scaled(y)
         _, _, V = np.linalg.svd(J)
         tangent = V[-1] * (1.0 if V[-1] @ along >= 0.0 else -1.0)
@@ -219,7 +228,7 @@ class Curve:
         return Place(y, tangent, float(sign), steady, stability(steady)[0])
 
     def aside(self, place: Place) -> Floats:
-        """Return the direction of the other branch at a branch point."""
+        """Return the direction (k + 1,) of the other branch at a branch point."""
         _, J = self._scaled(place.y)
         _, _, V = np.linalg.svd(J)
         plane = V[-2:]
@@ -253,7 +262,7 @@ class Curve:
         )
 
     def holds(self, place: Place) -> bool:
-        """Whether contacts push, and others are not penetrated, at a point."""
+        """Whether contacts in force push, and no other contact is penetrated."""
         values, names = place.steady.values, {row.name for row in self._held}
         e, own = self._e, place.steady.state
         for law in e.laws:
@@ -491,7 +500,7 @@ class Branches:
 
 
 def _alone(found: Sequence[Special]) -> list[Special]:
-    """Return special points without folds at which branches meet."""
+    """Return the special points, except folds at which branches meet."""
     meets = [x.place.y for x in found if x.kind == BRANCH]
     return [
         x

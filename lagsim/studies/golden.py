@@ -517,7 +517,7 @@ def _inputs(model: Model) -> dict[str, Document]:
 
 
 def _about(case: Case, golden: Golden, base: Motion) -> Document:
-    """Return the part of the JSON of a golden that describes the run.
+    """Return the entry `about` of a golden's JSON: the run that it was made from.
 
     Later versions of lagsim add keys to it and remove none.
     """

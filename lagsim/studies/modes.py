@@ -155,7 +155,9 @@ class Small:
         )
 
     def input(self, name: str) -> Input:
-        """Return the input of a name; with a parameter those that follow it change.
+        """Return the input with a name.
+
+        Parameters that follow a varied one change, too.
 
         Raises
         ------
@@ -298,7 +300,9 @@ def _pair(value: complex) -> list[float]:
 
 
 def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
-    """Return the entry of a name.
+    """Return the entry of `among` with a name.
+
+    kind : `input` or `output`, for the message.
 
     Raises
     ------
@@ -313,7 +317,10 @@ def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
 
 
 def _followers(model: Model, name: str) -> dict[str, float]:
-    """Return the change of each parameter per unit of one that others follow."""
+    """Return the derivatives of parameters with respect to parameter `name`, if not 0.
+
+    By name; that of `name` itself is 1.
+    """
     if not model.stated.depends_on([name]):
         return {name: 1.0}
     value = model.parameter_values[name]

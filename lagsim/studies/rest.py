@@ -288,7 +288,7 @@ def _judged_states(point: Point) -> list[Verdict]:
 
 
 def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
-    """Generate the pairs of matrices of the linearised equations at two states."""
+    """Yield pairs of equal matrices of the linearised equations at two states."""
     yield x.M, y.M
     yield x.A, y.A
     yield x.slopes, y.slopes

@@ -317,7 +317,10 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
-    """Return the name of an object that is regenerated; None for other objects."""
+    """Return the name of an object that is regenerated, not stored; None for others.
+
+    names : identity of an object -> its name.
+    """
     name = names.get(id(x))
     if name is None and isinstance(x, Runner) and id(x.system) in names:
         return [names[id(x.system)], x.method.__name__.rpartition(".")[-1]]
@@ -325,7 +328,7 @@ def _name(x: Any, names: Mapping[int, str]) -> Any:
 
 
 def _given(name: Any, things: Mapping[str, Any]) -> Any:
-    """Return the regenerated object with a name."""
+    """Return the regenerated object with the name `name`."""
     if isinstance(name, str):
         return things[name]
     system, method = name

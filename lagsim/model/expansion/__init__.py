@@ -217,7 +217,7 @@ class Expansion:
         return found
 
     def _make_frames(self) -> None:
-        """Create the frames of the file, if any; each is built on its first use."""
+        """Prepare the frames of the file, if any; each is built on its first use."""
         if "frames" in self._top:
             from lagsim.model.expansion.bodies import Frames
 
@@ -380,7 +380,10 @@ class Expansion:
         return self._join(_Given(key, node, family, parsed, members))
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
-        """Whether a family's name is free; a name already declared is reported."""
+        """Whether a family's name is free.
+
+        If it is declared already, that is reported.
+        """
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
             self.report("reserved-name", text, key)
@@ -598,7 +601,7 @@ class Expansion:
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar
     ) -> Node:
-        """Return an entry's value for one component of a member."""
+        """Return the value of an entry for one component of a member."""
         inner, outer = _inner(node, keys), reading
         if reading.component is None:
             new = self.bound(inner, reading)
@@ -644,7 +647,11 @@ class Expansion:
     def _referred(
         self, key: Scalar, node: Node, outer: Indices | None
     ) -> _Given | Entry | None:
-        """Return an entry for each member; unchanged where its name is no family."""
+        """Return the entry of a key that refers to a name, such as a force on `q(i)`.
+
+        With the members of the family; the entry is unchanged where the name is no
+        family, and None where the key is faulty.
+        """
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:
             return None

@@ -396,13 +396,13 @@ class Scope:
         return nearest
 
     def _once(self, names: set[str], code: str) -> str:
-        """Return the code of a fault of parameters, reported once."""
+        """Return `code` for the first fault of parameters, else a silent code."""
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names
         return SILENT if known else code
 
     def ask(self, *values: Tree) -> None:
-        """Store that the form of the equations depends on values of parameters."""
+        """Store that parameters in `values` determine the form of the equations."""
         parsed = (trees.parsed(value, "") for value in values)
         self._asked |= {name.text for found in parsed for name in found.names}
 

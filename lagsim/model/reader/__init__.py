@@ -531,7 +531,7 @@ def has_members(root: Node) -> bool:
 
 
 def _letter(name: str) -> str:
-    """Return the letter that no name of the file contains."""
+    """Return the description of the first invisible letter in a text, for messages."""
     if letter := unseen(name):
         return f"the letter U+{ord(letter):04X}"
     return "a line break" if "\n" in name else "a tab"

@@ -89,7 +89,7 @@ def energy_fields(top: Fields) -> Fields:
 
 
 def read_energies(found: Fields, x: Expressions) -> Energies:
-    """Build the energies."""
+    """Return the nodes of the energies of the section `energy`; faults are reported."""
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
@@ -134,7 +134,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
 
 
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
-    """Build the forces."""
+    """Return the generalized forces of the section `forces`; faults are reported."""
     found, pair = [], entries_of(node)
     if len(pair) == 2 and not any(hints.text_of(value) for _, value in pair):
         node = Sequence(tuple(key for key, _ in pair), pair[0][0].place)  # {x, F}
@@ -256,7 +256,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
 
 
 def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
-    """Return the entries of a constraint; two relations that share a limit are two."""
+    """Return the entries of a constraint: two if two relations share its limit."""
     found = {name.text: value for name, value in entries_of(node)}
     both, what = found.get("relation"), f"the constraint `{key.text}`"
     if not isinstance(both, Sequence):
@@ -275,7 +275,7 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
 
 
 def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ...]:
-    """Build the constraints."""
+    """Return the constraints of the entries `given`; faults are reported."""
     readers = [_Reader(key, node, x) for key, node in given]
     return _with_limits([reader.read() for reader in readers], readers)
 
@@ -283,7 +283,10 @@ def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ..
 def again(
     known: SequenceType[Constraint], given: SequenceType[Entry], x: Expressions
 ) -> tuple[Constraint, ...]:
-    """Return the constraints of the file at other values of the parameters."""
+    """Return constraints with their laws read at other values of the parameters.
+
+    known : the constraints at the first values; equalities that always hold are kept.
+    """
     readers = [_Reader(key, node, x) for key, node in given]
     found = [
         c if c.always else (reader.read() or c)
@@ -745,7 +748,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
 
 
 def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
-    """Whether a key is a mode; another key is reported."""
+    """Whether a key is the name of a mode; if not, a fault is reported."""
     name, names = key.text, x.names
     meaning, modes = names.meaning(name), names.of(Kind.MODE)
     if meaning is not None and meaning.kind is Kind.MODE:

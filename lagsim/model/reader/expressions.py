@@ -304,7 +304,7 @@ def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
 
 
 def check_name(key: Scalar, what: str, faults: Faults) -> bool:
-    """Whether a key can be a name; another key is reported."""
+    """Whether a key is valid as a name; if not, a fault is reported."""
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
         name = name.removeprefix(HIDDEN).partition(".")[0]
@@ -648,7 +648,10 @@ class Expressions:
         *,
         positive: bool = False,
     ) -> bool:
-        """Whether a number is in [`least`, `most`] and `positive`; else report it."""
+        """Whether a number lies in its range; if not, a fault is reported.
+
+        least, most : the range. positive : 0 is excluded.
+        """
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
             rule = f"not exceed {most:g}"
@@ -660,7 +663,7 @@ class Expressions:
         return not rule
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
-        """Whether a value is finite; else report it."""
+        """Whether a value is finite; if not, a fault is reported."""
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"
             self.faults.add("not-finite", text, place)
@@ -669,7 +672,10 @@ class Expressions:
     def check(
         self, used: Iterable[Name], scalar: Scalar, what: str, most: Level
     ) -> bool:
-        """Whether all names are allowed in an expression; others are reported."""
+        """Whether all names `used` are allowed in an expression; others are reported.
+
+        most : the highest level of quantities on which it may depend.
+        """
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
@@ -798,7 +804,7 @@ class Expressions:
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
     def refuse_rates(self, node: Node | None, what: str) -> None:
-        """Report rates of states that depend on the motion, where slopes are taken.
+        """Report rates of states that depend on the motion, before derivatives.
 
         Such a rate counts as given in time, with no slope of its own.
         """

@@ -233,7 +233,7 @@ class Fields:
         return self.found[key][1].place if key in self.found else self.place
 
     def needs(self, key: str, hint: str = "") -> None:
-        """Report a key that is missing."""
+        """Report a fault if the mapping lacks `key`."""
         if self.sound and key not in self.found:
             text = f"{self.what} has no `{key}`"
             self.faults.add("missing-key", text, self.place, hint)
@@ -345,7 +345,7 @@ def fields(
 
 
 def _called(key: str, value: Node, known: Collection[str]) -> str:
-    """Return the known key with another name elsewhere, or an empty text."""
+    """Return the key of lagsim that `key` of other programs corresponds to; else ""."""
     several = isinstance(value, Mapping)
     relation = isinstance(value, Scalar) and re.search("[<>=]", value.text)
     unfit = {"forces": not several, "dissipation": several, "until": not relation}
@@ -368,7 +368,10 @@ SECTIONS: dict[str, Form] = _SCHEMA["properties"]
 
 
 def _keys(form: Form) -> dict[str, Form]:
-    """Return the keys of a mapping, for which the form may allow an expression."""
+    """Return the known keys of a mapping in the schema, each with its form.
+
+    Where the form allows an expression as well, those of the mapping.
+    """
     forms: list[Form] = form.get("anyOf", [form])
     found: dict[str, Form] = forms[-1]["properties"]
     return found

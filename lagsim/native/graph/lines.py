@@ -110,7 +110,7 @@ CLEAR = "declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)"
 
 
 def clearing(count: int) -> str:
-    """Return the instruction that sets the first `count` numbers of `out` to 0."""
+    """Return the IR that sets out[0], ..., out[count - 1] to 0."""
     return f"call void @llvm.memset.p0.i64(ptr %out, i8 0, i64 {8 * count}, i1 0)"
 
 

@@ -298,7 +298,10 @@ class _Function(Folding, ast.NodeVisitor):
         return value
 
     def _single(self, value: Value) -> Value:
-        """Return the current element of an array, in an assignment to a slice."""
+        """Return the current element of an array, within an assignment to a slice.
+
+        A number is returned unchanged.
+        """
         if value.kind == "Floats" and self.element:
             return self._get("float", self._address(value.text, self.element))
         return value
@@ -602,7 +605,7 @@ class _Function(Folding, ast.NodeVisitor):
         self.visit_Assign(ast.Assign([node.target], value))
 
     def _spread(self, target: ast.Subscript, value: ast.expr) -> None:
-        """Store in each element of a slice its value."""
+        """Translate an assignment to a slice: a loop that stores each element."""
         begin = self._element(target)
         start, stop = self._bounds(target)
         count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
@@ -629,7 +632,7 @@ class _Function(Folding, ast.NodeVisitor):
         return start, self._load_size(self._address(memory, field.word + 1))
 
     def _place(self, target: ast.expr) -> str:
-        """Return the address of an element, or of a number of a memory."""
+        """Return the address of an array's element, or of a number in a memory."""
         if isinstance(target, ast.Subscript):
             return self._element(target)
         found = self.source.field(target)

@@ -60,7 +60,10 @@ def asking(
     formulation: str = "auto",
     rtol: float | None = None,
 ) -> Case:
-    """Return the case with a method, formulation and rtol; default atol and step."""
+    """Return the case set to a method, a formulation and rtol.
+
+    Atol and step by default.
+    """
     return case.asking(
         method=method, formulation=formulation, rtol=rtol, atol=None, step=None
     )
@@ -176,7 +179,7 @@ LOOK = 64
 
 
 def index_one(case: Case) -> Own:
-    """Return a solver whose right-hand side is q'' with lambda eliminated (index 1)."""
+    """Return a solver for q'' with lambda eliminated (index 1), without projection."""
     return Own(case, "dop853", DRIFT if case.equations.rows else "full")
 
 

@@ -601,7 +601,10 @@ class Batch:
         ]
 
     def _plain(self, numbers: Sequence[int]) -> Values:
-        """Return the values of runs if no expression depends on swept names."""
+        """Return the values of runs where no expression depends on the swept names.
+
+        numbers : indices of the runs.
+        """
         case = self.session.case
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
         starts = np.repeat(start[None], len(numbers), 0)
@@ -616,7 +619,10 @@ class Batch:
         return parameters, starts, np.array(swept).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
-        """Return the values of runs, bound one by one; nan if that fails."""
+        """Return the values of runs where expressions depend on the swept names.
+
+        The model is bound to the values of each run; nan if that fails.
+        """
         case, axes = self.session.case, self.grid.axes
         unbound = case.model
         names = [p.name for p in unbound.parameters]
