@@ -1,20 +1,24 @@
-"""Write the table of docs/errors.md: python benchmarks/errors.py [NUMBER...]
+"""Text of docs/errors.md, which `regenerate.py` writes.
 
-The texts of the page are those of `lagsim/codes`; the messages are the output of the
-examples, which are run: all of them, or those that are named.
+Its texts are derived from `lagsim/codes`; the messages are the output of the examples,
+which are run.
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lagsim.codes import EXAMPLE, MODEL, every
+from lagsim.cli import main
+from lagsim.codes import CHECK, EXAMPLE, MODEL, RETIRED, every
 
 if TYPE_CHECKING:
     from lagsim.codes import Row
@@ -22,7 +26,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs/errors.md"
 # What stands above it is written by hand.
-MARK = "<!-- From here on made by benchmarks/errors.py of lagsim/codes. -->\n"
+MARK = "<!-- From here on derived from lagsim/codes. -->\n"
 # A message may be long; its beginning is shown.
 MOST_LINES = 12
 _LONGEST = 160
@@ -55,6 +59,8 @@ TITLES = {
 def told(row: Row, folder: Path) -> str:
     """Run the example of a message in a folder; give what its last command says."""
     (folder / MODEL).write_text(row.model, encoding="utf-8")
+    if row.commands == CHECK:
+        return checked(folder)
     if not (folder / "models").exists():
         (folder / "models").symlink_to(ROOT / "models")
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -67,6 +73,27 @@ def told(row: Row, folder: Path) -> str:
         )  # fmt: skip
         said = done.stdout + done.stderr
     return said
+
+
+def checked(folder: Path) -> str:
+    """Give what `lagsim check` says of a folder's model, in this process."""
+    said, before = io.StringIO(), sys.argv
+    github = os.environ.pop("GITHUB_ACTIONS", None)
+    columns = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = "100"
+    try:
+        sys.argv = shlex.split(CHECK[0])
+        with (
+            contextlib.chdir(folder), contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):  # fmt: skip
+            main()
+    finally:
+        sys.argv = before
+        os.environ |= {"GITHUB_ACTIONS": github} if github is not None else {}
+        os.environ.pop("COLUMNS")
+        os.environ |= {"COLUMNS": columns} if columns is not None else {}
+    return said.getvalue()
 
 
 def line_of(row: Row, said: str) -> str:
@@ -103,11 +130,14 @@ def entry(row: Row, message: str) -> str:
     if f"  hint: {row.hint}" not in message:
         lines += ["", f"Try: {row.hint}."]
     if row.commands:
-        shown = [_cut(line) for line in row.change.replace("\x07", "\\a").splitlines()]
-        shown = [*shown, ""] if shown else []
-        shown += [f"{command}" for command in row.commands] + ["", message]
-        lines += ["", "```text", *shown, "```"]
+        lines += ["", "```text", *example_of(row), "", message, "```"]
     return "\n".join(lines)
+
+
+def example_of(row: Row) -> list[str]:
+    """Give the lines of an example: the sections that it changes, and its commands."""
+    lines = [_cut(line) for line in row.change.replace("\x07", "\\a").splitlines()]
+    return [*lines, *[""][: len(lines)], *row.commands]
 
 
 def made(messages: dict[str, str]) -> str:
@@ -117,7 +147,11 @@ def made(messages: dict[str, str]) -> str:
         rows = [row for row in every() if row.number.startswith(first)]
         parts.append(f"### {title}\n")
         parts += [f"{entry(r, messages.get(r.number, ''))}\n" for r in rows]
-    return "\n".join(parts)
+    parts.append("### Retired\n\nThese messages are retired; their numbers stay.\n")
+    parts += [
+        f"- `{r.number} {r.code}`: {r.happened} Retired: {r.instead}." for r in RETIRED
+    ]
+    return "\n".join(parts) + "\n"
 
 
 def message(row: Row) -> str:
@@ -126,22 +160,27 @@ def message(row: Row) -> str:
         return line_of(row, told(row, Path(folder)))
 
 
-def shown(page: str) -> dict[str, str]:
-    """Give the messages that a page shows, by number."""
-    blocks = re.findall(r"(?ms)^#### (\S+).*?(?=^####? |\Z)", page)
-    texts = re.split(r"(?m)^#### ", page)[1:]
+def shown(page: str) -> dict[str, tuple[str, str]]:
+    """Give the example and the message that a page shows, by number."""
     found = {}
-    for number, text in zip(blocks, texts, strict=True):
+    for text in re.split(r"(?m)^#### ", page)[1:]:
         fence = re.search(r"(?s)```text\n(.*?)\n```", text)
         if fence:
-            found[number] = fence[1].rpartition("\n\n")[2]
+            example, _, message = fence[1].rpartition("\n\n")
+            found[text.split()[0]] = example, message
     return found
 
 
-if __name__ == "__main__":
-    page = PAGE.read_text(encoding="utf-8")
-    messages = shown(page)
+def page(old: str, *, anew: bool = False) -> str:
+    """Give the page; examples that are run for long are run where they have changed.
+
+    `anew` : all examples are run.
+    """
+    known, messages = shown(old), {}
     for row in every():
-        if row.commands and (row.number in sys.argv[1:] or not sys.argv[1:]):
-            messages[row.number] = message(row)
-    PAGE.write_text(page.partition(MARK)[0] + made(messages), encoding="utf-8")
+        example, kept = known.get(row.number, ("", ""))
+        if not row.commands:
+            continue
+        same = example == "\n".join(example_of(row)) and row.commands != CHECK
+        messages[row.number] = kept if same and not anew else message(row)
+    return old.partition(MARK)[0] + made(messages)

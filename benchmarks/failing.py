@@ -1,19 +1,18 @@
-"""Draw the pictures of docs/failing.md: python benchmarks/failing.py [NAME ...]
+"""Pictures of docs/failing.md, which `regenerate.py` writes.
 
 Each function makes one, docs/failing/NAME.png, by running the models of models/failing
-with the methods that fail and with what `auto` takes. It takes about a minute.
+with the methods that fail and with the choice of `auto`: a minute for all.
 """
 
 from __future__ import annotations
 
-import sys
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
 from scipy.integrate import solve_ivp
 
+from benchmarks.failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
 from lagsim.methods import dop853
 from lagsim.model.reader import read_file
 from lagsim.native.link import cache
@@ -22,7 +21,7 @@ from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 
 ROOT = Path(__file__).resolve().parent.parent
-MODELS, FOLDER = ROOT / "models" / "failing", ROOT / "docs" / "failing"
+MODELS = ROOT / "models" / "failing"
 
 
 class Motion:
@@ -433,15 +432,7 @@ PICTURES = (
 )  # fmt: skip
 
 
-def main(names):
-    """Draw those asked for, or all."""
-    FOLDER.mkdir(exist_ok=True)
-    for picture in PICTURES:
-        if not names or picture.__name__ in names:
-            content = picture()
-            (FOLDER / f"{picture.__name__}.png").write_bytes(content)
-            print(f"{picture.__name__}.png: {len(content) / 1000:.0f} kB")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def drawn(name):
+    """Draw a picture; give it as a PNG."""
+    (picture,) = (x for x in PICTURES if x.__name__ == name)
+    return picture()

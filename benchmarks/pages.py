@@ -1,9 +1,8 @@
-"""Write docs/methods.md, docs/gallery.md and the keys of docs/model-file.md:
+"""Texts of docs/methods.md and docs/gallery.md, and tables of two further pages.
 
-    python benchmarks/pages.py
-
-What the pages say stands in the methods' own modules, in the headers of models/, and in
-the JSON Schema. `thumbnails.py` makes the gallery's pictures.
+They are derived from the methods' modules, from the headers of models/, from the JSON
+Schema (the keys in docs/model-file.md), and from the rows of warnings (the alarms in
+docs/failing.md). `regenerate.py` writes them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from lagsim.codes import errors
+from lagsim.codes import cautions, errors
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.methods import method, names, page
@@ -119,7 +118,7 @@ def first_lines(text: str) -> str:
 
 # --- the keys of a model file
 
-BEGIN = "<!-- From here on made by benchmarks/pages.py of lagsim.schema.json. -->\n"
+BEGIN = "<!-- From here on derived from lagsim.schema.json. -->\n"
 END = "<!-- To here. -->\n"
 SCHEMA = ROOT / "lagsim/lagsim.schema.json"
 # Of what a name is given to; `unit` and `description` are the same everywhere.
@@ -132,9 +131,15 @@ TYPES = {
 
 def model_page() -> str:
     """Give docs/model-file.md with its table of keys."""
-    text = (DOCS / "model-file.md").read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    return before + BEGIN + keys_table() + END + rest.partition(END)[2]
+    return with_table("model-file", BEGIN, keys_table())
+
+
+def with_table(name: str, begin: str, table: str) -> str:
+    """Give a page with a table below its mark."""
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    before, mark, rest = text.partition(begin)
+    assert mark, f"docs/{name}.md has no line {begin}"
+    return before + begin + table + END + rest.partition(END)[2]
 
 
 def keys_table() -> str:
@@ -229,7 +234,14 @@ def _end(node: yaml.Node) -> tuple[int, int]:
     return node.end_mark.line, node.end_mark.column
 
 
-if __name__ == "__main__":
-    made = {"methods": methods_page(), "gallery": gallery_page()}
-    for name, text in (made | {"model-file": model_page()}).items():
-        (DOCS / f"{name}.md").write_text(text, encoding="utf-8")
+# --- the alarms of docs/failing.md
+
+ALARMS = "<!-- From here on derived from lagsim/codes/warnings.py. -->\n"
+
+
+def failing_page() -> str:
+    """Give docs/failing.md with its table of alarms."""
+    rows = ["| code | number | meaning |", "|---|---|---|"]
+    for code, row in sorted(cautions().items()):
+        rows.append(f"| `{code}` | {row.number} | {row.happened} |")
+    return with_table("failing", ALARMS, "\n".join(rows) + "\n")

@@ -1,4 +1,4 @@
-"""Write the numbers of README.md: python benchmarks/readme.py
+"""Numbers of README.md, which `regenerate.py` writes.
 
 They are those of results-rivals.md and results.md, with two significant digits.
 """
@@ -85,7 +85,3 @@ def page(text: str) -> str:
     read = (FOLDER / name for name in ("results-rivals.md", "results.md"))
     found = numbers(*(path.read_text(encoding="utf-8") for path in read))
     return f"{head}{BEGIN}\n{found}{END}{tail}"
-
-
-if __name__ == "__main__":
-    README.write_text(page(README.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/gallery.md: python benchmarks/thumbnails.py [NAME ...]
+"""Pictures of docs/gallery.md, which `regenerate.py` writes.
 
 One small picture for each model of models/: the ways of the points of its scene, and
 the scene with its shapes at the end; the coordinates against time where it has none.
@@ -6,15 +6,13 @@ the scene with its shapes at the end; the coordinates against time where it has 
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
-from failing_chart import small_png
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from pages import PICTURES, shipped
 
+from benchmarks.failing_chart import small_png
+from benchmarks.pages import MODELS
 from lagsim.model.reader import read_file
 from lagsim.outputs.shapes import bodies, needed, seen
 from lagsim.run.observers import Keep
@@ -28,9 +26,9 @@ RIGHT = (np.cos(0.6), np.sin(0.6), 0.0)
 UP = (-np.sin(0.6) * np.sin(0.4), np.cos(0.6) * np.sin(0.4), np.cos(0.4))
 
 
-def thumbnail(path):
+def drawn(name):
     """Run a model; give its picture as a PNG."""
-    model = read_file(str(path))
+    model = read_file(str(MODELS / f"{name}.yaml"))
     session = open_case(model).ready()
     kept = Keep()
     session.run([kept])
@@ -104,11 +102,3 @@ def _curves(axes, names, columns):
         size = np.ptp(values) or 1.0
         axes.plot(columns["t"], values / size, color=COLOURS[k % len(COLOURS)])
     axes.axhline(0.0, color="#999999", linewidth=0.5)
-
-
-if __name__ == "__main__":
-    PICTURES.mkdir(exist_ok=True)
-    for model_file in shipped():
-        if model_file.stem in (sys.argv[1:] or [model_file.stem]):
-            picture = thumbnail(model_file)
-            (PICTURES / f"{model_file.stem}.png").write_bytes(picture)

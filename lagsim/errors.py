@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from lagsim.codes import Row
+    from lagsim.codes.known import ErrorCode
 
 
 # A source line longer than this is shown around the fault only.
@@ -106,7 +107,7 @@ class Problem(NamedTuple):
     The code's row in `lagsim.codes` has its number, expectation and advice.
     """
 
-    code: str
+    code: ErrorCode
     text: str
     place: Place | None = None
     hint: str = ""
@@ -202,7 +203,7 @@ class LagsimError(Exception):
     """
 
     exit_code = 2
-    code = "failed"
+    code: ErrorCode = "failed"
 
 
 class InputError(LagsimError):
@@ -243,7 +244,7 @@ class InputError(LagsimError):
 
 
 def unusable(
-    code: str, text: str, place: Place | None = None, hint: str = ""
+    code: ErrorCode, text: str, place: Place | None = None, hint: str = ""
 ) -> InputError:
     """Return an InputError with a single fault."""
     return InputError([Problem(code, text, place, hint)])
@@ -253,7 +254,7 @@ class Problems(list[Problem]):
     """List of faults, collected one by one and raised together."""
 
     def add(
-        self, code: str, text: str, place: Place | None = None, hint: str = ""
+        self, code: ErrorCode, text: str, place: Place | None = None, hint: str = ""
     ) -> None:
         """Append a fault with this code, text, place and hint."""
         self.append(Problem(code, text, place, hint))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from lagsim.codes.known import WarningCode
 
 
 class Choice(NamedTuple):
@@ -47,7 +50,7 @@ class Caution(NamedTuple):
     `place` is the `errors.Place` in the file, or None.
     """
 
-    code: str
+    code: WarningCode
     text: str
     place: Any = None
 

@@ -50,10 +50,11 @@ def heeded_signals():
 # the rest waits for the slow suite.
 MANY_CASES = 4
 QUICK_ONE_IN = 10
-# Not where a case takes a millisecond, and not the goldens: all of these are quick. A
-# shipped model takes longer.
-ALL_CASES = tuple(
-    f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")
+# Not where a case takes a millisecond, and not the goldens and files that are derived:
+# all of these are quick. A shipped model takes longer.
+ALL_CASES = (
+    *(f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")),
+    "tests/test_derived.py",
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
 # What is not run without being asked for; `QUICK` is in pyproject.toml.

@@ -8,7 +8,6 @@ import pytest
 import typer
 import yaml
 
-from benchmarks import pages as made
 from lagsim.cli import COMMANDS
 from lagsim.methods import names
 from lagsim.run.trajectory import Outcome
@@ -71,13 +70,6 @@ def test_commands_in_the_text_are_commands():
     assert found > 20
     listed = re.findall(r"^\| `lagsim (\w+)", text_of("docs/commands.md"), re.MULTILINE)
     assert sorted(listed) == sorted(COMMANDS)
-
-
-def test_pages_that_are_made_are_in_step():
-    """`python benchmarks/pages.py` has been run."""
-    assert text_of("docs/methods.md") == made.methods_page()
-    assert text_of("docs/gallery.md") == made.gallery_page()
-    assert text_of("docs/model-file.md") == made.model_page()
 
 
 def test_the_gallery_has_each_model_once():

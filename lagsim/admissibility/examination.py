@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.integrability import Reach
     from lagsim.admissibility.rank import Dependence, ThinSet
     from lagsim.admissibility.rest import AtRest
+    from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -369,7 +370,7 @@ class _Examiner:
     def _guesses_at(self, point: Point) -> dict[str, float]:
         return {x: point.values[x] for x in self.e.state if self.initial[x].guess}
 
-    def _warn(self, code: str, text: str) -> None:
+    def _warn(self, code: WarningCode, text: str) -> None:
         if (caution := Caution(code, text)) not in self.warnings:
             self.warnings.append(caution)
 

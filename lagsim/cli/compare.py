@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 # The largest number of columns in the printed list.
 LISTED = 10
-DIFFERS = "differs"
+DIFFERS: Final = "differs"
 
 
 def command(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from lagsim.cli._shared import JSON, say, show_json, table
-from lagsim.codes import every, found
+from lagsim.codes import Retired, cautions, every, found
 from lagsim.errors import did_you_mean, unusable
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def command(
     as_json: bool = JSON,
 ) -> int:  # fmt: skip
     """Explain a message, and what to try."""
-    rows = every() if code is None else found(code)
+    rows = every() if code is None else found(code) or _of_earlier_versions(code)
     if not rows and code is not None:
         hint = did_you_mean(code.upper(), _words())
         hint = hint or did_you_mean(code.lower(), _words())
@@ -44,17 +44,39 @@ def command(
     return 0
 
 
-def _document(row: Row) -> dict[str, Any]:
-    return {
-        "number": row.number,
-        "code": row.code,
+def _of_earlier_versions(name: str) -> list[Row]:
+    """Return the row of warning W207 about a retired method or formulation, else []."""
+    from lagsim.model.reader.runs import RETIRED
+
+    row = cautions()["retired"]
+    return [
+        row._replace(happened=f"`{name}` was a {key}, and is retired. {row.happened}")
+        for key, names in RETIRED.items()
+        if name.lower() in names
+    ]
+
+
+def _document(row: Row | Retired) -> dict[str, Any]:
+    found = {"number": row.number, "code": row.code}
+    if isinstance(row, Retired):
+        return found | {
+            "expected": row.happened,
+            "hint": "",
+            "example": None,
+            "retired": row.instead,
+        }
+    return found | {
         "expected": row.expected or row.happened,
         "hint": row.hint,
         "example": {"model": row.model, "commands": row.commands},
+        "retired": None,
     }
 
 
-def _page(row: Row) -> str:
+def _page(row: Row | Retired) -> str:
+    if isinstance(row, Retired):
+        text = f"{row.happened} This message is retired: {row.instead}."
+        return f"{row.number} {row.code}\n\n{textwrap.fill(text, WIDTH)}"
     lines = [f"{row.number} {row.code}", "", textwrap.fill(row.happened, WIDTH)]
     lines += [textwrap.fill(f"Expected: {row.expected}", WIDTH)] * bool(row.expected)
     lines.append(textwrap.fill(f"  hint: {row.hint}", WIDTH, subsequent_indent=" " * 8))

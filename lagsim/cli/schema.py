@@ -12,7 +12,11 @@ from lagsim.plan.formulation import formulations
 
 def command() -> int:
     """Print the JSON Schema of model files, for editors."""
-    choices = {"method": ["auto", *names()], "formulation": formulations()}
-    document = json.dumps(schema(choices), indent=2)
-    put(lambda: print(document))
+    put(lambda: print(document()))
     return 0
+
+
+def document() -> str:
+    """Return the text of the JSON Schema, with the names of methods and functions."""
+    choices = {"method": ["auto", *names()], "formulation": formulations()}
+    return json.dumps(schema(choices), indent=2)

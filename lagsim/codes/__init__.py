@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import functools
 import re
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from lagsim.codes.known import ErrorCode
 
 # The model of the examples; each example replaces some of its sections.
 EXAMPLE = """\
@@ -114,7 +117,45 @@ def cautions() -> dict[str, Row]:
     return {row.code: row for row in warnings.ROWS}
 
 
-def number(code: str) -> str:
+class Retired(NamedTuple):
+    """Message that no version gives any longer; its number and code stay its own.
+
+    Attributes
+    ----------
+    number, code : str
+        As they were published.
+    happened : str
+        The fault that was found, or the event that was reported.
+    instead : str
+        Reason for which the message is no longer needed.
+    """
+
+    number: str
+    code: str
+    happened: str
+    instead: str
+
+
+RETIRED = (
+    Retired("E109", "split-by-comma",
+        "A comma within `{}` or `[]` ended a value too early.",
+        "a comma within parentheses ends no value"),
+    Retired("W205", "spectral-radius-unused",
+        "`spectral_radius` had no effect, since the method of the run does not use it.",
+        "W206 (`option-unused`) reports this for the options of all methods"),
+    Retired("W316", "short-times",
+        "An argument of time had too many extrema for all of them to be checked, so "
+        "that the run could step over a short pulse.",
+        "pulses of t are located within the steps, whatever their number"),
+    Retired("W322", "mixed-friction",
+        "Constraints and switches, such as `sign` of a velocity, held a body by forces "
+        "that were not unique.",
+        "their friction holds a body together, and it slips when no sharing of the "
+        "load holds it"),
+)  # fmt: skip
+
+
+def number(code: ErrorCode) -> str:
     """Return the number of an error, such as E104.
 
     Examples
@@ -125,7 +166,7 @@ def number(code: str) -> str:
     return errors()[code].number
 
 
-def failure(code: str) -> dict[str, Any]:
+def failure(code: ErrorCode) -> dict[str, Any]:
     """Return the entry of a failed run or a negative answer in documents, by code."""
     row = errors()[code]
     return {
@@ -141,6 +182,7 @@ def every() -> list[Row]:
     return [*errors().values(), *cautions().values()]
 
 
-def found(word: str) -> list[Row]:
+def found(word: str) -> list[Row | Retired]:
     """Return the rows with this number or code; an error and a warning may share it."""
-    return [r for r in every() if word.upper() == r.number or word.lower() == r.code]
+    rows: list[Row | Retired] = [*every(), *RETIRED]
+    return [r for r in rows if word.upper() == r.number or word.lower() == r.code]

@@ -131,11 +131,13 @@ ROWS = (
             + " --formulation drift --method rk4 --step 0.01",
         )),
     warning("W304", "energy-gained",
-        "energy - work grew by more than 0.1 % of the energy in play.",
+        "energy - work of a decoupled group of bodies grew by more than 0.1 % of its "
+        "energy in play.",
         "use a shorter step, a smaller tolerance, or `auto`",
         commands=(_OSCILLATOR + "--method euler --step 0.01",)),
     warning("W305", "energy-lost",
-        "energy - work fell by more than 0.1 % of the energy in play.",
+        "energy - work of a decoupled group of bodies fell by more than 0.1 % of its "
+        "energy in play.",
         "use a shorter step, a smaller tolerance, or `auto`",
         commands=(_OSCILLATOR + "--method rk4 --step 1",)),
     warning("W306", "step-at-stability-bound",
@@ -224,7 +226,8 @@ simulation: {duration: 0.1, output_step: 0.1}
         "look at the model where the repeat failed, or try another method or rtol",
         commands=()),
     warning("W319", "energy-drifts",
-        "energy - work, which is constant, changed by more than the tolerance allows.",
+        "energy - work, which is constant, changed by more than 1e-6 of the energy in "
+        "play and by more than 1000 tolerances.",
         "choose an origin and a frame near the moving bodies; or use differences as "
         "coordinates",
         """\

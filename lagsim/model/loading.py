@@ -17,7 +17,7 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
@@ -25,6 +25,9 @@ from lagsim import files, limits
 from lagsim.errors import Place, Problem, unusable
 from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, Source
+
+if TYPE_CHECKING:
+    from lagsim.codes.known import ErrorCode
 
 STANDARD_INPUT = "-"
 # Its name in messages.
@@ -162,7 +165,7 @@ class _Builder:
         return self.root
 
     def _fault(
-        self, code: str, text: str, where: Node | yaml.Event, hint: str = ""
+        self, code: ErrorCode, text: str, where: Node | yaml.Event, hint: str = ""
     ) -> None:
         if isinstance(where, yaml.Event):
             start, end = _span(where)
@@ -443,7 +446,7 @@ class _Case:
         at: At | None = None,
         *,
         length: int = 1,
-        code: str = "yaml-syntax",
+        code: ErrorCode = "yaml-syntax",
     ) -> Diagnosis:
         """Return the diagnosis of a fault, by default where the parser stopped."""
         line, column = at or self.at

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import Enum
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from lagsim.notes import Caution
 from lagsim.run.interrupt import MOST_STEPS
@@ -15,6 +15,7 @@ from lagsim.run.interrupt import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from lagsim.codes.known import ErrorCode, WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice, Event
     from lagsim.run.arc import Arc
@@ -58,7 +59,7 @@ class Outcome(Enum):
             return None
         from lagsim.codes import failure
 
-        return failure(self.value)
+        return failure(cast("ErrorCode", self.value))
 
     @property
     def advice(self) -> str:
@@ -183,7 +184,9 @@ class Source:
 
     _warned: frozenset[str] = frozenset()
 
-    def once(self, code: str, text: str, about: str = "") -> tuple[Caution, ...]:
+    def once(
+        self, code: WarningCode, text: str, about: str = ""
+    ) -> tuple[Caution, ...]:
         """Return a caution, or none if one with this code and subject was returned."""
         if f"{code} {about}" in self._warned:
             return ()

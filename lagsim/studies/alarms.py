@@ -62,6 +62,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Session
 
@@ -416,8 +417,8 @@ def about_inputs(run: Evidence) -> list[Caution]:
     others = [key for key, _ in settings.options if key not in options_of(name)]
     tolerances = (settings.rtol, settings.atol) != (None, None)
     penalty = plan.formulation == "baumgarte"
-    found = [
-        (changes, "start-changed",
+    found: list[tuple[bool, WarningCode, str]] = [
+        (bool(changes), "start-changed",
          f"the run starts from the nearest exact state: {', '.join(moved)}"),
         (plan.step is None and settings.step is not None, "step-unused",
          f"`step` has no effect: {name} chooses its steps"),
@@ -763,7 +764,7 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
         # Advise nothing that has been tried.
         how += " keeps" if settings.method == "auto" else ", or `--method auto`, keeps"
         text += f": that is an error of {whose}; {how} it"
-    return [Caution(f"energy-{way}", text)]
+    return [Caution("energy-gained" if change > 0.0 else "energy-lost", text)]
 
 
 # Bound of the energy drift, in relative tolerances, for any estimated error: rows with

@@ -254,7 +254,9 @@ class Sensitivities:
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = self.trials.run(self._variant({}))
         if not self.centre.columns:
-            raise InputError([Problem(self.centre.code, self.centre.reason)])
+            raise InputError(
+                [Problem(self.centre.code or "failed", self.centre.reason)]
+            )
         # All runs by the method of the run itself, which `auto` selects once.
         plan = self.trials.session(self._variant({})).plan
         self.settings["method"] = plan.method
@@ -420,7 +422,7 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
 
 def _not_free(name: str, trial: Trial) -> LagsimError:
     text = f"`{name}` cannot be varied: {trial.reason}"
-    return InputError([Problem(trial.code or "not-free", text)])
+    return InputError([Problem(trial.code or "failed", text)])
 
 
 def motion_columns(model: Model) -> list[str]:

@@ -37,7 +37,7 @@ import math
 import pickle
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     # Values of names as expressions; the pickled model, options and the command.
     Texts = Mapping[str, str]
     Key = tuple[bytes, tuple[tuple[str, float | str], ...], str]
+    from lagsim.codes.known import ErrorCode
 
 # Outcomes of trials besides the outcomes of runs.
 INADMISSIBLE, UNUSABLE, TOO_SLOW = "inadmissible", "unusable", "too slow"
@@ -130,7 +131,7 @@ class Trial(NamedTuple):
 
     outcome: str
     reason: str = ""
-    code: str = ""
+    code: ErrorCode | Literal[""] = ""
     columns: tuple[str, ...] = ()
     rows: Floats = NO_ROWS
     events: Sequence[Event] = ()
@@ -264,7 +265,7 @@ def tried(
         # The run has ended after the last of the times.
         outcome, reason = Outcome.DONE, ""
     return Trial(
-        outcome.word, reason, str(outcome.value) if failed else "",
+        outcome.word, reason, cast("ErrorCode", outcome.value) if failed else "",
         names, rows, found.events, found.statistics, found.end, seconds,
     )  # fmt: skip
 

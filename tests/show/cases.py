@@ -45,6 +45,11 @@ def content_of(name: str) -> Content:
 
 
 @functools.cache
+def content_with_everything(name: str) -> Content:
+    return content(equations_of(name), with_gauss=True)
+
+
+@functools.cache
 def document_of(name: str) -> dict[str, Any]:
     return as_json(content_of(name))
 

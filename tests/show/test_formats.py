@@ -17,6 +17,7 @@ from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.show.cases import EACH, content_of, equations_of, kept, known, numbers, small
 from tests.show.latex_checker import check
+from tests.show.stored import EVERY_FUNCTION
 from tests.small_scenes import scene
 from tests.support import MODELS
 
@@ -27,20 +28,6 @@ NAMED = scene(
     parameters="lambda: 2, I: 3, E: 5, S: 7, beta: 1.5, N: 2, zoo: 1, theta_1: 4",
     constraints="lambda: größe = beta*theta1",
 )
-EVERY_FUNCTION = """
-parameters: {a: 0.7}
-coordinates: {x: {}, y: {}}
-energy:
-  kinetic: x_dot^2/2 + y_dot^2/2
-  potential: >-
-    sin(x)*cos(y)*tan(a*x) + asin(x/9)*acos(y/9)*atan(x) + atan2(x, y)
-    + sinh(x)*cosh(y)*tanh(x) + asinh(x)*acosh(9 + y) + atanh(x/9) + exp(a*x) + log(y)
-    + log10(x + 9) + sqrt(x)*cbrt(y) + abs(x - 3)^3 + sign(x - 3)*y + min(x, y)*y
-    + mod(x, y)*x + max(x, 2*y)^2 + hypot(x, y) + floor(x)*y + ceil(y)*x
-    + heaviside(x - 9)*x + sinc(x - 3)*y
-    + if(x < y and not (x > 2 or y <= 0.1), x^2, y^a) + 2^x + x^1.5 + 1e-9*x + pi*y/3
-initial: {x: 0.4, y: 1.2}
-"""
 FIRST = {"x": 0.43, "y": 1.27, "x_dot": 0.3, "y_dot": -0.7, "a": 0.7, "t": 0.2}
 OTHERS = ({"x": 2.3, "y": 0.6}, {"x": 3.7, "y": 7.1})
 

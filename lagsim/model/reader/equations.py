@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from lagsim.language.at_rest import Bounds, bounds_at_rest
 from lagsim.language.derivatives import tangent
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
     from collections.abc import Sequence as SequenceType
 
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.graph import Degrees, Graph
     from lagsim.model.reader.expressions import Expressions
@@ -163,7 +164,8 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     kind, base = meaning
     if kind is Kind.COORDINATE:
         return x.graph.variable(name), Level.POSITION
-    text, hint, code = f"a force cannot work on `{name}`", "", ""
+    text, hint = f"a force cannot work on `{name}`", ""
+    code: ErrorCode | Literal[""] = ""
     node, level = x.definitions.get(name, (None, Level.POSITION))
     if kind is not Kind.DEFINITION:
         code, text = "not-a-direction", f"{text}, {kind.text}"
@@ -436,7 +438,9 @@ class _Reader:
             hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
             x.faults.add("state-misplaced", text, relation.place, hint)
 
-    def _refuse(self, code: str, keys: Iterable[str], why: str, hint: str) -> None:
+    def _refuse(
+        self, code: ErrorCode, keys: Iterable[str], why: str, hint: str
+    ) -> None:
         """Report keys that are invalid for a relation of this kind."""
         for key in keys:
             if key in self.below:
@@ -755,7 +759,8 @@ def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
         return True
     if meaning is None and (names.is_faulty(name) or not names.readable):
         return False
-    code, text = "unknown-name", f"{what} sets `{name}`, and there is no such mode"
+    code: ErrorCode = "unknown-name"
+    text = f"{what} sets `{name}`, and there is no such mode"
     hint = x.faults.did_you_mean(name, modes)
     hint = hint or (f"modes are {listed(modes)}" if modes else f"modes: {{{name}: 0}}")
     if meaning is not None:

@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, cast
 
 from lagsim import limits
 from lagsim.language import columns
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
     # Predicate: whether a name is allowed in an expression; reports it if not.
     Rule = Callable[[Name, Scalar], bool]
+    from lagsim.codes.known import ErrorCode
 
 _P = TypeVar("_P", Parsed, ParsedRelation)
 
@@ -308,7 +309,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
         name = name.removeprefix(HIDDEN).partition(".")[0]
-    code = "reserved-name"
+    code: ErrorCode = "reserved-name"
     if problem := _spelling(name):
         text, hint = problem
         text = f"`{shortened(name)}` cannot be the name of {what}: {text}"
@@ -574,7 +575,7 @@ class Expressions:
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty or fault.code == SILENT:
             return
-        code = f"expression-{fault.code}"
+        code = cast("ErrorCode", f"expression-{fault.code}")
         place = scalar.place_of(fault.offset, fault.length)
         if not self.faults.is_known(code, place):
             hint = fault.hint
@@ -688,7 +689,7 @@ class Expressions:
         return all(found)
 
     def refuse(
-        self, used: Name, scalar: Scalar, code: str, text: str, hint: str = ""
+        self, used: Name, scalar: Scalar, code: ErrorCode, text: str, hint: str = ""
     ) -> bool:
         """Report a name that is not allowed in its place; return False."""
         place = scalar.place_of_name(used.text, used.offset)
@@ -714,7 +715,8 @@ class Expressions:
             unbuilt = kind is Kind.ENERGY and self.energies.get(name, 0) is None
             return not (unvalued and most is Level.NUMBER) and not unbuilt
         node, level = self.definitions.get(base, (None, Level.POSITION))
-        code, text, hint = "", f"the definition `{name.lstrip(HIDDEN)}`", ""
+        code: ErrorCode | Literal[""] = ""
+        text, hint = f"the definition `{name.lstrip(HIDDEN)}`", ""
         if kind is not Kind.DEFINITION and level is not Level.POSITION:
             code = "no-rate"
             text = f"`{name}` is the rate of `{base}`, which depends on "
@@ -842,7 +844,9 @@ class Expressions:
         return self._rates[1 + second][definition]
 
 
-def _misplaced(name: str, kind: Kind, what: str, most: Level) -> tuple[str, str, str]:
+def _misplaced(
+    name: str, kind: Kind, what: str, most: Level
+) -> tuple[ErrorCode, str, str]:
     """Return code, text and hint of a known name that is not allowed in its place."""
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:

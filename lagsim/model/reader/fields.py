@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from lagsim.errors import InputError, Place, Problem, nearest, several
-from lagsim.language.functions import JOINING
+from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.language.names import in_file
 from lagsim.methods import options
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
     from collections.abc import Mapping as MappingType
     from collections.abc import Sequence as SequenceType
+
+    from lagsim.codes.known import ErrorCode
 
 
 # Comparing a name with all others is slow where both are many; past these bounds a
@@ -46,7 +48,7 @@ class Faults:
         self.once: set[object] | None = None
 
     def add(
-        self, code: str, text: str, at: Place | Node | None, hint: str = ""
+        self, code: ErrorCode, text: str, at: Place | Node | None, hint: str = ""
     ) -> None:
         """Add a fault at a node or place; once for members that share the place."""
         place = at if at is None or isinstance(at, Place) else at.place
@@ -244,7 +246,7 @@ class Fields:
         """Whether exactly one of two keys is present; else report a fault."""
         both = one in self and other in self
         if both or not (one in self or other in self):
-            code = "both-given" if both else "missing-key"
+            code: ErrorCode = "both-given" if both else "missing-key"
             pair = "both `{}` and `{}`" if both else "neither `{}` nor `{}`"
             if self.sound:
                 text = f"{self.what} has {pair.format(one, other)}"
@@ -253,7 +255,7 @@ class Fields:
         return True
 
     def choice(
-        self, key: str, known: SequenceType[str], code: str = "unknown-name"
+        self, key: str, known: SequenceType[str], code: ErrorCode = "unknown-name"
     ) -> str:
         """Return the text of `key`, one of `known`; the first one by default."""
         name = self.text(key) or known[0]
@@ -436,4 +438,10 @@ def schema(choices: MappingType[str, Iterable[str]]) -> Form:
         key: {**SIMULATION[key], "enum": list(names)} for key, names in choices.items()
     }
     asked = {**SECTIONS["simulation"], "properties": {**SIMULATION, **chosen}}
-    return {**_SCHEMA, "properties": {**SECTIONS, "simulation": asked}}
+    # A table is called as a function is, and so has none of the functions' names.
+    names = SECTIONS["tables"]["propertyNames"]
+    refused = [*names["not"]["anyOf"][:-1], {"enum": sorted(FUNCTIONS)}]
+    names = {**names, "not": {"anyOf": refused}}
+    tables = {**SECTIONS["tables"], "propertyNames": names}
+    sections = {**SECTIONS, "simulation": asked, "tables": tables}
+    return {**_SCHEMA, "properties": sections}

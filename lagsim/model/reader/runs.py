@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
     from collections.abc import Sequence as SequenceType
 
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.model.reader.expressions import Expressions, Names
 
@@ -146,7 +147,7 @@ class _Simulation:
             start=start, end=end, output_step=output_step, measured_from=since
         )
 
-    def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
+    def _fault(self, code: ErrorCode, text: str, key: str, hint: str = "") -> None:
         self.x.faults.add(code, text, self.given.at(key), hint)
 
     def _number(
@@ -323,6 +324,12 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
     return tuple(found)
 
 
+_TWICE: dict[str, ErrorCode] = {
+    "column": "duplicate-column",
+    "reaction": "duplicate-reaction",
+}
+
+
 def _definitions(
     given: Iterable[Node], what: str, hint: str, x: Expressions
 ) -> dict[str, Place]:
@@ -334,7 +341,7 @@ def _definitions(
         kind = names.variables.get(name)
         if name in found:
             text = f"the {what} `{name}` is given twice"
-            faults.add(f"duplicate-{what}", text, place)
+            faults.add(_TWICE[what], text, place)
         elif kind is Kind.DEFINITION:
             found[name] = place
         elif kind is not None or names.meaning(name) or name in RESERVED:

@@ -20,6 +20,7 @@ from lagsim.model.reader.sheets import read_sheet
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from lagsim.codes.known import ErrorCode
     from lagsim.language.arrays import Floats
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.sheets import Sheet
@@ -75,7 +76,7 @@ class _Reader:
 
     def table(self, shift: tuple[int, float] | None = None) -> Table | None:
         """Return the table, or None where a fault was reported."""
-        code = "unknown-interpolation"
+        code: ErrorCode = "unknown-interpolation"
         how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
         outside = self.below.choice("outside", tables.OUTSIDE, code)
         points = self._points() if self.below.sound else None
@@ -106,7 +107,9 @@ class _Reader:
         """Whether no fault was reported since this reader began."""
         return len(self.x.faults) == self._faults
 
-    def _fault(self, code: str, text: str, at: Place | Node, hint: str = "") -> None:
+    def _fault(
+        self, code: ErrorCode, text: str, at: Place | Node, hint: str = ""
+    ) -> None:
         self.x.faults.add(code, text, at, hint)
 
     # The points
@@ -284,7 +287,8 @@ class _Reader:
     ) -> tuple[tuple[Floats, ...], Floats]:
         import numpy as np
 
-        numbers, code = points.numbers, "table-points"
+        numbers = points.numbers
+        code: ErrorCode = "table-points"
         axes = tuple(np.unique(numbers[:, k]) for k in (0, 1))
         at = tuple(np.searchsorted(a, numbers[:, k]) for k, a in enumerate(axes))
         shape = (len(axes[0]), len(axes[1]))

@@ -44,6 +44,7 @@ from lagsim.tolerances import UNIT_ROUNDOFF
 if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
     from lagsim.model.model import Table
@@ -528,7 +529,8 @@ class Initial(_Numbers):
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":
             return True
-        meaning, code = names.meaning(name), "not-a-start-value"
+        meaning = names.meaning(name)
+        code: ErrorCode = "not-a-start-value"
         if meaning is None:
             if not names.is_faulty(name) and names.complete:
                 known = [n for n in self.known if n in names.variables]

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
 
     Ahead = Callable[[Floats], tuple[Floats, Floats]]
+    from lagsim.codes.known import WarningCode
 
 FORCING = (kept.HELD, kept.SLIDING)
 HOLDING = (kept.HELD, kept.REDUNDANT)
@@ -191,7 +192,7 @@ class Contacts(Source):
             self.left, self.also, self.rested = {}, set(), set()
 
     def _report(
-        self, found: Found, code: str, some: list[int], **numbers: float
+        self, found: Found, code: WarningCode, some: list[int], **numbers: float
     ) -> None:
         """Add a warning about some laws, once for each text.
 
@@ -310,7 +311,7 @@ class Contacts(Source):
             p.law_shared[redundant] = here.are_spanned(redundant, bear)
             p.law_shares = p.law_shared.max()
         if shares or chosen.open:
-            code = "shared-friction" if chosen.open else "shared-contact"
+            code: WarningCode = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
 
     def that_may_act(self, arc: Arc) -> list[int]:

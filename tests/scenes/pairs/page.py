@@ -1,4 +1,4 @@
-"""Write docs/pairs.md: python -m tests.scenes.pairs.page."""
+"""Text of docs/pairs.md, which `benchmarks/regenerate.py` writes."""
 
 from __future__ import annotations
 
@@ -114,7 +114,3 @@ def page():
         + "\n".join(told)
         + "\n"
     )
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

@@ -1,11 +1,6 @@
-"""The page of features in pairs is that of the table."""
+"""The page of features in pairs is listed."""
 
-from tests.scenes.pairs.page import PAGE, page
 from tests.support import ROOT
-
-
-def test_the_page_is_in_step_with_the_table():
-    assert PAGE.read_text("utf-8") == page()
 
 
 def test_the_site_lists_it():
