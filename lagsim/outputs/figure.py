@@ -357,6 +357,8 @@ CROWD = 4
 NARROW = 10
 # Ratio of covered to spanned area above which lines hide each other.
 BLOT = 1.5
+# Opacity of areas around curves.
+BAND_OPACITY = 0.25
 # Width of a line for such areas, in inches.
 STROKE = 0.9 / 72
 
@@ -406,6 +408,13 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     )
     look = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
     axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
+
+
+def band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
+    """Draw the area between two curves against time, behind the curves."""
+    axes.fill_between(
+        t, low, high, facecolor=(pen["color"], BAND_OPACITY), linewidth=0.0, zorder=1.7
+    )
 
 
 def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:

@@ -40,6 +40,7 @@ from lagsim.outputs.figure import (
     WIDTH,
     Mark,
     Picture,
+    band,
     content,
     dotted,
     frame,
@@ -81,7 +82,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Curve, Model, Plot, Scene
     from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
-    from lagsim.outputs.record import Record
+    from lagsim.outputs.record import Band, Record
     from lagsim.run.observers.thinning import Array, Thinning
 
     # Abscissae and ordinates of curves, by name.
@@ -97,12 +98,18 @@ def sheet(
     *,
     width: float = WIDTH,
     timed: bool = True,
+    banded: bool = False,
 ) -> Picture:
     """Return a picture with title, subject and legend of events, without panels.
 
-    `timed`: its panels have a time axis, on which events are marked.
+    Parameters
+    ----------
+    timed : bool
+        Whether its panels have a time axis, on which events are marked.
+    banded : bool
+        Whether its panels have bands of standard deviations.
     """
-    names: list[tuple[str, Pen]] = []
+    names: list[tuple[str, Pen]] = [DEVIATIONS] if banded else []
     if timed:
         names += [(look.name, look.top) for look, _ in event_marks(record)]
     if record.horizon < record.rows.last("t"):
@@ -111,6 +118,13 @@ def sheet(
     return Picture(
         height, record.title, subject, width=width, legend=names, notes=notes
     )
+
+
+# The legend of bands around curves.
+DEVIATIONS: tuple[str, Pen] = (
+    "± one standard deviation",
+    {"color": LOST, "linewidth": 6.0},
+)
 
 
 def event_marks(record: Record) -> list[tuple[Mark, Sequence[float]]]:
@@ -252,7 +266,9 @@ class Panels:
             unit = record.unit(group[0])
             written = [record.letters.name(name) for name in group]
             drawn = [record.rows.series(name) for name in group]
-            scale, draw = spread_scale(*drawn, size=sizes[unit]), series
+            bands = bands_of(record, group, drawn)
+            extents = [*drawn, *sides_of(bands)]
+            scale, draw = spread_scale(*extents, size=sizes[unit]), series
             if made(group[0], IMPULSE):  # each has a size of its own
                 columns = [values for _, values in drawn]
                 scale, draw = value_scale(*columns, size=sizes[unit]), stems
@@ -261,12 +277,34 @@ class Panels:
                 below=NOTHING if follows else record.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
+            picture.when_placed(bands_around, axes, bands, PENS)
             picture.when_placed(against_time, record, axes, drawn, PENS, draw)
             label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
         if not above:
             part.align_ylabels()
+
+
+def bands_of(
+    record: Record, columns: Iterable[str], drawn: Iterable[tuple[Array, Array]]
+) -> list[Band | None]:
+    """Return the band of one standard deviation of each column, if it has one."""
+    pairs = zip(columns, drawn, strict=True)
+    return [record.band(name, *curve) for name, curve in pairs]
+
+
+def sides_of(bands: Iterable[Band | None]) -> list[tuple[Array, Array]]:
+    """Return the two sides of bands as curves (times, values)."""
+    found = [(t, side) for t, *sides in filter(None, bands) for side in sides]
+    return [(t, side) for t, side in found if np.isfinite(side).any()]
+
+
+def bands_around(axes: Axes, bands: Iterable[Band | None], pens: Iterable[Pen]) -> None:
+    """Draw bands behind their curves."""
+    for found, pen in zip(bands, pens, strict=False):
+        if found is not None:
+            band(axes, *found, pen)
 
 
 def against_time(
@@ -339,18 +377,26 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
     texts = {name: record.letters.text(curve.text) for name, curve in curves.items()}
     pens = dict(zip(names, PENS * 2, strict=False))
     drawn = {name: _values(record, wanted, x, name, timed=timed) for name in names}
+    bands = {
+        name: record.band(curves[name].text.strip(), *drawn[name]) if timed else None
+        for name in names
+    }
     scales = {"x": time_of(record) if timed else value_scale(*_xs(drawn), margin=0.03)}
     if "x" in wanted.log:
         scales["x"] = log_scale(*_xs(drawn), margin=0.0, least=0.0)
     sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
     for side, own in sides.items():
-        scales[side] = _up([drawn[n] for n in own], log=side in wanted.log, timed=timed)
+        shown = [drawn[n] for n in own] + sides_of(bands[n] for n in own)
+        scales[side] = _up(shown, log=side in wanted.log, timed=timed)
     ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
     has_one_scale = not timed and not wanted.y2 and not wanted.log
     has_one_scale = has_one_scale and _are_directions(record, curves, scene, drawn)
     width, height = _sides(*ends) if has_one_scale else (WIDTH, HEIGHT)
     height += BELOW_PANELS + (APART if len(names) > 1 else 0.0)
-    picture = sheet(record, height, wanted.title, timed=timed, width=width)
+    picture = sheet(
+        record, height, wanted.title, timed=timed, width=width,
+        banded=any(bands.values()),
+    )  # fmt: skip
     axes = picture.subplots()
     if has_one_scale:
         picture.adjust.append(lambda: put_around(axes, ends, per_inch(axes, ends)))
@@ -372,6 +418,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
             label_greatest(axes, scales[side], [drawn[name] for name in own])
         for name in own:
             if timed:
+                picture.when_placed(bands_around, panel, [bands[name]], [pens[name]])
                 picture.when_placed(series, panel, *drawn[name], pens[name])
             else:
                 picture.when_placed(_path, record, panel, *drawn[name], pens[name])
@@ -548,7 +595,8 @@ def trajectory(
     panels = Panels(record, grouped(record, shown))
     views = Views(record, scene, model)
     subject = _counted(subject, len(shown), len(names))
-    picture = sheet(record, panels.height + views.height, subject)
+    height = panels.height + views.height
+    picture = sheet(record, height, subject, banded=record.has_band(shown))
     if not views.height:
         panels.draw(picture, picture)
         return picture

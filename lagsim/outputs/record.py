@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from lagsim.language.columns import DEVIATION
 from lagsim.outputs.letters import Letters, raised
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.notes import Event
-    from lagsim.run.observers.thinning import Thinning
+    from lagsim.run.observers.appended import Appended
+    from lagsim.run.observers.thinning import Array, Thinning
+
+    # Times, lower and upper ordinates, each (k,).
+    Band: TypeAlias = tuple[Array, Array, Array]
 
 # Kinds of events that absorb other events at the same time.
 IMPACTS = ("impact", "corner", "zeno")
@@ -44,6 +49,8 @@ class Record:
         png, svg or pdf.
     is_sum : bool
         Whether the energy is T + V, and not another energy function.
+    appended : Appended or None
+        Columns of sensitivities and standard deviations, beside the rows.
     """
 
     title: str
@@ -55,6 +62,7 @@ class Record:
     letters: Letters = field(default_factory=Letters)
     form: str = "png"
     is_sum: bool = True
+    appended: Appended | None = None
 
     def unit(self, column: str) -> str:
         """Return the unit of a column; "" if it is unknown."""
@@ -63,6 +71,28 @@ class Record:
     def named(self, column: str) -> tuple[str, str]:
         """Return the typeset name of a column, and its unit."""
         return self.letters.name(column), self.unit(column)
+
+    def has_band(self, columns: Iterable[str]) -> bool:
+        """Whether any of some columns has a standard deviation."""
+        known = self.appended.names if self.appended else ()
+        return any(DEVIATION.of(name) in known for name in columns)
+
+    def band(self, column: str, t: Array, values: Array) -> Band | None:
+        """Return times, and values less and plus one standard deviation.
+
+        None for a column without one. Rows at which it is unknown are nan: off the
+        output times, and where the motion is not differentiable.
+
+        Parameters
+        ----------
+        t, values : ndarray, shape (k,)
+            Times of rows, and the column there.
+        """
+        if self.appended is None or not self.has_band([column]):
+            return None
+        place = self.appended.names.index(DEVIATION.of(column))
+        deviation = self.appended.at(t)[:, place]
+        return t, values - deviation, values + deviation
 
     def trusted(self) -> int:
         """Return the number of points of a path before the horizon."""

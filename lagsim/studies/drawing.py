@@ -100,7 +100,7 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     return Record(
         model.name, rows, units(equations, made.session.columns.of_table),
         happened, note, _horizon(made), letters_of(model), form,
-        equations.energy_is_sum,
+        equations.energy_is_sum, made.appended,
     )  # fmt: skip
 
 

@@ -182,7 +182,9 @@ class _Runs:
         return all(x.outcome not in (INADMISSIBLE, UNUSABLE) for x in found)
 
 
-def _judged(estimates: Sequence[Floats], rows: Sequence[Floats]) -> _Difference:
+def _judged(
+    estimates: Sequence[Floats], rows: Sequence[Floats], step: float
+) -> _Difference:
     """Return the difference of the highest order with its errors.
 
     Parameters
@@ -191,18 +193,20 @@ def _judged(estimates: Sequence[Floats], rows: Sequence[Floats]) -> _Difference:
         The derivatives by differences of four orders, the highest first.
     rows : sequence of ndarray
         The rows of all runs.
+    step : float
+        The step of the differences.
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
         first, second, third = (np.abs(x - y) for x, y in pairwise(estimates))
         missing = ~np.all(np.isfinite(best), axis=1)
-        # Rounding of the runs, of a column that does not depend on the name at all.
-        floor = RTOL * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0)
+        # Rounding of the runs, in columns that do not depend on the name at all, too.
+        floor = RTOL * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0) / abs(step)
         lost, scale = missing.copy(), floor
         while True:
             kept = ~lost
             scale = np.max(np.abs(best[kept]), axis=0, initial=0.0)
-            apart = first > NOT_DIFFERENTIABLE * np.maximum(scale, floor)
+            apart = first > NOT_DIFFERENTIABLE * scale + floor
             more = kept & np.any(apart, axis=1)
             if not more.any():
                 break
@@ -210,7 +214,7 @@ def _judged(estimates: Sequence[Floats], rows: Sequence[Floats]) -> _Difference:
     e1, e2, e3 = (np.max(x[kept], axis=0, initial=0.0) for x in (first, second, third))
     falls = np.minimum(1.0, np.divide(e2, e3, out=np.ones_like(e2), where=e3 > 0.0))
     beyond = np.maximum(0.0, e1 - FALLS * e2 * falls)
-    size = np.where(scale > 0.0, scale, 1.0)
+    size = np.where(scale > floor, scale, np.inf)
     values = np.where(lost[:, np.newaxis], np.nan, best)
     return _Difference(values, lost, e1 * falls / size, ROUNDING * beyond / size)
 
@@ -405,7 +409,7 @@ def _central(runs: _Runs, power: int) -> _Difference:
     estimates = [
         np.tensordot(CENTRAL[order], odd[: order // 2], axes=1) for order in CENTRAL
     ]
-    return _judged(estimates, [*above, *below])
+    return _judged(estimates, [*above, *below], h)
 
 
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
@@ -417,7 +421,7 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
         np.tensordot(ONE_SIDED[order], rows[: order + 1], axes=1) / h
         for order in ONE_SIDED
     ]
-    return _judged(estimates, [*rows])
+    return _judged(estimates, [*rows], h)
 
 
 def _not_free(name: str, trial: Trial) -> LagsimError:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import lagsim
 from lagsim.model.reader import read
 from lagsim.studies.sensitivities import Sensitivities
+from lagsim.studies.trials import Trials
 from tests.support import refused
 
 OSCILLATOR = """
@@ -195,3 +197,101 @@ def test_five_names_cost_seventy_runs_at_most():
     times = np.linspace(0.0, 10.0, 11)
     found = [*study(ELASTIC, times).by_each(["K", "theta", "r", "m", "g"])]
     assert 40 < sum(x.runs for x in found) < 70
+
+
+def test_five_names_cost_41_runs_where_the_first_step_serves(monkeypatch):
+    """The run itself, and eight for each name."""
+    made = []
+    run = Trials.run
+
+    def counted(self, *args, **more):
+        made.append(args)
+        return run(self, *args, **more)
+
+    monkeypatch.setattr(Trials, "run", counted)
+    text = OSCILLATOR.replace("k: 4", "k: 4, m: 2").replace("x_dot^2", "m*x_dot^2")
+    found = [*study(text, np.linspace(0, 1, 3)).by_each(["k", "x", "z", "x_dot", "m"])]
+    assert max(x.error for x in found) < 1e-9
+    assert len(made) == 41
+
+
+@pytest.mark.parametrize("name", ["e", "h"])
+def test_columns_that_do_not_depend_on_a_name_lose_no_rows(name):
+    """Their differences are rounding errors, of which no two orders agree."""
+    text = BALL.replace("{y: {}}", "{y: {}, x: {}, z: {}}")
+    text = text.replace("y_dot^2/2,", "(y_dot^2 + x_dot^2 + z_dot^2)/2,")
+    text = text.replace("{y: h}", "{y: h, x: 0, x_dot: 0.3, z: 1e6, z_dot: 0.7}")
+    times = np.linspace(0.0, 3.0, 61)
+    alone = study(BALL, times, ("y",)).by(name)
+    found = study(text, times, ("y", "x", "z")).by(name)
+    assert np.count_nonzero(found.lost) <= np.count_nonzero(alone.lost) + 1
+    kept = ~found.lost & ~alone.lost
+    assert found.values[kept, 0] == pytest.approx(alone.values[kept, 0], rel=1e-9)
+    assert found.error < 1e-9
+    # Rounding of runs at 1e-13 over the step.
+    sizes = np.array([0.9, 1e6 + 2.1])
+    assert np.all(np.abs(found.values[kept, 1:]) <= 1e-13 * sizes / found.step)
+
+
+# Standard deviations of samples against those of first order
+
+DAMPED = """
+parameters:
+  k: {value: 4, uncertainty: 0.02}
+  c: {value: 0.2, uncertainty: 0.005}
+  w: {value: 1.5}
+coordinates: {x: {}}
+definitions: {pull: k*x}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2 + x^4/4, dissipation: c*x_dot^2/2}
+forces: {x: cos(w*t)}
+initial: {x: 1}
+simulation: {duration: 5, output_step: 0.5}
+"""
+UNCERTAIN_BALL = """
+parameters:
+  e: {value: 0.8, uncertainty: 0.002}
+  h: {value: 1, uncertainty: 0.003}
+coordinates: {y: {}}
+energy: {kinetic: y_dot^2/2, potential: 9.81*y}
+constraints: {floor: {relation: y >= 0, restitution: e}}
+initial: {y: h}
+simulation: {duration: 2, output_step: 0.5}
+"""
+SLIDER = """
+parameters:
+  mu: {value: 0.2, uncertainty: 0.002}
+  v: {value: 3, uncertainty: 0.02}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {floor: {relation: y >= 0, restitution: 0, friction: mu, slip: x_dot}}
+initial: {x: 0, y: 0, x_dot: v}
+simulation: {duration: 3, output_step: 0.5}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "columns", "count"),
+    [
+        (DAMPED, ("x", "x_dot", "pull"), 2000),
+        (UNCERTAIN_BALL, ("y", "y_dot"), 500),
+        (SLIDER, ("x",), 500),  # it has stopped by then
+    ],
+)
+def test_deviations_are_those_of_a_sample(text, columns, count):
+    model = read(text, "<model>")
+    rows = lagsim.simulate(text)
+    sample = {
+        p.name: f"normal({p.value}, {p.uncertainty})"
+        for p in model.parameters if p.uncertainty
+    }  # fmt: skip
+    swept = lagsim.sweep(text, sample=sample, N=count, seed=11, ends=True)
+    assert swept["complete"].all()
+    for column in columns:
+        ends = swept[f"{column}.end"]
+        # Four standard errors of the deviation, and of the mean, of a normal sample.
+        expected = rows[f"sd.{column}"][-1]
+        within = 4.0 / math.sqrt(2 * count)
+        assert np.std(ends) == pytest.approx(expected, rel=within), column
+        shift = np.mean(ends) - rows[column][-1]
+        assert abs(shift) < 4.0 * expected / math.sqrt(count)
