@@ -87,13 +87,16 @@ def pytest_generate_tests(metafunc):
     result = yield
     cases, test = metafunc._calls, metafunc.definition
     whole = test.nodeid.startswith(ALL_CASES) and "::test_shipped_" not in test.nodeid
+    marked = {mark.name for mark in test.iter_markers()}
     if len(cases) >= MANY_CASES and not (EVERY or whole):
         for case in cases:
+            # A nightly case stays out of the slow suite.
+            if {*LATER} & (marked | {m.name for m in case.marks}):
+                continue
             if not chosen(f"{test.nodeid}[{case.id}]", COMMIT, QUICK_ONE_IN):
                 case.marks.append(pytest.mark.slow.mark)
     config = metafunc.config
     if config.option.markexpr == QUICK and not any("::" in x for x in config.args):
-        marked = {mark.name for mark in test.iter_markers()}
         quick = [
             x for x in cases if not {*LATER} & (marked | {m.name for m in x.marks})
         ]
