@@ -355,16 +355,6 @@ def _solved(rest: Rest, way: Way = Way.NEAR) -> Found:
     return Found(x0, converged=False)
 
 
-def lowest(point: Point) -> Floats | None:
-    """Return positions (n,) of a minimum of the energy below a state (or itself).
-
-    Without an energy, positions of a rest nearby; None if there is none.
-    """
-    rest = Rest(point.at(v=np.zeros(point.n)), (), (), (range(point.n), ()))
-    found = _solved(rest, Way.DOWN)
-    return found.x[: point.n] if found.converged else None
-
-
 class AtRest(NamedTuple):
     """State at rest.
 

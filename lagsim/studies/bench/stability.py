@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import lowest
 from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.linearisation import Linear, Linearisation, Mode, modes, spectrum
+from lagsim.mechanics.linearisation import Linearisation, Mode, modes, spectrum
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
@@ -31,6 +29,8 @@ from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
 from lagsim.studies.bench import asking
+from lagsim.studies.modes import Small
+from lagsim.studies.rest import NoRestError
 from lagsim.studies.step_bounds import predicted
 from lagsim.studies.trials import Compiled, Trial, refused, tried
 from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
+    from lagsim.studies.rest import Steady
 
     Progress = Callable[[float], None] | None
 
@@ -685,41 +686,45 @@ def _pairs(values: Any) -> list[list[float]]:
 
 
 def _equilibrium(subject: Subject) -> Document:
-    """Return the equilibrium and its modes as entries of stability.json."""
-    e, start = subject.equations, subject.endless.start
-    linearisation, kind = subject.linearisation, structure(subject.equations)
-    at, is_start, reason = None, False, subject.unknown
+    """Return the rest and its modes, those of `modes`, as entries of stability.json."""
+    kind, reason = structure(subject.equations), subject.unknown
+    rest: Steady | None = None
     about: tuple[Mode, ...] = ()
-    if linearisation is not None:
-        q0, q = subject.case.start.q, None
-        if not kind.autonomous:
-            reason = "the equations depend on time"
-        elif e.states:
-            reason = "the model has first-order states"
-        else:
-            q = lowest(Point(e, start))
-            reason = "the search from the start did not come to rest at one"
-        if q is not None:
-            reason = ""
-            about = _about(linearisation.at(start.t, q, np.zeros_like(q)))
-            size = np.max(np.abs([q, q0]), initial=0.0)
-            far = float(np.max(np.abs(q - q0), initial=0.0))
-            near = far <= COMPUTED_ZERO * float(np.max(np.abs(q), initial=0.0))
-            is_start = bool(near and not np.any(subject.case.start.v))
-            plain = np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0).tolist()
-            at = dict(zip(e.q, plain, strict=True))
-        elif kind.linear and not subject.unknown:
-            about = _about(linearisation.at(start.t, start.q, start.v, start.s))
+    if not reason and not kind.autonomous:
+        reason = "the equations depend on time"
+    elif not reason:
+        try:
+            small = Small(subject.case.model)
+            rest, about = small.steady, small.modes
+        except NoRestError as error:
+            reason = str(error)
+    if rest is None and subject.linearisation is not None and kind.linear:
+        at = subject.endless.start
+        linear = subject.linearisation.at(at.t, at.q, at.v, at.s)
+        about = modes(linear, spectrum(linear.R))
     return {
-        "equilibrium": at,
-        "equilibrium_is_start": is_start,
+        "equilibrium": None if rest is None else _positions(rest),
+        "equilibrium_is_start": rest is not None and _is_start(rest, subject),
         "equilibrium_reason": reason or None,
-        "modes": [_mode(mode, e.q) for mode in about],
+        "modes": [_mode(mode, subject.equations.q) for mode in about],
     }
 
 
-def _about(linear: Linear) -> tuple[Mode, ...]:
-    return modes(linear, spectrum(linear.R))
+def _positions(rest: Steady) -> dict[str, float]:
+    """Return the positions and first-order states of a rest, 0 where rounding."""
+    names = [*rest.equations.q, *(x.name for x in rest.equations.states)]
+    values = np.concatenate([rest.state.q, rest.state.s])
+    size = np.max(np.abs(rest.state.q), initial=0.0)
+    kept = np.abs(values) > COMPUTED_ZERO * size
+    return dict(zip(names, np.where(kept, values, 0.0).tolist(), strict=True))
+
+
+def _is_start(rest: Steady, subject: Subject) -> bool:
+    """Whether the model starts at a rest."""
+    start, at = subject.case.start, rest.state
+    far = np.abs(np.concatenate([at.q - start.q, at.s - start.s]))
+    size = np.max(np.abs(np.concatenate([at.q, at.s])), initial=0.0)
+    return bool(np.all(far <= COMPUTED_ZERO * size) and not np.any(start.v))
 
 
 def _mode(mode: Mode, names: Sequence[str]) -> Document:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
@@ -198,6 +199,15 @@ def rest(text, **overrides):
     return measure(open_case(model), wish)
 
 
+# With a force that follows the position late.
+LAGGING = """
+coordinates: {x: }
+states: {s: {rate: (x - s)/0.2}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+forces: {x: -s}
+initial: {x: 0.5, s: 0}
+simulation: {duration: 10}
+"""
 # Text, overrides, the equilibrium, and of each mode frequency (1/s) and damping ratio.
 MODES = [
     (COUPLED, {}, {"x1": 0, "x2": 0}, [(1, 0), (10, 0)]),
@@ -206,7 +216,8 @@ MODES = [
     (ROD, {}, {"x": 0, "y": -1}, [(math.sqrt(9.81), 0)]),
     # Equal masses and lengths: w^2 = (2 -+ sqrt 2) g/l.
     (
-        (MODELS / "double-pendulum.yaml").read_text(), {"g": "8", "l1": "2", "l2": "2"},
+        (MODELS / "double-pendulum.yaml").read_text(),
+        {"g": "8", "l1": "2", "l2": "2", "theta1": "0.3", "theta2": "0.2"},
         {"theta1": 0, "theta2": 0},
         [(2 * math.sqrt(2 - math.sqrt(2)), 0), (2 * math.sqrt(2 + math.sqrt(2)), 0)],
     ),
@@ -226,6 +237,21 @@ def test_modes_about_an_equilibrium(text, overrides, at, expected):
     assert periods == pytest.approx([2 * math.pi / rate for rate, _ in expected])
 
 
+@pytest.mark.parametrize(
+    ("text", "at"),
+    [
+        (MODES[3][0], {"theta1": math.pi, "theta2": 0}),  # nearest to its start
+        (LAGGING, {"x": 0, "s": 0}),
+    ],
+)
+def test_the_equilibrium_is_that_of_modes(text, at):
+    found, small = rest(text), lagsim.modes(text)
+    assert found["equilibrium"] == pytest.approx(at, abs=1e-9)
+    assert {x: small.about[x] for x in at} == pytest.approx(at, abs=1e-9)
+    told = [mode["eigenvalue"] for mode in found["modes"]]
+    assert told == [mode["eigenvalue"] for mode in small.modes]
+
+
 def test_shapes_of_coupled_oscillators():
     slow, fast = (mode["shape"] for mode in rest(COUPLED)["modes"])
     assert slow == pytest.approx({"x1": 1, "x2": 1})
@@ -233,7 +259,7 @@ def test_shapes_of_coupled_oscillators():
 
 
 @pytest.mark.parametrize(
-    ("potential", "reason"), [("x", "did not come to rest"), ("t*x^2", "on time")]
+    ("potential", "reason"), [("x", "no position of rest"), ("t*x^2", "on time")]
 )
 def test_no_equilibrium(potential, reason):
     text = OSCILLATOR.replace("potential: x^2/2", f"potential: {potential}")
