@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
@@ -40,7 +40,7 @@ from lagsim.studies.trials import tried
 from lagsim.tolerances import SAME_INSTANT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from matplotlib.figure import Figure
 
@@ -322,10 +322,14 @@ class Result:
     """
 
     def __init__(
-        self, made: Attempt, rows: Floats, timings: Mapping[str, float]
+        self,
+        made: Attempt,
+        rows: Floats,
+        timings: Mapping[str, float],
+        appended: Callable[[Floats], Appended | None] = lambda _: None,
     ) -> None:
         columns, trajectory = made.session.columns, made.trajectory
-        self._made, self._rows = made, rows
+        self._made, self._rows, self._appended = made, rows, appended
         self.columns: tuple[str, ...] = columns.of_table
         self.table: Floats = rows[:, : columns.table]
         if made.appended is not None:
@@ -384,7 +388,8 @@ class Result:
     ) -> dict[str, float] | dict[str, Floats]:
         """Return all columns at given times of the run, with the accuracy of its rows.
 
-        Sensitivities and standard deviations have values at rows only.
+        Sensitivities and standard deviations are computed by further runs; at the time
+        of an impact these are nan.
 
         The run is repeated with its own steps up to the last of the times, and the
         dense output of the method is evaluated within the steps, as for rows. One call
@@ -425,11 +430,15 @@ class Result:
         if outside.any():
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
-        rows = tried(self._made.session, self._instants(times.ravel())).rows
-        columns = zip(self._made.session.columns.of_table, rows.T, strict=False)
+        instants = self._instants(times.ravel())
+        rows = tried(self._made.session, instants).rows
+        names = self._made.session.columns.of_table
+        columns = dict(zip(names, rows.T, strict=False))
+        if self._made.appended is not None and (more := self._appended(instants)):
+            columns |= zip(more.names, more.values.T, strict=True)
         if not times.ndim:
-            return {name: float(values[0]) for name, values in columns}
-        return {name: values.reshape(times.shape) for name, values in columns}
+            return {name: float(values[0]) for name, values in columns.items()}
+        return {name: values.reshape(times.shape) for name, values in columns.items()}
 
     def _instants(self, times: Floats) -> Floats:
         """Replace times (k,) that are close to an event by the time of that event."""
@@ -741,22 +750,29 @@ def simulate(
         except StartError as error:
             found = Examination(examination(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
-        more = _appended(read, settings, asked)
+        more = _appended(read, settings, asked, None)
     attempts = Attempts(
         keep, Interrupt(), clock, error_bars=bars,
         replaces=bars is not ErrorBars.NEVER, cornered=True, appended=more,
     )  # fmt: skip
     made = attempts.best(ready)
-    return Result(made, keep.table, clock.timings)
+    again = partial(_appended, read, settings, asked)
+    return Result(made, keep.table, clock.timings, again)
 
 
 def _appended(
-    model: Read, settings: Settings, options: Mapping[str, float | str]
+    model: Read,
+    settings: Settings,
+    options: Mapping[str, float | str],
+    times: Floats | None,
 ) -> Appended | None:
-    """Return the columns of sensitivities and standard deviations, if any."""
+    """Return the columns of sensitivities and standard deviations, if any.
+
+    times : (k,), by default the output times.
+    """
     names = model.output.sensitivities
     if not names and not any(p.uncertainty for p in model.parameters):
         return None
     from lagsim.studies.sensitivities import appended
 
-    return appended(model, settings, names, options, who="simulate")
+    return appended(model, settings, names, options, times=times, who="simulate")

@@ -277,12 +277,19 @@ class Curve:
 
     # Along the curve
 
-    def followed(self, first: Place) -> Iterator[Place]:
-        """Generate the points of the curve from one on, to the ends of the range."""
+    def followed(
+        self, first: Place, interrupt: Interrupt | None = None
+    ) -> Iterator[Place]:
+        """Generate the points of the curve from one on, to the ends of the range.
+
+        After an interrupt no more are generated.
+        """
         here, step = first, FIRST
         if self._leaves(first):
             return
         for count in range(MOST):
+            if interrupt is not None and interrupt.asked:
+                return
             there, iterations = self._next(here, step)
             if there is None:
                 step /= 2.0
@@ -402,6 +409,8 @@ class Branches:
         values = dict.fromkeys([min(max(own[self.name], low), high), low, high])
         rests: list[Equilibrium] = []
         for k, value in enumerate(values):
+            if interrupt is not None and interrupt.asked:
+                break
             model = self.model.bind({}, None, **{self.name: value})
             search = Search(setting_of(model))
             try:
@@ -427,7 +436,7 @@ class Branches:
         along = np.eye(len(y))[-1]
         first = curve.place(y, along)
         back = first._replace(tangent=-first.tangent)
-        ways = [list(curve.followed(x)) for x in (back, first)]
+        ways = [list(curve.followed(x, interrupt)) for x in (back, first)]
         places = [*ways[0][::-1], first, *ways[1]]
         if len(places) > 1:
             self._add(curve, places)
@@ -440,7 +449,8 @@ class Branches:
                 if found is None or self._is_known(curve, found[0]):
                     continue
                 begun = curve.place(found[0], way)
-                self._add(curve, [place, begun, *curve.followed(begun)], begins=1)
+                more = curve.followed(begun, interrupt)
+                self._add(curve, [place, begun, *more], begins=1)
 
     def _add(self, curve: Curve, places: list[Place], begins: int = 0) -> None:
         self.branches.append(places)

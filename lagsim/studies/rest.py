@@ -538,7 +538,7 @@ class Search:
             if self._spent or (interrupt is not None and interrupt.asked):
                 break
         if not kept:
-            raise NoRestError(self._remaining(starts))
+            raise NoRestError(self._remaining(self.tried))
         return sorted(kept, key=lambda x: x.distance)
 
     def _each(self, starts: int) -> Iterator[AtRest | None]:

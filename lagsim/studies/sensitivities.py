@@ -41,9 +41,8 @@ from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
 from lagsim.notes import Caution
 from lagsim.run.observers.appended import Appended
-from lagsim.run.observers.monitors import numbers
 from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
-from lagsim.tolerances import SAME_STEP
+from lagsim.tolerances import SAME_INSTANT, SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -471,6 +470,7 @@ def appended(
     names: Sequence[str],
     options: Mapping[str, float | str] | None = None,
     *,
+    times: Floats | None = None,
     who: str = "run",
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -487,6 +487,8 @@ def appended(
         Parameters and start values with columns `d.<column>.<name>`.
     options : mapping of str to float or str, optional
         Options that replace settings of the file.
+    times : ndarray, shape (k,), optional
+        Times of the values, by default the output times and the end of the run.
     progress : callable, optional
         Called with the part of the names that is done.
 
@@ -499,7 +501,7 @@ def appended(
     varied = [*dict.fromkeys((*names, *deviations))]
     if not varied:
         return None
-    times = output_times(settings)
+    times = output_times(settings) if times is None else times
     study = Sensitivities(model, options, times=times, who=who, interrupt=interrupt)
     square = np.zeros((len(times), len(study.columns)))
     blocks = {name: np.full_like(square, np.nan) for name in names}
@@ -522,18 +524,16 @@ def appended(
         heads += [DEVIATION.of(x) for x in study.columns]
         columns.append(np.sqrt(square))
     values = np.hstack(columns)
-    values[_at_impacts(study.centre.events, settings)] = np.nan
+    values[_at_impacts(study.centre.events, times, settings)] = np.nan
     return Appended((*heads,), settings, values, record, cautions)
 
 
-def _at_impacts(events: Sequence[Event], settings: Settings) -> list[int]:
-    """Return the output times that are times of impacts, by their index.
-
-    A row has the state before such an impact, and another one the state after it.
-    """
-    times = [e.time for e in events if e.kind in JUMPS]
-    found = numbers(np.array(times), settings.start, settings.output_step)
-    return [int(k) for k in found if k >= 0]
+def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> Flags:
+    """Mark the times (k,) of impacts, before and after which a state has two values."""
+    struck = np.array([e.time for e in events if e.kind in JUMPS])
+    apart = np.abs(times[:, np.newaxis] - struck)
+    within = SAME_STEP * settings.output_step + SAME_INSTANT * np.abs(struck)
+    return np.asarray(np.any(apart <= within, axis=1))
 
 
 def _not_differentiable(found: Derivative, times: Floats) -> list[Caution]:

@@ -128,7 +128,31 @@ def test_in_python():
     t = result["t"]
     assert result["d.x.k"] == pytest.approx(-t * np.sin(2 * t) / 4, abs=1e-11)
     assert result.record["sensitivities"]["k"]["runs"] == 8
-    assert "d.x.k" not in result.at(0.3)
+
+
+def test_at_any_time_they_have_their_closed_form():
+    text = OSCILLATOR + "output: {sensitivities: [k]}\n"
+    text = text.replace("k: 4", "k: {value: 4, uncertainty: 0.1}")
+    result = in_python.simulate(text, error_bar="never")
+    exact = -0.3333 * np.sin(2 * 0.3333) / 4
+    one = result.at(0.3333)
+    assert one["d.x.k"] == pytest.approx(exact, abs=1e-11)
+    assert one["sd.x"] == pytest.approx(0.1 * abs(exact), abs=1e-12)
+    assert [*one] == [*result.columns]
+    times = np.array([[0.7, 0.3333], [0.0, 0.9]])
+    several = result.at(times)
+    exact = -times * np.sin(2 * times) / 4
+    assert several["d.x.k"] == pytest.approx(exact, abs=1e-11)
+    # Without requested columns there are none.
+    assert "d.x.k" not in in_python.simulate(OSCILLATOR).at(0.3)
+
+
+def test_at_the_time_of_an_impact_they_are_not_a_number():
+    result = in_python.simulate(BALL, error_bar="never")
+    hit = np.sqrt(2 / 9.81)
+    found = result.at([hit - 0.01, hit, 0.3])
+    assert np.isnan(found["sd.y"]).tolist() == [False, True, False]
+    assert found["sd.y"][2] == pytest.approx(0.02, abs=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.model.reader import read
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.branches import varied
 from tests.studies.test_rest import BLOCK, EULER, FLUTTER, HOOP, TRUSS, ZIEGLER
 from tests.support import refused
 
@@ -111,3 +114,40 @@ def test_a_start_value_and_unknown_names():
     [branch] = found.branches
     for x in branch:
         assert x["coordinates"]["s"] == pytest.approx(x["value"])
+
+
+class Soon(Interrupt):
+    """Interrupt that is requested after its state has been read some times."""
+
+    def __init__(self, left):
+        super().__init__()
+        self.left = left
+
+    @property
+    def asked(self):
+        self.left -= 1
+        return self.left < 0
+
+
+def test_an_interrupt_within_a_branch_keeps_the_points_so_far():
+    model = read(TRUSS, "<model>")
+    whole = varied(model, "P", (-20.0, 20.0))
+    whole.follow(0)
+    [branch] = whole.branches
+    counts = []
+    for left in (3, 30, 60):
+        cut = varied(model, "P", (-20.0, 20.0))
+        rests = cut.follow(0, Soon(left))
+        assert len(rests) == 1
+        [places] = cut.branches
+        counts.append(len(places))
+        # Its points are those of the whole branch, without gaps.
+        there = np.array([cut.curves[0].visible(x.y) for x in places])
+        known = np.array([whole.curves[0].visible(x.y) for x in branch])
+        apart = np.abs(there[:, None] - known).max(axis=2)
+        at = apart.argmin(axis=1)
+        assert apart.min(axis=1).max() < 1e-9
+        assert np.abs(np.diff(at)).tolist() == [1] * (len(at) - 1)
+    assert counts[0] < counts[1] < counts[2] < len(branch)
+    # Special points on what was followed are located.
+    assert len(cut.points) <= len(whole.points)
