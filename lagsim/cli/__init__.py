@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
-    "golden", "bench", "stability", "equilibrium", "modes", "methods",
+    "golden", "bench", "stability", "equilibrium", "modes", "fit", "methods",
     "explain", "schema",
 )  # fmt: skip
 

@@ -285,6 +285,26 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "printf 'l,theta\\n1,0.5\\n2,half\\n' > points.csv",
             "lagsim sweep pendulum.yaml --points points.csv",
         )),
+    Row("E615", "bad-data",
+        "The data of a fit cannot be used.",
+        "The header has the column t and columns that the model explains; in each row "
+        "below, t does not fall and lies within the run, and each cell is a number, or "
+        "empty.",
+        "write a table with a header: t,theta in the first line, 0.1,0.98 below",
+        commands=(
+            "printf 't,theta\\n0,1\\n0.5,half\\n0.4,0\\n' > data.csv",
+            "lagsim fit pendulum.yaml data.csv --vary l",
+        )),
+    Row("E616", "changes-nothing",
+        "A name that a fit varies changes no column of the data.",
+        "Each varied name changes a column that is matched, at the first values of all "
+        "names.",
+        "leave the name out, match a column that depends on it, or begin from values "
+        "at which it has an effect (`--set`)",
+        commands=(
+            "printf 't,theta\\n0,1\\n0.5,0.2\\n1,-0.9\\n' > data.csv",
+            "lagsim fit pendulum.yaml data.csv --vary m",
+        )),
     # E7xx: files and folders that are written.
     Row("E701", "output-folder",
         "The output folder cannot be used.",

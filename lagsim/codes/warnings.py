@@ -278,6 +278,15 @@ output: {sensitivities: [h]}
 simulation: {duration: 1, output_step: 0.25}
 """,
         _RUN),
+    warning("W324", "not-identifiable",
+        "The data of a fit do not determine some of its names: these can change "
+        "together with no effect on the matched columns.",
+        "leave one of the names at a known value, or measure a quantity that depends "
+        "on each of these names",
+        commands=(
+            "printf 't,theta\\n0,1\\n0.5,0.2\\n1,-0.9\\n' > data.csv",
+            "lagsim fit pendulum.yaml data.csv --vary l --vary g --no-plots",
+        )),
     warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: no "
         "page is written.",

@@ -469,6 +469,20 @@ class Stated(Protocol):
     def structural(self) -> Collection[str]:
         """Return the parameters on which ranges and subscripts depend."""
 
+    def compiled(self, text: str, option: str) -> int:
+        """Return the node of an expression of quantities of a row.
+
+        Parameters
+        ----------
+        option
+            The text before the expression in messages.
+
+        Raises
+        ------
+        InputError
+            As for an expression of the file.
+        """
+
     def texts(self) -> dict[str, Scalar]:
         """Return the expressions of energies, forces and constraints, by `forces.x`."""
 

@@ -53,7 +53,8 @@ RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
 # Names of lagsim's files, which a later run may remove.
 _OWN = re.compile(
     r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
-    r"|reactions|work_precision|stability|sweep|section_\w+|modes|response|equilibrium)"
+    r"|reactions|work_precision|stability|sweep|section_\w+|modes|response|equilibrium"
+    r"|fit)"
     r"\.(csv|npz|parquet|json|png|svg|pdf|html)"
 )
 # Seconds between two attempts to lock a folder.

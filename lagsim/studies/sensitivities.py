@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError, LagsimError, Problem, counted
+from lagsim.errors import InputError, LagsimError, Problem, counted, did_you_mean
 from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
 from lagsim.notes import Caution
@@ -45,7 +45,7 @@ from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
 from lagsim.tolerances import SAME_INSTANT, SAME_STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model, Settings
@@ -148,6 +148,10 @@ class _Runs:
         The value of the name in the file.
     unit : float
         The first step.
+    held : bool
+        See `Sensitivities.trial`.
+    order : int
+        The order of central differences.
     known : dict
         Runs by their offset: a multiple, and the power of FACTOR of its step.
     """
@@ -157,6 +161,7 @@ class _Runs:
     value: float
     unit: float
     held: bool = False
+    order: int = 8
     known: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
     def trial(self, j: int, power: int) -> Trial:
@@ -177,7 +182,7 @@ class _Runs:
 
     def usable(self, side: int) -> bool:
         """Whether runs can begin at the farthest and the nearest offset of a side."""
-        found = [self.trial(side * j, 0) for j in (4, 1)]
+        found = [self.trial(side * j, 0) for j in (self.order // 2, 1)]
         return all(x.outcome not in (INADMISSIBLE, UNUSABLE) for x in found)
 
 
@@ -189,7 +194,7 @@ def _judged(
     Parameters
     ----------
     estimates : sequence of ndarray, shape (k, columns)
-        The derivatives by differences of four orders, the highest first.
+        The derivatives by differences of two to four orders, the highest first.
     rows : sequence of ndarray
         The rows of all runs.
     step : float
@@ -197,7 +202,8 @@ def _judged(
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
-        first, second, third = (np.abs(x - y) for x, y in pairwise(estimates))
+        apart = [np.abs(x - y) for x, y in pairwise(estimates)]
+        first, second, third = (*apart, apart[-1], apart[-1])[:3]
         missing = ~np.all(np.isfinite(best), axis=1)
         # Rounding of the runs, in columns that do not depend on the name at all, too.
         floor = RTOL * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0) / abs(step)
@@ -205,8 +211,8 @@ def _judged(
         while True:
             kept = ~lost
             scale = np.max(np.abs(best[kept]), axis=0, initial=0.0)
-            apart = first > NOT_DIFFERENTIABLE * scale + floor
-            more = kept & np.any(apart, axis=1)
+            large = first > NOT_DIFFERENTIABLE * scale + floor
+            more = kept & np.any(large, axis=1)
             if not more.any():
                 break
             lost |= more
@@ -233,6 +239,12 @@ class Sensitivities:
         first-order states and definitions of the table.
     values : mapping of str to float, optional
         Values of names that differ from the file.
+    guesses : collection of str
+        Start values that follow as the constraints require.
+    trials : Trials, optional
+        Runs of the model, by default new ones.
+    method : str
+        The method of all runs; by default that of the run itself.
     who : str
         The name of the command, for messages.
     interrupt : Interrupt, optional
@@ -247,13 +259,18 @@ class Sensitivities:
         times: Floats,
         columns: Sequence[str] | None = None,
         values: Mapping[str, float] | None = None,
+        guesses: Collection[str] = (),
+        trials: Trials | None = None,
+        method: str = "",
         who: str = "run",
         interrupt: Interrupt | None = None,
     ) -> None:
         self.model, self.times, self.interrupt = model, times, interrupt
-        self.trials = Trials(model, options, who)
-        self.values = dict(values or {})
+        self.trials = trials or Trials(model, options, who)
+        self.values, self.guesses = dict(values or {}), guesses
         self.settings: dict[str, Any] = {"rtol": RTOL}
+        if method:
+            self.settings["method"] = method
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = self.trials.run(self._variant({}))
         if not self.centre.columns:
@@ -261,14 +278,17 @@ class Sensitivities:
                 [Problem(self.centre.code or "failed", self.centre.reason)]
             )
         # All runs by the method of the run itself, which `auto` selects once.
-        plan = self.trials.session(self._variant({})).plan
-        self.settings["method"] = plan.method
+        if not method:
+            plan = self.trials.session(self._variant({})).plan
+            self.settings["method"] = plan.method
         self._which = [self.centre.columns.index(x) for x in self.columns]
         self._start: dict[str, float] | None = None
 
-    def _variant(self, values: Mapping[str, float], **more: Any) -> Variant:
-        at = {**self.values, **values}
-        return Variant(at, self.settings, self.times, **more)
+    def _variant(
+        self, values: Mapping[str, float], guesses: Collection[str] = ()
+    ) -> Variant:
+        at, held = {**self.values, **values}, guesses or self.guesses
+        return Variant(at, self.settings, self.times, held)
 
     def rows(self, trial: Trial) -> Floats:
         """Return the differentiated columns of a run, shape (k, columns).
@@ -300,7 +320,7 @@ class Sensitivities:
         variant = self._variant({name: value})
         if held:
             at, guesses = {**self.start(), name: value}, {*self.start()} - {name}
-            variant = self._variant(at, guesses=guesses)
+            variant = self._variant(at, guesses)
         return self.trials.run(variant, interrupt=self.interrupt)
 
     def by(
@@ -310,6 +330,7 @@ class Sensitivities:
         scale: float | None = None,
         first: float = FIRST,
         spare: int = MOST_RUNS,
+        order: int = 8,
     ) -> Derivative:
         """Return the derivatives of all columns by a parameter or start value.
 
@@ -321,6 +342,8 @@ class Sensitivities:
             The first step relative to the scale.
         spare : int
             Number of runs beyond which no further step is tried.
+        order : int
+            Order of central differences, 8 or 4; the latter need half of the runs.
 
         Raises
         ------
@@ -329,10 +352,10 @@ class Sensitivities:
         """
         value = self.value_of(name)
         size = scale if scale is not None else scale_of(self.model, name, value)
-        runs = _Runs(self, name, value, first * size)
+        runs = _Runs(self, name, value, first * size, order=order)
         sides = runs.usable(1), runs.usable(-1)
         if not any(sides) and self._determined(runs):
-            runs = _Runs(self, name, value, first * size, held=True)
+            runs = _Runs(self, name, value, first * size, True, order)
             sides = runs.usable(1), runs.usable(-1)
         if not any(sides):
             raise _not_free(name, runs.trial(1, 0))
@@ -393,7 +416,8 @@ class Sensitivities:
         if name in (start := self.start()):
             return start[name]
         text = f"there is no parameter or start value `{name}`"
-        raise InputError([Problem("unknown-name", text)])
+        hint = did_you_mean(name, [*known, *start])
+        raise InputError([Problem("unknown-name", text, hint=hint)])
 
 
 def _truncated(found: _Difference) -> bool:
@@ -401,24 +425,31 @@ def _truncated(found: _Difference) -> bool:
 
 
 def _central(runs: _Runs, power: int) -> _Difference:
-    """Return the central difference of order 8."""
+    """Return the central difference."""
     h = runs.unit * FACTOR**power
-    above, below = (runs.rows([s * j for j in (1, 2, 3, 4)], power) for s in (1, -1))
+    offsets = range(1, runs.order // 2 + 1)
+    above, below = (runs.rows([s * j for j in offsets], power) for s in (1, -1))
     odd = (above - below) / (2.0 * h)
     estimates = [
-        np.tensordot(CENTRAL[order], odd[: order // 2], axes=1) for order in CENTRAL
+        np.tensordot(weights, odd[: order // 2], axes=1)
+        for order, weights in CENTRAL.items()
+        if order <= runs.order
     ]
     return _judged(estimates, [*above, *below], h)
 
 
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
-    """Return the one-sided difference of order 6, on the side that can be used."""
+    """Return the one-sided difference on the side that can be used.
+
+    Its order is 6, or that of the central differences, if this is lower.
+    """
     side = 1 if sides[0] else -1
     h = side * runs.unit * FACTOR**power
-    rows = runs.rows([side * j for j in range(7)], power)
+    used = {k: weights for k, weights in ONE_SIDED.items() if k <= runs.order}
+    rows = runs.rows([side * j for j in range(max(used) + 1)], power)
     estimates = [
-        np.tensordot(ONE_SIDED[order], rows[: order + 1], axes=1) / h
-        for order in ONE_SIDED
+        np.tensordot(weights, rows[: order + 1], axes=1) / h
+        for order, weights in used.items()
     ]
     return _judged(estimates, [*rows], h)
 

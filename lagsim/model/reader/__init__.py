@@ -406,6 +406,15 @@ class File:
             stated=new,
         )  # fmt: skip
 
+    def compiled(self, text: str, option: str) -> int:
+        """Return the node of an expression of a row's quantities, see `Stated`."""
+        faults = Faults(self.file)
+        x = self.x.over(faults, self.x.known)
+        found = x.compile(argument(option, text), "the expression", Level.OUTPUT)
+        faults.raise_if_any()
+        assert found is not None
+        return found
+
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
         """Return a model of this file with a point of a table moved, see `Stated`."""
         again = self._read_again({})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from lagsim.language.names import in_file
 from lagsim.model.nodes import Mapping, Scalar, entries_of
 
 if TYPE_CHECKING:
@@ -46,13 +47,29 @@ def rewritten(root: Node, values: MappingType[str, float]) -> Iterator[str]:
     for name, span in spans.items():
         shared.setdefault(span, []).append(name)
     changed = {span: names for span, names in shared.items() if values.keys() & names}
+    more = {name: x for name, x in values.items() if name not in spans}
+    added = dict(_added(root, text, more)) if more else {}
     for before, after in itertools.product((0, 1), repeat=2):
-        found = text
-        for span in sorted(changed, reverse=True):
-            names = _extended(changed[span], list(spans), before, after)
-            new = _written(names, values, text[slice(*span)])
-            found = found[: span[0]] + new + found[span[1] :]
+        edits, found = dict(added), text
+        for span, own in changed.items():
+            names = _extended(own, list(spans), before, after)
+            edits[span] = _written(names, values, text[slice(*span)])
+        for span in sorted(edits, reverse=True):
+            found = found[: span[0]] + edits[span] + found[span[1] :]
         yield found
+
+
+def _added(
+    root: Node, text: str, values: MappingType[str, float]
+) -> Iterator[tuple[Span, str]]:
+    """Yield the place of the first start value, with the text of others before it."""
+    for section, below in entries_of(root):
+        for key, _ in entries_of(below)[:1] if section.text == "initial" else ():
+            line = text[: key.start].rpartition("\n")[2]
+            between = ", " if line.strip() else f"\n{line}"
+            more = (f"{in_file(name)}: {_shown(x)}" for name, x in values.items())
+            added = "".join(f"{one}{between}" for one in more)
+            yield (key.start, key.start), added
 
 
 def _number(node: Node) -> Scalar | None:

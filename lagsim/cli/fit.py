@@ -1,0 +1,167 @@
+"""`lagsim fit`: the values with which a model explains measured data."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from lagsim.cli._shared import (
+    FORMAT,
+    JSON,
+    MODEL,
+    NO_PLOTS,
+    SETS,
+    Measured,
+    Picture,
+    aligned,
+    assignments,
+    coloured,
+    complain,
+    experiment,
+    listed,
+    option,
+    output_folder,
+    put_file,
+    quiet,
+    table,
+)
+from lagsim.errors import Problems, counted
+from lagsim.model.reader import read_file
+from lagsim.studies.fit import report
+from lagsim.studies.fit.data import read_record
+from lagsim.studies.fit.fitting import LINEAR, LOSSES, SPENT, Fit
+
+if TYPE_CHECKING:
+    from lagsim.cli._shared import Progress
+    from lagsim.run.interrupt import Interrupt
+
+    Document = dict[str, Any]
+
+Loss = Enum("Loss", {name.upper(): name for name in LOSSES})  # type: ignore[misc]
+
+
+def command(
+    model: str = MODEL,
+    data: list[Path] = typer.Argument(
+        metavar="DATA.csv...", help="Measured data: columns t and quantities."
+    ),
+    vary: list[str] | None = option(
+        "NAME[=A:B]",
+        "A parameter, a start value, or t0, the difference of the clocks, with bounds; "
+        "NAME@K belongs to the data file K alone; may be repeated.",
+        "--vary",
+    ),
+    match: list[str] | None = option(
+        "COLUMN=EXPR[:SD]",
+        "The quantity that a column measures, and the standard deviation of the "
+        "measurement; may be repeated.",
+        "--match",
+    ),
+    loss: Loss = typer.Option(
+        LINEAR, "--loss", help="soft_l1 and huber reduce the weight of outliers."
+    ),
+    starts: int = typer.Option(
+        0, "--starts", metavar="N", min=0,
+        help="Number of other starts, within the bounds, beside that of the file.",
+    ),
+    write: Path | None = option(
+        "FILE", "Write the model file with the values found to FILE, too.", "--write"
+    ),
+    folder: Path | None = output_folder("Output folder; default results/NAME/fit."),
+    sets: list[str] | None = SETS,
+    form: Picture = FORMAT,
+    no_plots: bool = NO_PLOTS,
+    as_json: bool = JSON,
+    quiet: bool = quiet(),
+) -> int:  # fmt: skip
+    """Find the values of parameters with which a model explains measured data."""
+    given, matched = assignments(sets), _matched(match)
+    read = read_file(model, given)
+    problems, records = Problems(), []
+    for path in data:
+        with problems.gathered():
+            records.append(read_record(path))
+    problems.refuse()
+    fit = Fit(read, records, vary or (), matched, loss.value)
+    for record in fit.records:
+        if unused := fit.unused(record):
+            text = f"note: {record.name}: not used: {', '.join(unused)}"
+            complain(f"{text}; `--match` says what a column measures")
+
+    def measure(interrupt: Interrupt, progress: Progress) -> Measured:
+        fit.interrupt = interrupt
+        found = fit.found(starts, progress)
+        for caution in found.cautions:
+            complain(f"warning: {caution.text} [{caution.number}]")
+        document = report.document_of(fit, found)
+        text = report.written(fit, found, given).encode()
+        cells = report.tables(fit, found) | {report.name_of(fit): text}
+        if write is not None:
+            put_file(write, text)
+
+        def draw() -> bytes:
+            from lagsim.studies.fit.chart import chart
+
+            return chart(fit, found, form.value)
+
+        def summary(files: str) -> str:
+            return _summary(document, files)
+
+        return Measured(
+            document, cells, f"fit.{form.value}", None if no_plots else draw, summary,
+            code=3 if found.outcome == SPENT else 0,
+        )  # fmt: skip
+
+    where = folder or Path("results") / read.name / "fit"
+    return experiment(
+        "fit", measure, where, report.MANIFEST, quiet=quiet, as_json=as_json
+    )
+
+
+def _matched(match: list[str] | None) -> dict[str, str]:
+    """Parse the options `--match COLUMN=EXPR[:SD]`."""
+    problems, found = Problems(), dict[str, str]()
+    for text in match or ():
+        column, equals, after = text.partition("=")
+        column = column.strip()
+        if not (column and equals and after.strip()):
+            message = f"--match {text}: a column and an expression are expected"
+            problems.add("usage", message, hint="such as --match angle=theta*180/pi")
+        elif column in found:
+            problems.add("usage", f"--match {column} is given twice")
+        found[column] = after
+    problems.refuse()
+    return found
+
+
+def _summary(document: Document, files: str) -> str:
+    """Return the closing lines."""
+    done = document["complete"]
+    head = coloured(document["outcome"], "32" if done else "31")
+    name, freedom = document["model"]["name"], document["degrees_of_freedom"]
+    text = f"{head}: {name}, {counted(document['iterations'], 'iteration')}, "
+    text += counted(document["runs"], "run")
+    lines = [text, aligned(report.lines(document), lefts=1)]
+    more = [
+        (column, f"rms {rms:.4g}, noise {document['noise'][column]:.4g}")
+        for column, rms in document["rms"].items()
+        if rms is not None
+    ]
+    if document["chi2"] is not None:
+        more.append(
+            ("chi2", f"{document['chi2']:.6g} for {freedom} degrees of freedom")
+        )
+    more += listed(
+        "undetermined",
+        (
+            ", ".join(f"{name} {part:+.3g}" for name, part in one.items())
+            for one in document["combinations"]
+        ),
+    )
+    if document["starts"] > 1:
+        found = f"{document['reached']} of {document['starts']} lead here"
+        more.append(("starts", found))
+    return "\n".join([*lines, table([*more, ("files", files)])])

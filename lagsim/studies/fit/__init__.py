@@ -1,0 +1,1 @@
+"""Fits: the values of parameters and start values with which a run explains data."""

@@ -1,0 +1,795 @@
+"""Least squares: values of names with which the runs of a model explain data.
+
+Residuals are counted in standard deviations of the measurement. Where none is given, a
+column has the noise that remains after a first fit. The Jacobian consists of
+`lagsim.studies.sensitivities`; its singular values show which names the data determine.
+
+Source: Y. Bard, Nonlinear Parameter Estimation (1974), chapters 7, 10; for robust
+losses P. J. Huber, Robust Statistics (1981), section 7.6.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.errors import (
+    InputError,
+    LagsimError,
+    Problem,
+    Problems,
+    counted,
+    unusable,
+)
+from lagsim.notes import Caution
+from lagsim.studies.fit.data import TIME, check_span, columns_of, matched
+from lagsim.studies.sensitivities import (
+    COMMON,
+    RTOL,
+    Sensitivities,
+    scale_of,
+)
+from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trial, Trials, Variant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.model.model import Model, Settings
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.fit.data import Record
+
+    Progress = Callable[[float], None] | None
+
+LINEAR = "linear"
+LOSSES = (LINEAR, "soft_l1", "huber")
+# The difference between the clocks of data and run: data time t is run time t - t0.
+CLOCK = "t0"
+# Outcomes.
+CONVERGED, SPENT, INTERRUPTED = "converged", "no convergence", "interrupted"
+# Relative changes of cost and of values at which iterations end; most evaluations.
+SAME_COST, SAME_VALUES, MOST = 1e-10, 1e-10, 200
+# Derivatives on the way to the solution: by differences of lower order, of steps that
+# need no search; and those at the solution.
+ROUGH: dict[str, Any] = {"order": 4, "first": 1e-4, "spare": 8}
+ACCURATE: dict[str, Any] = {}
+# Relative change of the data by a name, below which it counts as none.
+NO_CHANGE = 1e-9
+# Least ratio of a singular value to the largest of a combination that is determined.
+DETERMINED = 1e-8
+# Degrees of freedom where none are left.
+SPENT_ROWS = 1e-9
+# Parts of a combination below this size are rounding.
+TINY_PART = 1e-5
+# Ratio of the standard deviation of normal values to the median of their sizes.
+OF_MEDIAN = 1.4826
+# Probability of an interval.
+LIKELY = 0.95
+# Most fits with the noise of the last one, and relative change that ends them.
+ROUNDS, SAME_NOISE = 6, 0.02
+# Seed of further starts, and the range of a name without bounds, in its values.
+SEED, SPREAD = 11, 2.0
+# Part of the time of the data to which steps of the clock are relative.
+OF_SPAN = 0.05
+
+
+class Varied(NamedTuple):
+    """Name that a fit varies.
+
+    Attributes
+    ----------
+    label : str
+        `theta`, or `theta@2`.
+    name : str
+        The parameter, start value, or `t0`.
+    record : int
+        Number of the only record that it concerns, from 0; -1 for all records without
+        a name of their own.
+    low, high : float
+        Bounds.
+    start, scale : float
+        The first value, and its size.
+    """
+
+    label: str
+    name: str
+    record: int = -1
+    low: float = -math.inf
+    high: float = math.inf
+    start: float = 0.0
+    scale: float = 1.0
+
+
+class StoppedError(Exception):
+    """Error raised by an interrupt within an iteration."""
+
+
+class Recording(Sensitivities):
+    """Runs at the times of a record, whose clock differs from that of the runs by t0.
+
+    Parameters
+    ----------
+    fit : Fit
+    values : mapping of str to float
+    times : ndarray, shape (k,)
+    columns : sequence of str
+    """
+
+    def __init__(
+        self, fit: Fit, values: Mapping[str, float], times: Floats,
+        columns: Sequence[str],
+    ) -> None:  # fmt: skip
+        self.clocked = fit.clocked
+        self.span = fit.settings.start, fit.settings.end
+        super().__init__(
+            fit.model, times=times, columns=columns, values=values,
+            guesses=fit.guesses, trials=fit.trials, method=fit.method,
+            interrupt=fit.interrupt,
+        )  # fmt: skip
+
+    def _variant(
+        self, values: Mapping[str, float], guesses: Collection[str] = ()
+    ) -> Variant:
+        variant = super()._variant(values, guesses)
+        if not self.clocked:
+            return variant
+        at = dict(variant.values)
+        clock = float(at.pop(CLOCK, 0.0))
+        return variant._replace(values=at, times=self.times - clock)
+
+    def trial(self, name: str, value: float, held: bool) -> Trial:
+        """Return the run with one value replaced; none for times outside the run."""
+        if self.clocked and name == CLOCK:
+            low, high = self.times[0] - value, self.times[-1] - value
+            if low < self.span[0] or high > self.span[1]:
+                return Trial(UNUSABLE, "the times of the data are outside the run")
+        return super().trial(name, value, held)
+
+
+# --- Names
+
+
+def named(texts: Sequence[str], records: int) -> list[Varied]:
+    """Parse the names of a fit: `NAME`, `NAME=a:b`, `NAME@K`, `NAME@K=a:b`.
+
+    Parameters
+    ----------
+    texts : sequence of str
+    records : int
+        Number of records.
+
+    Raises
+    ------
+    InputError
+        If a text is malformed, or a name is given twice.
+    """
+    faults, found = Problems(), list[Varied]()
+    for text in texts:
+        label, equals, after = (part.strip() for part in text.partition("="))
+        name, at, number = (part.strip() for part in label.partition("@"))
+        low, high = _bounds(after) if equals else (-math.inf, math.inf)
+        if not name or not low < high:
+            message = f"--vary {text}: a name, and bounds if any, are expected"
+            faults.add("usage", message, hint="such as --vary k, or --vary k=1:10")
+            continue
+        record = -1
+        if at:
+            known = number.isdecimal() and 1 <= int(number) <= records
+            if not known:
+                message = f"--vary {label}: there is no data file {number or '``'}"
+                hint = f"there {'is' if records == 1 else 'are'} "
+                hint += f"{counted(records, 'data file')}, counted from 1"
+                faults.add("usage", message, hint=hint)
+                continue
+            record = int(number) - 1
+        label = f"{name}@{record + 1}" if at else name
+        if any(label == one.label for one in found):
+            faults.add("usage", f"--vary {label} is given twice")
+        found.append(Varied(label, name, record, low, high))
+    if not texts:
+        faults.add("usage", "no name is varied", hint="such as --vary k")
+    for one in found:
+        if one.record < 0 and not _concerned(one, found, records):
+            text = f"--vary {one.name}: each data file has a value of its own"
+            faults.add("usage", text, hint="leave out the name without a number")
+    faults.refuse()
+    return found
+
+
+def _bounds(text: str) -> tuple[float, float]:
+    """Return the numbers of `a:b`, where each may be missing; nan for other texts."""
+    low, colon, high = text.partition(":")
+    try:
+        ends = float(low or "-inf"), float(high or "inf")
+    except ValueError:
+        return math.nan, math.nan
+    return ends if colon else (math.nan, math.nan)
+
+
+def _concerned(one: Varied, every: Sequence[Varied], records: int) -> list[int]:
+    """Return the records that a name concerns."""
+    if one.record >= 0:
+        return [one.record]
+    own = {x.record for x in every if x.name == one.name}
+    return [k for k in range(records) if k not in own]
+
+
+# --- The fit
+
+
+class Slopes(NamedTuple):
+    """Derivatives of residuals by names, in units of the columns and scales.
+
+    Attributes
+    ----------
+    J : ndarray, shape (n, p)
+        0 in rows that are not differentiable by one of the names.
+    lost : dict of str to int
+        The number of such rows by name.
+    error : float
+        Relative error of the derivatives.
+    """
+
+    J: Floats
+    lost: dict[str, int]
+    error: float
+
+
+class Estimate(NamedTuple):
+    """Values with their uncertainties, in multiples of the scales of the names.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (p, p)
+        nan for names that are not determined, or stand at a bound.
+    combinations : list of dict of str to float
+        Relative changes of names that change no residual.
+    taken : ndarray, shape (n,)
+        Leverage of each residual.
+    """
+
+    covariance: Floats
+    combinations: list[dict[str, float]]
+    taken: Floats
+
+
+@dataclass
+class Found:
+    """Result of a fit.
+
+    Attributes
+    ----------
+    x : ndarray, shape (p,)
+        Values of the names.
+    raw : ndarray, shape (n,)
+        Model less data, in the units of the columns.
+    noise : ndarray, shape (m,)
+        Standard deviation of each column, given or estimated.
+    estimate : Estimate or None
+        None after an interrupt.
+    """
+
+    x: Floats
+    raw: Floats
+    noise: Floats
+    outcome: str
+    estimate: Estimate | None = None
+    bounded: dict[str, str] = field(default_factory=dict)
+    starts: int = 1
+    reached: int = 1
+    cautions: list[Caution] = field(default_factory=list)
+
+
+class Fit:
+    """Fit of a model to records.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    vary : sequence of str
+        Names with bounds, see `named`.
+    match : mapping of str to str, optional
+        Expressions by columns, see `matched`.
+    loss : str
+        One of LOSSES.
+    interrupt : Interrupt, optional
+        Requests of an early end.
+
+    Attributes
+    ----------
+    names : list of Varied
+    matches : list of Match
+    runs, iterations : int
+        Numbers of runs, and of Jacobians.
+
+    Raises
+    ------
+    InputError
+        If data, a name or an expression cannot be used.
+    StartError
+        If the start of the file is not admissible.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        records: Sequence[Record],
+        vary: Sequence[str],
+        match: Mapping[str, str] | None = None,
+        loss: str = LINEAR,
+        interrupt: Interrupt | None = None,
+    ) -> None:
+        self.given, self.records, self.loss = model, records, loss
+        self.interrupt, self.runs, self.iterations = interrupt, 0, 0
+        self._progress: Progress = None
+        names = named(vary, len(records))
+        self.model, self.matches = matched(model, records, match or {})
+        self.columns = columns_of(self.model)
+        self._arrange()
+        self.trials = Trials(self.model, {}, "fit")
+        session = self.trials.session(Variant({}, {"rtol": RTOL}))
+        self.method = session.plan.method
+        self.settings: Settings = session.case.settings
+        self.clocked = CLOCK not in model.parameter_values
+        self.guesses: Collection[str] = ()
+        self.names = self._started(names)
+        self.scales = np.array([one.scale for one in self.names])
+        self.start = np.array([one.start for one in self.names])
+        # Runs at the last values, and their derivatives by accuracy.
+        self._known: tuple[bytes, list[Recording]] = (b"", [])
+        self._slopes: dict[int, Slopes] = {}
+        self._best = math.inf, self.start, self.data * np.nan
+
+    def _arrange(self) -> None:
+        """Arrange the measurements of all records as one vector, shape (n,)."""
+        data: list[Floats] = []
+        columns: list[Any] = []
+        self.seen: list[Flags] = []
+        for record in self.records:
+            gaps = np.full(len(record.times), np.nan)
+            own = [record.columns.get(x.column, gaps) for x in self.matches]
+            cells = np.column_stack(own)
+            seen = np.isfinite(cells)
+            self.seen.append(seen)
+            data.append(cells[seen])
+            columns.append(np.nonzero(seen)[1])
+        self.data = np.concatenate(data)
+        # The number of the match of each measurement.
+        self.of = np.concatenate(columns)
+
+    def _started(self, names: Sequence[Varied]) -> list[Varied]:
+        """Return the names with start values, scales, and bounds of the clocks."""
+        start = np.array([self.settings.start])
+        free = Recording(self, {}, start, ())
+        found, faults = list[Varied](), Problems()
+        for one in names:
+            with faults.gathered():
+                found.append(self._begun(one, names, free))
+        faults.refuse()
+        clocks = [(0.0, 0.0)] * len(self.records)
+        for one in found:
+            if self.is_clock(one):
+                for k in _concerned(one, found, len(self.records)):
+                    clocks[k] = one.start, one.start
+        check_span(self.records, clocks, self.settings)
+        starts = [x.name for x in found if x.name in free.start()]
+        if self.model.constraints:
+            self.guesses = self._following(free, found, {*free.start()} - {*starts})
+        return found
+
+    def is_clock(self, one: Varied) -> bool:
+        """Whether a name is the difference between the clocks of data and run."""
+        return self.clocked and one.name == CLOCK
+
+    def _begun(
+        self, one: Varied, names: Sequence[Varied], free: Sensitivities
+    ) -> Varied:
+        if self.is_clock(one):
+            times = [
+                self.records[k].times for k in _concerned(one, names, len(self.records))
+            ]
+            low = max(float(t[-1]) for t in times) - self.settings.end
+            high = min(float(t[0]) for t in times) - self.settings.start
+            one = one._replace(low=max(low, one.low), high=min(high, one.high))
+            span = max(float(np.ptp(t)) for t in times)
+            value, scale = 0.0, OF_SPAN * (span or 1.0)
+            if not one.low < one.high:
+                span_text = f"{self.settings.start:g} to {self.settings.end:g}"
+                text = f"{one.label} cannot vary: the data take all of the run, "
+                text += f"t = {span_text}"
+                hint = "make the run longer, or leave out rows at the ends of the data"
+                raise unusable("usage", text, hint=hint)
+        else:
+            value = free.value_of(one.name)
+            scale = scale_of(self.model, one.name, value)
+        if not one.low < value < one.high:
+            value = _between(one.low, one.high, value)
+        return one._replace(start=value, scale=scale)
+
+    def _following(
+        self, free: Sensitivities, names: Sequence[Varied], others: Collection[str]
+    ) -> Collection[str]:
+        """Return the start values that follow, where a varied name requires that."""
+        for one in names:
+            if self.is_clock(one):
+                continue
+            steps = (1e-3 * one.scale, -1e-3 * one.scale)
+            base = free.value_of(one.name)
+            ends = [free.trial(one.name, base + h, False).outcome for h in steps]
+            if INADMISSIBLE in ends:
+                return others
+        return ()
+
+    def unused(self, record: Record) -> list[str]:
+        """Return the columns of a record that measure nothing."""
+        used = {TIME, *(x.column for x in self.matches)}
+        return [x for x in record.columns if x not in used]
+
+    # Residuals and their derivatives
+
+    def at(self, x: Floats) -> list[Recording]:
+        """Return the runs of all records at some values; raise where one cannot be."""
+        key = x.tobytes()
+        if key != self._known[0]:
+            made = [self._recording(k, x) for k in range(len(self.records))]
+            self._known, self._slopes = (key, made), {}
+        return self._known[1]
+
+    def _recording(
+        self, number: int, x: Floats, times: Floats | None = None
+    ) -> Recording:
+        values = {}
+        for one, value in zip(self.names, x.tolist(), strict=True):
+            if number in _concerned(one, self.names, len(self.records)):
+                values[one.name] = value
+        self.runs += 1
+        at = self.records[number].times if times is None else times
+        return Recording(self, values, at, self.columns)
+
+    def _stop_if_asked(self) -> None:
+        if self.interrupt is not None and self.interrupt.asked:
+            raise StoppedError
+
+    def raw(self, x: Floats) -> Floats:
+        """Return model less data in the units of the columns, shape (n,)."""
+        runs = self.at(x)
+        self._stop_if_asked()
+        rows = [
+            run.rows(run.centre)[seen]
+            for run, seen in zip(runs, self.seen, strict=True)
+        ]
+        return np.asarray(np.concatenate(rows) - self.data)
+
+    def slopes(self, x: Floats, how: dict[str, Any]) -> Slopes:
+        """Return derivatives of the residuals by names: ROUGH or ACCURATE."""
+        runs, key = self.at(x), len(how)
+        if key not in self._slopes:
+            blocks = [self._block(k, run, how) for k, run in enumerate(runs)]
+            lost: dict[str, int] = {}
+            for one in blocks:
+                for name, count in one.lost.items():
+                    lost[name] = lost.get(name, 0) + count
+            J = np.concatenate([one.J for one in blocks])
+            self._slopes[key] = Slopes(J, lost, max(one.error for one in blocks))
+        return self._slopes[key]
+
+    def _block(self, number: int, run: Recording, how: dict[str, Any]) -> Slopes:
+        """Return the derivatives of the residuals of one record."""
+        seen, lost, error = self.seen[number], dict[str, int](), 0.0
+        J = np.zeros((int(np.count_nonzero(seen)), len(self.names)))
+        for j, one in enumerate(self.names):
+            if number not in _concerned(one, self.names, len(self.records)):
+                continue
+            found = run.by(one.name, scale=one.scale, **how)
+            self.runs += found.runs
+            self._stop_if_asked()
+            J[:, j] = found.values[seen] * one.scale
+            error = max(error, found.error)
+            if found.lost.any():
+                lost[one.label] = int(np.count_nonzero(found.lost))
+        J[~np.all(np.isfinite(J), axis=1)] = 0.0
+        return Slopes(J, lost, error)
+
+    def _cost(self, x: Floats, weights: Floats) -> Floats:
+        """Return the residuals in standard deviations; inf where a run cannot be."""
+        try:
+            raw = self.raw(x)
+        except LagsimError:
+            return np.full(len(self.data), np.inf)
+        if not np.all(np.isfinite(raw)):
+            return np.full(len(self.data), np.inf)
+        r = raw * weights[self.of]
+        size = float(r @ r)
+        if size < self._best[0]:
+            self._best = size, x, raw
+        return np.asarray(r)
+
+    def _solve(
+        self, x: Floats, weights: Floats, loss: str
+    ) -> tuple[Floats, float, bool]:
+        """Return the values of least cost near some values, the cost, convergence."""
+        from scipy.optimize import least_squares  # slow to load
+
+        s = self.scales
+
+        def jacobian(z: Floats) -> Floats:
+            self.iterations += 1
+            if self._progress is not None:
+                self._progress(1.0 - 0.85**self.iterations)
+            J = self.slopes(z * s, ROUGH).J
+            return np.asarray(J * weights[self.of][:, None])
+
+        ends = np.array([[one.low, one.high] for one in self.names]).T / s
+        found = least_squares(
+            lambda z: self._cost(z * s, weights), x / s, jacobian, ends, x_scale="jac",
+            loss=loss, ftol=SAME_COST, xtol=SAME_VALUES, gtol=None, max_nfev=MOST,
+        )  # fmt: skip
+        return np.asarray(found.x * s), float(found.cost), found.status > 0
+
+    # The study
+
+    def found(self, starts: int = 0, progress: Progress = None) -> Found:
+        """Return the result of the fit.
+
+        Parameters
+        ----------
+        starts : int
+            Number of starts beside that of the file.
+        progress : callable, optional
+            Called with the fraction that is done.
+
+        Raises
+        ------
+        InputError
+            If a run ends before the data, or a name changes no column.
+        """
+        self._progress = progress
+        x = self.start
+        given = np.array([match.deviation for match in self.matches])
+        noise = np.where(given > 0.0, given, self._sizes())
+        try:
+            self._check_first(x)
+            x, reached, ended = self._from_all(x, 1.0 / noise, starts)
+            x, noise, ended = self._again(x, noise, given, ended=ended)
+            return self._result(x, noise, given, ended, (starts + 1, reached))
+        except StoppedError:
+            _, x, raw = self._best
+            return Found(x, raw, noise, INTERRUPTED)
+
+    def _again(
+        self, x: Floats, noise: Floats, given: Floats, *, ended: bool
+    ) -> tuple[Floats, Floats, bool]:
+        """Return values, noise and convergence of fits with the noise of the last one.
+
+        One fit more, by the noise of a first linear fit; for a robust loss several,
+        since outliers raise the noise of a linear fit.
+        """
+        if np.all(given > 0.0) or (len(given) == 1 and self.loss == LINEAR):
+            return x, noise, ended
+        for _ in range(1 if self.loss == LINEAR else ROUNDS):
+            slopes = self.slopes(x, ROUGH)
+            estimate = self._estimate(x, slopes, noise, self._active(x))
+            last, noise = noise, self._noise(self.raw(x), estimate, given)
+            if np.all(np.abs(noise - last) <= SAME_NOISE * noise):
+                break
+            self._best = math.inf, *self._best[1:]
+            x, _, ended = self._solve(x, 1.0 / noise, self.loss)
+        return x, noise, ended
+
+    def _sizes(self) -> Floats:
+        """Return the spread of the data of each column, shape (m,)."""
+        sizes = []
+        for k in range(len(self.matches)):
+            own = self.data[self.of == k]
+            spread = float(np.std(own)) if len(own) else 0.0
+            sizes.append(spread or float(np.max(np.abs(own), initial=0.0)) or 1.0)
+        return np.array(sizes)
+
+    def _check_first(self, x: Floats) -> None:
+        """Raise an InputError where a run ends early, or a name changes nothing."""
+        raw = self.raw(x)
+        if not np.all(np.isfinite(raw)):
+            self._refuse_early()
+        J, lost, _ = self.slopes(x, ROUGH)
+        sizes = np.array([
+            float(np.max(np.abs((raw + self.data)[self.of == k]), initial=0.0)) or 1.0
+            for k in range(len(self.matches))
+        ])  # fmt: skip
+        change = np.max(np.abs(J) / sizes[self.of][:, None], axis=0, initial=0.0)
+        faults = Problems()
+        for one, largest in zip(self.names, change.tolist(), strict=True):
+            if largest <= NO_CHANGE and one.label not in lost:
+                text = f"`{one.label}` changes no column of the data"
+                faults.add("changes-nothing", text)
+        faults.refuse()
+
+    def _refuse_early(self) -> None:
+        """Raise an InputError with the first row that a run does not reach."""
+        faults = []
+        for record, run in zip(self.records, self._known[1], strict=True):
+            missing = ~np.all(np.isfinite(run.rows(run.centre)), axis=1)
+            for row in np.flatnonzero(missing)[:1].tolist():
+                text = f"the run has no values at t = {record.times[row]:g}: it ends "
+                text += f"at t = {run.centre.end:g} ({run.centre.outcome})"
+                if run.centre.reason:
+                    text += f": {run.centre.reason}"
+                faults.append(Problem("bad-data", text, record.place(row, TIME)))
+        raise InputError(faults)
+
+    def _from_all(
+        self, x: Floats, weights: Floats, starts: int
+    ) -> tuple[Floats, int, bool]:
+        """Return the best values from all starts, from how many, and convergence."""
+        loss = self.loss if all(x.deviation for x in self.matches) else LINEAR
+        results = [self._solve(x, weights, loss)]
+        random = np.random.default_rng(SEED)
+        for _ in range(starts):
+            other = np.array([_drawn(one, random) for one in self.names])
+            if np.all(np.isfinite(self._cost(other, weights))):
+                try:
+                    results.append(self._solve(other, weights, loss))
+                except LagsimError:
+                    continue
+        best = min(results, key=lambda one: one[1])
+        same = [
+            one for one in results
+            if np.all(np.abs(one[0] - best[0]) <= 1e-4 * self.scales)
+        ]  # fmt: skip
+        return best[0], len(same), best[2]
+
+    def _noise(self, raw: Floats, estimate: Estimate, given: Floats) -> Floats:
+        """Return the standard deviation of each column, shape (m,)."""
+        found = given.copy()
+        for k in np.flatnonzero(given == 0.0):
+            own = self.of == k
+            if not own.any():
+                found[k] = 1.0
+                continue
+            # Beside the rounding errors of the runs.
+            least = COMMON * float(np.max(np.abs(self.data[own]))) or COMMON
+            spread = math.sqrt(float(np.mean(raw[own] ** 2)))
+            if self.loss != LINEAR:
+                spread = OF_MEDIAN * float(np.median(np.abs(raw[own])))
+            free = float(np.sum(1.0 - estimate.taken[own]))
+            count = float(np.count_nonzero(own))
+            found[k] = max(spread * math.sqrt(count / max(free, SPENT_ROWS)), least)
+        return found
+
+    def _active(self, x: Floats) -> dict[str, str]:
+        """Return the names that stand at a bound, with that bound."""
+        found = {}
+        for one, value in zip(self.names, x.tolist(), strict=True):
+            close = 1e-8 * one.scale
+            if value - one.low <= close:
+                found[one.label] = "lower"
+            elif one.high - value <= close:
+                found[one.label] = "upper"
+        return found
+
+    def _estimate(
+        self, x: Floats, slopes: Slopes, noise: Floats, active: Collection[str]
+    ) -> Estimate:
+        """Return covariance, undetermined combinations and leverages."""
+        J, _, error = slopes
+        p = len(self.names)
+        free = np.array([one.label not in active for one in self.names])
+        weighted = J[:, free] / noise[self.of][:, None]
+        norms = np.linalg.norm(weighted, axis=0)
+        norms[norms == 0.0] = 1.0
+        rows = max(0, weighted.shape[1] - len(weighted))
+        padded = np.pad(weighted / norms, ((0, rows), (0, 0)))
+        U, sizes, Vt = np.linalg.svd(padded, full_matrices=False)
+        largest = float(np.max(sizes, initial=0.0))
+        kept = sizes > max(DETERMINED, error) * largest
+        taken = np.sum(U[: len(J), kept] ** 2, axis=1)
+        labels = [one.label for one in self.names if one.label not in active]
+        relative = (self.scales / np.where(x == 0.0, self.scales, np.abs(x)))[free]
+        combinations = _combinations(Vt[~kept] / norms * relative, labels)
+        part = Vt[kept] / sizes[kept][:, None]
+        inner = part.T @ part / np.outer(norms, norms)
+        loose = {name for one in combinations for name in one}
+        unknown = np.array([name in loose for name in labels], dtype=bool)
+        inner[unknown, :] = inner[:, unknown] = np.nan
+        covariance = np.full((p, p), np.nan)
+        covariance[np.ix_(free, free)] = inner
+        return Estimate(covariance, combinations, taken)
+
+    def _result(
+        self, x: Floats, noise: Floats, given: Floats, ended: bool,
+        starts: tuple[int, int],
+    ) -> Found:  # fmt: skip
+        """Return the result with uncertainties, from accurate derivatives."""
+        raw, active = self.raw(x), self._active(x)
+        slopes = self.slopes(x, ACCURATE)
+        found = self._estimate(x, slopes, noise, active)
+        if not np.all(given > 0.0):
+            noise = self._noise(raw, found, given)
+            found = self._estimate(x, slopes, noise, active)
+        if self.loss != LINEAR:
+            r = raw / noise[self.of]
+            factor = _robust(r, self.loss, len(r) - float(np.sum(found.taken)))
+            found = found._replace(covariance=found.covariance * factor)
+        outcome = CONVERGED if ended else SPENT
+        cautions = [
+            Caution(
+                "not-differentiable",
+                f"the motion is not differentiable by `{name}` in "
+                f"{counted(count, 'row')} of the data: these count in the residuals, "
+                "not in the standard errors",
+            )
+            for name, count in slopes.lost.items()
+        ]
+        for one in found.combinations:
+            parts = ", ".join(f"{name} by {part:+.3g}" for name, part in one.items())
+            text = f"the data do not determine {' and '.join(one)}: relative changes "
+            text += f"in the ratio of {parts} leave all columns as they are"
+            cautions.append(Caution("not-identifiable", text))
+        if self._progress is not None:
+            self._progress(1.0)
+        return Found(x, raw, noise, outcome, found, active, *starts, cautions)
+
+    def curve(self, x: Floats, number: int, count: int) -> tuple[Floats, Floats]:
+        """Return times of a record's clock, shape (k,), and columns, shape (k, m)."""
+        times = self.records[number].times
+        dense = np.linspace(times[0], times[-1], count)
+        run = self._recording(number, x, dense)
+        return dense, run.rows(run.centre)
+
+
+def _between(low: float, high: float, value: float) -> float:
+    """Return a value between two bounds, of which one is finite at least."""
+    if math.isfinite(low) and math.isfinite(high):
+        return 0.5 * (low + high)
+    end, sign = (low, 1.0) if math.isfinite(low) else (high, -1.0)
+    return end + sign * (abs(end) or abs(value) or 1.0)
+
+
+def _drawn(one: Varied, random: np.random.Generator) -> float:
+    """Draw a start: between the bounds, or from half to double of the value."""
+    part = float(random.uniform())
+    if math.isfinite(one.low) and math.isfinite(one.high):
+        return one.low + part * (one.high - one.low)
+    value = one.start * float(SPREAD ** (2.0 * part - 1.0))
+    if not one.start:
+        value = one.scale * (2.0 * part - 1.0)
+    return min(max(value, one.low), one.high)
+
+
+def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
+    """Return relative changes of names that span a kernel, shape (d, p), by few names.
+
+    The largest change of each is 1.
+    """
+    rest = kernel.copy()
+    for k in range(len(rest)):
+        row, column = divmod(int(np.argmax(np.abs(rest[k:]))), rest.shape[1])
+        rest[[k, k + row]] = rest[[k + row, k]]
+        rest[k] /= rest[k, column]
+        for other in range(len(rest)):
+            if other != k:
+                rest[other] -= rest[other, column] * rest[k]
+    return [
+        {
+            name: part
+            for name, part in zip(names, one.tolist(), strict=True)
+            if abs(part) > TINY_PART
+        }
+        for one in (row / row[np.argmax(np.abs(row))] for row in rest)
+    ]
+
+
+def _robust(r: Floats, loss: str, free: float) -> float:
+    """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6)."""
+    z = r * r
+    if loss == LOSSES[1]:
+        first, second = (1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5
+    else:
+        outer = np.maximum(z, 1.0)
+        first = outer**-0.5
+        second = np.where(z > 1.0, -0.5 * outer**-1.5, 0.0)
+    bend = float(np.mean(first + 2.0 * z * second))
+    return float(np.sum(z * first**2)) / max(free, SPENT_ROWS) / bend**2

@@ -1,0 +1,136 @@
+"""`lagsim fit`: files, options, and faults of data with their places."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lagsim.model.reader import read_file
+from tests.studies.test_fit import OSCILLATOR, TIMES, damped
+
+MODEL = "name: spring" + OSCILLATOR
+
+
+@pytest.fixture
+def data():
+    """Return a function that writes data of the oscillator, with other lines."""
+
+    def put(name, *lines, header="t,x", count=40):
+        x = damped(TIMES, 10, 0.2, 1.2)
+        rows = [f"{a},{b}" for a, b in zip(TIMES, x, strict=True)][:count]
+        Path(name).write_text("\n".join([header, *lines, *rows]) + "\n")
+        return name
+
+    return put
+
+
+@pytest.mark.slow
+def test_files_and_summary(lagsim, write, data):
+    path = write(MODEL)
+    options = "--vary", "k", "--vary", "x", "--write", "new.yaml"
+    called = lagsim("fit", path, data("a.csv"), *options, code=0, err="")
+    assert called.out.startswith("converged: spring, ")
+    assert "\n  k " in called.out
+    folder = Path("results/spring/fit")
+    document = json.loads((folder / "fit.json").read_text())
+    names = ["fit.csv", "spring-fitted.yaml", "fit.png", "fit.json"]
+    assert document["files"] == names
+    assert all((folder / name).stat().st_size for name in names)
+    with (folder / "fit.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["data", "t", "x", "x.model", "x.residual"]
+    assert len(rows) == 40
+    text = Path("new.yaml").read_text()
+    assert text == (folder / "spring-fitted.yaml").read_text()
+    assert "# released" in text
+    assert read_file("new.yaml").parameter_values["k"] == pytest.approx(10, rel=1e-7)
+
+
+def test_json_is_one_document(lagsim, write, data):
+    path = write(MODEL)
+    options = "--vary", "x", "--json", "--no-plots", "--set", "k=10"
+    document = lagsim("fit", path, data("a.csv"), *options, code=0, err="").json
+    assert {
+        "model", "data", "match", "loss", "parameters", "correlation", "rms", "noise",
+        "identifiable", "combinations", "chi2", "degrees_of_freedom", "starts",
+        "reached", "iterations", "runs", "outcome", "complete", "files",
+    } <= set(document)  # fmt: skip
+    one = document["parameters"]["x"]
+    assert set(one) == {"value", "standard_error", "interval", "start"}
+    assert one["value"] == pytest.approx(1.2, rel=1e-7)
+    text = Path("results/spring/fit/spring-fitted.yaml").read_text()
+    assert "k: 10" in text
+
+
+def test_unused_columns_are_named(lagsim, write):
+    Path("a.csv").write_text("t,x,room,note\n0,1,20,a\n0.5,0.1,20,b\n1,-0.9,21,c\n")
+    options = "--vary", "x", "--no-plots"
+    called = lagsim("fit", write(MODEL), "a.csv", *options, code=0)
+    assert "note: a.csv: not used: room, note; `--match`" in called.err
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "fault"),
+    [
+        ("t,x\n0,1\n0.5,half\n1,0\n", "a.csv:3:5", "`x` is no finite number"),
+        ("t,x\n0,1\n0.5,inf\n1,0\n", "a.csv:3:5", "`x` is no finite number"),
+        ("t,x\n0,1\n1,2\n0.5,1\n", "a.csv:4:1", "less than the time before it"),
+        ("t,x\n0,1\n,2\n2,1\n", "a.csv:3:1", "no time in this row"),
+        ("t,x\n0,1\nsoon,2\n2,1\n", "a.csv:3:1", "no time in this row"),
+        ("t,x\n-1,1\n1,2\n2,1\n", "a.csv:2:1", "outside the run: the run is from 0 to"),
+        ("t,x\n0,1\n1,2\n11,1\n", "a.csv:4:1", "make the run longer"),
+        ("t,x\n0,\n1,\n2,nan\n", "a.csv:1:3", "`x` has no numbers"),
+        ("t,y\n0,1\n1,2\n", "a.csv:1:1", "no column of the data is a coordinate"),
+        ("time,x\n0,1\n1,2\n", "a.csv:1:1", "no column `t`"),
+        ("t,x\n", "a.csv:1:1", "no rows"),
+        ("", "a.csv:1:1", "no column `t`"),
+        ("t,x,x\n0,1,1\n1,2,2\n", "a.csv:1:3", "two columns are named `x`"),
+        ("t,x\n0,1\n1,2,3\n", "a.csv:3:1", "3 cells"),
+        # Comments and other separators count as lines.
+        ("# made\nt;x\n0,0;1,5\n# pause\n0,5;text\n", "a.csv:5:5", "no finite number"),
+    ],
+)
+def test_faults_of_data_have_their_places(lagsim, write, text, place, fault):
+    Path("a.csv").write_text(text)
+    called = lagsim("fit", write(MODEL), "a.csv", "--vary", "k", code=2, out="")
+    assert f"{place}: " in called.err
+    assert fault in called.err
+    assert "[E615]" in called.err
+    assert "hint: " in called.err
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (["--match", "y=x"], "the data have no such column"),
+        (["--match", "x"], "a column and an expression are expected"),
+        (["--match", "x=x", "--match", "x=2*x"], "given twice"),
+        (["--match", "x=x:0"], "a standard deviation is expected"),
+        (["--match", "x=x:small"], "a standard deviation is expected"),
+        (["--match", "x=z"], "unknown name `z`"),
+        (["--match", "x=x+"], "the expression ends"),
+        (["--vary", "kk"], "did you mean `k`?"),
+        (["--vary", "m", "--match", "x=7*t"], "changes no column of the data"),
+        (["--loss", "cubic"], "--loss"),
+    ],
+)
+def test_options_that_cannot_be_used(lagsim, write, data, options, fault):
+    path = write(MODEL)
+    called = lagsim("fit", path, data("a.csv"), "--vary", "k", *options, code=2, out="")
+    assert fault in called.err
+
+
+def test_a_file_that_is_not_there(lagsim, write):
+    called = lagsim("fit", write(MODEL), "none.csv", "--vary", "k", code=2, out="")
+    assert "none.csv: No such file" in called.err
+
+
+def test_a_run_that_ends_before_the_data(lagsim, write, data):
+    text = MODEL.replace("duration: 10", "duration: 10, until: x <= 0")
+    called = lagsim("fit", write(text), data("a.csv"), "--vary", "k", code=2, out="")
+    # Released at 1, x reaches 0 after a quarter of a period, 0.53 s.
+    row = int(np.argmax(TIMES > 0.53)) + 2
+    assert f"a.csv:{row}:1: the run has no values at t = " in called.err

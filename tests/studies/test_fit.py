@@ -1,0 +1,337 @@
+"""Fits against closed forms: values, standard errors, intervals, identifiability."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from lagsim.errors import InputError
+from lagsim.model.reader import read
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.fit.data import record_of
+from lagsim.studies.fit.fitting import INTERRUPTED, Fit, named
+from lagsim.studies.fit.report import document_of, tables, written
+from tests.studies.test_sensitivities import BALL, ROD
+
+OSCILLATOR = """
+parameters: {m: 1, k: 9, c: 0.2}
+coordinates: {x: {unit: m}}
+energy: {kinetic: m*x_dot^2/2, potential: k*x^2/2}
+forces: {x: -c*x_dot}
+initial: {x: 1}  # released
+simulation: {duration: 10}
+"""
+# Relative accuracy of values from data without noise, as the contract states it.
+EXACT = 1e-7
+TIMES = np.linspace(0.1, 5, 60)
+
+
+def damped(t, k, c, x0, v0=0.0):
+    """Return the motion of the oscillator of mass 1."""
+    half = c / 2
+    w = math.sqrt(k - half**2)
+    rest = (v0 + half * x0) / w
+    return np.exp(-half * t) * (x0 * np.cos(w * t) + rest * np.sin(w * t))
+
+
+def fitted(text, data, vary, match=None, starts=0, **more):
+    """Return the fit, and its document."""
+    tables = data if isinstance(data, list) else [data]
+    records = [record_of(f"data {k}", x) for k, x in enumerate(tables, 1)]
+    fit = Fit(read(text, "<model>"), records, vary, match, **more)
+    return fit, document_of(fit, fit.found(starts))
+
+
+def values(document):
+    return {name: x["value"] for name, x in document["parameters"].items()}
+
+
+def close(document, exact):
+    assert values(document) == pytest.approx(exact, rel=EXACT)
+    assert document["outcome"] == "converged"
+    assert document["identifiable"] is True
+
+
+@pytest.mark.slow
+def test_values_of_an_oscillator():
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2)}
+    _, found = fitted(OSCILLATOR, data, ["k", "c", "x"])
+    close(found, {"k": 10, "c": 0.3, "x": 1.2})
+    assert found["degrees_of_freedom"] == 57
+
+
+@pytest.mark.slow
+def test_a_quantity_in_other_units_and_a_clock_that_is_late():
+    late = 0.25
+    data = {"t": TIMES + late, "mm": 1e3 * damped(TIMES, 10, 0.3, 1.2)}
+    vary = ["k", "c", "x", "t0=0:1"]
+    _, found = fitted(OSCILLATOR, data, vary, {"mm": "1000*x"})
+    close(found, {"k": 10, "c": 0.3, "x": 1.2, "t0": late})
+
+
+@pytest.mark.slow
+def test_files_with_starts_of_their_own():
+    other = TIMES[::3] + 0.05
+    data = [
+        {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2)},
+        {"t": other, "x": damped(other, 10, 0.3, -0.5, 2.0)},
+        {"t": other, "x": damped(other, 10, 0.3, 1.2)},
+    ]
+    vary = ["k", "c", "x", "x@2=-1:1", "x_dot@2"]
+    fit, found = fitted(OSCILLATOR, data, vary)
+    close(found, {"k": 10, "c": 0.3, "x": 1.2, "x@2": -0.5, "x_dot@2": 2.0})
+    rows = tables(fit, fit.found())["fit.csv"].decode().split()
+    assert len(rows) == 1 + 60 + 20 + 20
+    assert rows[0] == "data,t,x,x.model,x.residual"
+
+
+@pytest.mark.slow
+def test_gaps_are_left_out():
+    x = damped(TIMES, 10, 0.3, 1.2)
+    x[::4] = np.nan
+    speed = np.where(np.arange(60) % 7 == 0, 0.0, np.nan)  # never 0: of no weight
+    data = {"t": TIMES, "x": x, "other": speed}
+    fit, found = fitted(OSCILLATOR, data, ["k", "c", "x"])
+    close(found, {"k": 10, "c": 0.3, "x": 1.2})
+    assert found["degrees_of_freedom"] == 45 - 3
+    assert fit.unused(fit.records[0]) == ["other"]
+
+
+def bounces(t, e, g, h):
+    """Return the height of a ball, and the times of its first ten impacts."""
+    begin, speed, y = math.sqrt(2 * h / g), math.sqrt(2 * g * h), h - g * t**2 / 2
+    impacts = []
+    for _ in range(10):
+        impacts.append(begin)
+        speed *= e
+        s = t - begin
+        y = np.where(s >= 0, speed * s - g * s**2 / 2, y)
+        begin += 2 * speed / g
+    return y, impacts
+
+
+@pytest.mark.slow
+def test_a_restitution_from_heights():
+    t = np.linspace(0.013, 2.6, 60)
+    y, _ = bounces(t, 0.72, 9.81, 1.1)
+    _, found = fitted(BALL, {"t": t, "y": y}, ["e=0:1", "h"])
+    close(found, {"e": 0.72, "h": 1.1})
+
+
+@pytest.mark.slow
+def test_a_start_value_that_others_follow():
+    # A pendulum at rest at x, and y by the rod: the data are those of the angle.
+    angle = read(ROD, "<model>").bind(x=0.5, y=-math.sqrt(0.75))
+    fit = Fit(angle, [record_of("d", {"t": [0.0], "x": [0.5]})], ["g"])
+    t = np.linspace(0, 2, 30)
+    _, rows = fit.curve(np.array([9.81]), 0, 1)
+    assert rows[0, 0] == 0.5
+    run = Fit(angle, [record_of("d", {"t": t, "x": t, "y": t})], ["g"])
+    _, rows = run.curve(np.array([9.81]), 0, 30)
+    data = {"t": t, "x": rows[:, 0], "y": rows[:, 1]}
+    fit, found = fitted(ROD, data, ["g", "x"])
+    assert {*fit.guesses} == {"y", "x_dot", "y_dot"}
+    close(found, {"g": 9.81, "x": 0.5})
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.02])
+def test_standard_errors_of_a_linear_model(deviation):
+    # The start enters x as a(t) x(0) + b(t) x'(0).
+    noise = np.random.default_rng(5).normal(0, 0.02, len(TIMES))
+    data = {"t": TIMES, "x": damped(TIMES, 9, 0.2, 1.2) + noise}
+    match = {"x": f"x:{deviation}"} if deviation else None
+    _, found = fitted(OSCILLATOR, data, ["x", "x_dot"], match)
+    A = np.column_stack([damped(TIMES, 9, 0.2, 1), damped(TIMES, 9, 0.2, 0, 1)])
+    best, *_ = np.linalg.lstsq(A, data["x"])
+    left = data["x"] - A @ best
+    free = len(TIMES) - 2
+    size = deviation or math.sqrt(left @ left / free)
+    cov = size**2 * np.linalg.inv(A.T @ A)
+    wide = 1.959963984540054 if deviation else student.ppf(0.975, free)
+    for k, name in enumerate(("x", "x_dot")):
+        one, error = found["parameters"][name], math.sqrt(cov[k, k])
+        assert one["value"] == pytest.approx(best[k], abs=1e-7 * error)
+        # Derivatives are right to 1e-9.
+        assert one["standard_error"] == pytest.approx(error, rel=1e-8)
+        ends = best[k] - wide * error, best[k] + wide * error
+        assert one["interval"] == pytest.approx(ends, rel=1e-8)
+    apart = cov[0, 1] / math.sqrt(cov[0, 0] * cov[1, 1])
+    assert found["correlation"]["x"]["x_dot"] == pytest.approx(apart, rel=1e-7)
+    assert found["chi2"] == pytest.approx(left @ left / size**2, rel=1e-7)
+    assert found["rms"]["x"] == pytest.approx(math.sqrt(left @ left / 60), rel=1e-9)
+    assert found["noise"]["x"] == pytest.approx(size, rel=1e-8)
+
+
+def test_columns_count_in_their_own_noise():
+    # Two columns of unequal noise: weighted linear least squares.
+    random = np.random.default_rng(8)
+    x = damped(TIMES, 9, 0.2, 1.2) + random.normal(0, 0.001, 60)
+    big = 50 * damped(TIMES, 9, 0.2, 1.2) + random.normal(0, 2.0, 60)
+    data = {"t": TIMES, "x": x, "big": big}
+    _, found = fitted(OSCILLATOR, data, ["x"], {"big": "50*x"})
+    assert found["noise"] == pytest.approx({"x": 0.001, "big": 2.0}, rel=0.3)
+    a = damped(TIMES, 9, 0.2, 1)
+    weights = 1 / found["noise"]["x"] ** 2, 1 / found["noise"]["big"] ** 2
+    right = weights[0] * a @ x + weights[1] * 50 * a @ big
+    both = (weights[0] + 2500 * weights[1]) * a @ a
+    one = found["parameters"]["x"]
+    # The weights of the last iteration are those of the noise before it.
+    assert one["value"] == pytest.approx(right / both, abs=1e-2 * both**-0.5)
+    assert one["standard_error"] == pytest.approx(both**-0.5, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_pair_that_the_data_do_not_determine():
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0, 1.2)}
+    text = OSCILLATOR.replace("c: 0.2", "c: 0")
+    _, found = fitted(text, data, ["m", "k", "x"])
+    assert found["identifiable"] is False
+    [pair] = found["combinations"]
+    assert pair == pytest.approx({"m": 1, "k": 1}, rel=1e-6)
+    numbers = values(found)
+    assert numbers["k"] / numbers["m"] == pytest.approx(10, rel=EXACT)
+    assert numbers["x"] == pytest.approx(1.2, rel=EXACT)
+    one = found["parameters"]
+    assert one["m"]["standard_error"] is one["k"]["interval"] is None
+    assert one["x"]["standard_error"] > 0
+    assert found["correlation"]["m"]["k"] is None
+    [caution] = [x["code"] for x in found["warnings"]]
+    assert caution == "not-identifiable"
+
+
+@pytest.mark.slow
+def test_fewer_measurements_than_names():
+    data = {"t": [1.0, 2.0], "x": damped(np.array([1.0, 2.0]), 10, 0.3, 1.2)}
+    _, found = fitted(OSCILLATOR, data, ["k", "c", "x"])
+    assert found["identifiable"] is False
+    assert len(found["combinations"]) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["soft_l1", "huber"])
+def test_robust_losses_resist_outliers(loss):
+    noise = np.random.default_rng(3).normal(0, 0.01, 60)
+    noise[[7, 20, 41]] = 3.0
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2) + noise}
+    exact = {"k": 10, "c": 0.3, "x": 1.2}
+    _, plain = fitted(OSCILLATOR, data, [*exact])
+    _, found = fitted(OSCILLATOR, data, [*exact], loss=loss)
+    for name, value in exact.items():
+        one = found["parameters"][name]
+        assert abs(one["value"] - value) < 4 * one["standard_error"]
+        wide = plain["parameters"][name]["standard_error"]
+        assert one["standard_error"] < wide / 10
+
+
+@pytest.mark.slow
+def test_a_bound_is_kept():
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2)}
+    _, found = fitted(OSCILLATOR, data, ["k=8:9.5", "x"])
+    assert found["parameters"]["k"]["bound"] == "upper"
+    assert found["parameters"]["k"]["value"] == pytest.approx(9.5)
+    assert found["parameters"]["k"]["interval"] is None
+    assert found["parameters"]["x"]["standard_error"] > 0
+
+
+@pytest.mark.slow
+def test_other_starts_find_the_least_minimum():
+    data = {"t": TIMES, "x": damped(TIMES, 100, 0.2, 1)}
+    _, alone = fitted(OSCILLATOR, data, ["k=1:200"])
+    _, found = fitted(OSCILLATOR, data, ["k=1:200"], starts=8)
+    assert abs(alone["parameters"]["k"]["value"] - 100) > 10
+    close(found, {"k": 100})
+    assert found["starts"] == 9
+    assert 1 <= found["reached"] < 9
+
+
+@pytest.mark.slow
+def test_the_file_keeps_its_comments_and_gets_new_entries():
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2, 0.5)}
+    fit, found = fitted(OSCILLATOR, data, ["k", "c", "x", "x_dot"])
+    text = written(fit, fit.found(), {})
+    assert text.startswith("\nparameters: {m: 1, k: ")
+    assert "}  # released\n" in text
+    start = {x.name: x.value for x in read(text, "<model>").initial}
+    assert start == pytest.approx({"x": 1.2, "x_dot": 0.5}, rel=EXACT)
+    assert values(found)["x_dot"] == start["x_dot"]
+
+
+def test_an_interrupt_keeps_the_best_values():
+    noise = np.random.default_rng(3).normal(0, 0.01, 60)
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2) + noise}
+    records = [record_of("data 1", data)]
+    interrupt = Interrupt()
+    fit = Fit(read(OSCILLATOR, "<m>"), records, ["k", "c", "x"], interrupt=interrupt)
+
+    def progress(_fraction):
+        if fit.iterations == 3:
+            interrupt.stop()
+
+    found = document_of(fit, fit.found(progress=progress))
+    assert found["outcome"] == INTERRUPTED
+    assert found["complete"] is False
+    assert found["identifiable"] is None
+    assert found["parameters"]["k"]["standard_error"] is None
+    assert abs(values(found)["k"] - 10) < 0.5
+    assert found["rms"]["x"] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("vary", "text"),
+    [
+        (["m"], "`m` changes no column of the data"),
+        (["k", "K"], "no parameter or start value `K`"),
+        (["k=3"], "bounds"),
+        (["k=3:1"], "bounds"),
+        (["k=a:b"], "bounds"),
+        (["k", "k"], "twice"),
+        (["x@2"], "no data file 2"),
+        (["x@0"], "no data file 0"),
+        (["x@"], "no data file"),
+        (["x", "x@1"], "value of its own"),
+        ([], "no name"),
+    ],
+)
+def test_names_that_cannot_be_varied(vary, text):
+    # A mass alone changes nothing without a spring of its own.
+    free = OSCILLATOR.replace("k*x^2/2", "m*k*x^2/2").replace("-c*x_dot", "-m*c*x_dot")
+    data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2)}
+    with pytest.raises(InputError, match=text):
+        fitted(free, data, vary)
+
+
+def test_names_with_bounds():
+    one, two = named(["k = 1:2", "x@2 = :3"], 2)
+    assert (one.label, one.low, one.high) == ("k", 1, 2)
+    assert (two.label, two.record, two.low, two.high) == ("x@2", 1, -math.inf, 3)
+
+
+def test_a_clock_has_no_room_in_a_run_that_the_data_fill():
+    t = np.linspace(0, 10, 20)
+    data = {"t": t, "x": damped(t, 10, 0.3, 1.2)}
+    with pytest.raises(InputError, match="t0 cannot vary"):
+        fitted(OSCILLATOR, data, ["k", "t0"])
+
+
+def test_a_parameter_named_t0_is_no_clock():
+    text = OSCILLATOR.replace("c: 0.2", "c: 0.2, t0: 2").replace("k*x^2", "t0*k*x^2")
+    data = {"t": TIMES, "x": damped(TIMES, 21, 0.2, 1)}
+    _, found = fitted(text, data, ["t0"])
+    close(found, {"t0": 21 / 9})
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_values():
+    # 200 records: the share of intervals at 95 % that hold the value of k, c, x.
+    random, inside = np.random.default_rng(2026), np.zeros(3)
+    exact = np.array([10, 0.3, 1.2])
+    model = read(OSCILLATOR, "<model>")
+    for _ in range(200):
+        x = damped(TIMES, *exact) + random.normal(0, 0.05, 60)
+        fit = Fit(model, [record_of("d", {"t": TIMES, "x": x})], ["k", "c", "x"])
+        found = document_of(fit, fit.found())["parameters"].values()
+        ends = np.array([one["interval"] for one in found])
+        inside += (ends[:, 0] <= exact) & (exact <= ends[:, 1])
+    assert np.all(inside >= 180), inside
+    assert np.all(inside <= 198), inside
