@@ -387,8 +387,7 @@ class _Examiner:
         """Return the relations that determine the values with indices `free`.
 
         velocities : whether these are velocities, not positions. definitions : whether
-        start
-        values of definitions count.
+        start values of definitions count.
         """
         e = self.e
         # Contacts that touch imply no equation for the rate: an impact decides it.
@@ -547,8 +546,7 @@ class _Examiner:
         """Return the relations that guesses have to satisfy.
 
         block : 0 for positions, 1 for velocities, 2 for first-order states, whose rates
-        have to
-        vanish.
+        have to vanish.
         """
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:

@@ -240,8 +240,7 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Return the residual of a rate with a scale limited by the motion.
 
     motion : size of the motion in the relation; a tenth of it is the least scale. body
-    :
-    size of the motion of its bodies, to which rounding is relative.
+    : size of the motion of its bodies, to which rounding is relative.
     """
     scale, size = residual.scale, residual.size
     if motion < residual.scale:

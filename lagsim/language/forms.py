@@ -622,10 +622,8 @@ class Collected:
         """Whether a product is left as it is, not grouped with others.
 
         still : its constant factor. factors : of its moving part, which occurs in no
-        other
-        product. Its constant factors can be shared with other expressions, and are
-        collected
-        only where that leaves fewer of them.
+        other product. Its constant factors can be shared with other expressions, and
+        are collected only where that leaves fewer of them.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]

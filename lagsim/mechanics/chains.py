@@ -507,8 +507,7 @@ def _parts(
 
     cone : the nodes below L, in order of evaluation. degrees : their degrees in the
     velocities. uses : the number of uses of each node, to which the uses of the terms
-    are
-    added in place. ends : nodes that are not expanded.
+    are added in place. ends : nodes that are not expanded.
     """
     found = {}
     for n in reversed(cone):

@@ -904,8 +904,7 @@ def _expressed(
     """Return E (r, r) and p0 (r,) of p = E x + p0 for the multipliers p of all rows.
 
     x : the multipliers of the held rows. The other multipliers are at their bounds, in
-    the
-    given directions (r,).
+    the given directions (r,).
     """
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)

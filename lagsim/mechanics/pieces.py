@@ -199,8 +199,7 @@ class _Pieces:
         """Return the pieces of `op`, one per combination of its arguments' pieces.
 
         several : the pieces of each argument. Combinations on different sides of one
-        kink are
-        left out.
+        kink are left out.
         """
         found: dict[Piece, None] = {}
         for some in product(*several):
@@ -270,8 +269,8 @@ class _Pieces:
         """Return two pieces of node n, by the sides of its innermost kink, or n.
 
         way : as in `of`. The derivative with respect to the kinked expression is
-        evaluated on
-        the present side of the kink: on the other side it may have no value.
+        evaluated on the present side of the kink: on the other side it may have no
+        value.
         """
         g = self.g
         atom = next(iter(self.kinked([n])))
@@ -472,8 +471,7 @@ def _chosen(
     """Return the node of a periodic table of w that consists of lines.
 
     lines : the starts of the lines, a pair (value, slope) at each start, and the
-    period.
-    Neighbouring lines that continue each other are joined.
+    period. Neighbouring lines that continue each other are joined.
     """
     starts, pairs, period = lines
     kept = [0]

@@ -303,9 +303,8 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
     """Return equations with M + A^T W A and f + A^T W b in place of M and f.
 
     A : the rows `rows`. q'' and lambda are unchanged. The new M is regular if M is
-    positive definite on the
-    null space of A: the length of a quaternion has no inertia. W is diagonal, of the
-    magnitude of M.
+    positive definite on the null space of A: the length of a quaternion has no inertia.
+    W is diagonal, of the magnitude of M.
     """
     g, M, f = e.graph, e.mass_entries, list(e.f)
     inertias = {i: node for (i, j), node in M.items() if i == j}
@@ -490,8 +489,7 @@ class Reduction(NamedTuple):
         """Return the entries of the remaining coordinates in a vector over all of them.
 
         full : coordinates or velocities, (all coordinates,); a vector (n,) is returned
-        as it
-        is.
+        as it is.
         """
         if len(full) == len(self.equations.q):
             return full

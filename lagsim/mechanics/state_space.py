@@ -208,8 +208,7 @@ def _outputs(
     """Return the changes of the outputs per unit of states and inputs (o, columns).
 
     motion : changes of state variables, q'' and lambda, one per row. at : the number of
-    the
-    first column of each input among those of the inputs, then their count.
+    the first column of each input among those of the inputs, then their count.
     """
     e, g = L.e, L.g
     names = [*e.state, *(rate_of(q, 2) for q in e.q), *e.multipliers]

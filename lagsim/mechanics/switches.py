@@ -147,8 +147,7 @@ class Roots(NamedTuple):
         """Return the surface's expression u, and c > 0, with |argument| = c |u|.
 
         n : the argument of a root. Where it is no multiple of a surface's expression, n
-        or a
-        part of it is returned.
+        or a part of it is returned.
         """
         g, factor = self.graph, 1.0
         while n not in self.floors:
@@ -307,8 +306,7 @@ class Shown:
         """Return the root of an argument with two branches: both roots combined.
 
         n : the root. inner : its argument, an interpolation between the branches. args
-        : the
-        root's arguments.
+        : the root's arguments.
         """
         g, op = self.g, self.g.ops[inner]
         condition, *branches = g.args[inner]
@@ -401,8 +399,7 @@ class Switches:
         """Return discrete functions that depend on `names` with other sides frozen.
 
         discrete : nodes of discrete functions. A function such as `sign(sign(x))`
-        changes
-        only with another switch and is left out.
+        changes only with another switch and is left out.
         """
         g = self.graph
         nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
@@ -529,8 +526,7 @@ def prevailing(
     """Return the values of step functions on an interval in which none of them steps.
 
     value : t -> the values of all functions. The majority of three samples in (start,
-    end)
-    excludes a value at one instant only, like sign(0).
+    end) excludes a value at one instant only, like sign(0).
     """
     samples = [
         [float(x) for x in value(start + part * (end - start))]
@@ -612,8 +608,7 @@ def _sides(
     """Return one side for each surface, and the side of each discrete function.
 
     switches : discrete function (node) -> its text. The second result maps it to the
-    mode
-    variable (a node) and the sign of `oriented`.
+    mode variable (a node) and the sign of `oriented`.
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
@@ -631,15 +626,12 @@ def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, 
     """Return the open interval of a table's cell numbers at which y' is continuous.
 
     discrete : the node of the cell's number. orders : cell -> the order of derivatives
-    of
-    the table in y'. Derivatives up to this order are continuous at the knots of the
+    of the table in y'. Derivatives up to this order are continuous at the knots of the
     interval. No event occurs there: an impact, the end of a contact, or sliding along
-    the
-    knot needs a jump. Sliding needs vector fields of both sides that point to the knot
-    (Filippov), but here both fields are equal: a motion crosses the knot at its rate,
-    turns
-    back where it only touches, and stays at rest if at rest. (0, 0) for other
-    functions.
+    the knot needs a jump. Sliding needs vector fields of both sides that point to the
+    knot (Filippov), but here both fields are equal: a motion crosses the knot at its
+    rate, turns back where it only touches, and stays at rest if at rest. (0, 0) for
+    other functions.
     """
     cell = cell_of(g, discrete)
     return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)

@@ -197,8 +197,7 @@ def joints(
     """Return the joints of massless links, or None where a joint is not supported.
 
     held : Newton's laws. free : the massless velocities. moving : the names of
-    variables
-    that change along a motion.
+    variables that change along a motion.
     """
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
     found = Joints([], [], {})

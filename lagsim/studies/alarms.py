@@ -272,9 +272,8 @@ def _between(
     """Return extremes between rows of velocities, where rows do not show these.
 
     velocities : names. rows : columns of the table by name. extremes : least and
-    greatest
-    value by name, at the ends of steps. Returns two entries, the least and the greatest
-    values by name, or none.
+    greatest value by name, at the ends of steps. Returns two entries, the least and the
+    greatest values by name, or none.
     """
     missed = {
         v: extents[v]

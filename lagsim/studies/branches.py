@@ -196,8 +196,7 @@ class Curve:
         """Return the curve's point in a plane through y (k + 1,), by Newton's method.
 
         normal : (k + 1,), of the plane. The result has the number of iterations, too;
-        None
-        without convergence.
+        None without convergence.
         """
         begun = y
         for k in range(ITERATIONS):

@@ -423,7 +423,6 @@ def bent(s: Rank, removed: float, left: float) -> float:
 
     left : the error after the part off the constraints is removed. removed : twice the
     relative energy of that part, see `forget_removed`: its square, relative to the
-    speed,
-    which remains as an error of second order.
+    speed, which remains as an error of second order.
     """
     return float(max(left, removed / (LOCAL * s.rtol)))

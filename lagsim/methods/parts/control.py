@@ -254,8 +254,8 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     """Raise the tolerances of works to the error of the corresponding energies.
 
     new : (size,), the state after the step. On a coordinate without inertia a
-    multiplier is
-    a difference of terms that replace the inertia, with the rounding of these terms.
+    multiplier is a difference of terms that replace the inertia, with the rounding of
+    these terms.
     """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
@@ -649,8 +649,7 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
     """Compute the change of y' that the compensation term of the state y causes.
 
     k : (size,), y' at y. The change is stored in out (size,); it is 0 with constraints
-    or
-    switches.
+    or switches.
     """
     size = s.size
     if CONSTRAINED or SWITCHES:

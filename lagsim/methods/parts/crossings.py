@@ -459,8 +459,7 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
     """Whether the relation of section j is past 0 by more than its band at x.
 
     side : 1 or -1, the side of 0 from which the motion comes. x : the fraction of the
-    last
-    step. Evaluated for the projected state, as shown.
+    last step. Evaluated for the projected state, as shown.
     """
     t, z = s.step_t + x * s.step_h, s.point
     interpolate(s, p, x, z)

@@ -214,8 +214,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     """Whether surface k passes a level at a rate that is clearly not zero.
 
     way : 1 or -1, the direction. False where another surface is followed, or where the
-    same
-    level was passed just before, as by a motion that comes to rest at it.
+    same level was passed just before, as by a motion that comes to rest at it.
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level

@@ -197,8 +197,7 @@ def may_approach(s: Table, k: int, width: float) -> bool:
     """Whether signal k may come closer to its value inside a stretch than at its ends.
 
     width : of the stretch, as a fraction of the step. Also true if values and slopes at
-    the
-    ends do not determine the signal in between.
+    the ends do not determine the signal in between.
     """
     if not signal_is_known(s, k, width):
         return True
@@ -230,8 +229,7 @@ def off(s: Table, k: int, width: float) -> float:
     """Return how far row k at the middle of a stretch is from the cubic of its ends.
 
     width : of the stretch, as a fraction of the step. The cubic has the values and
-    slopes
-    of both ends.
+    slopes of both ends.
     """
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]

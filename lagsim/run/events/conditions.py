@@ -169,8 +169,7 @@ class Truth:
         """Store that the conditions that became true last are true from now on.
 
         for_ever : indices of conditions that are true for the rest of the run, so that
-        their
-        events never act again.
+        their events never act again.
         """
         self.run("hold")
         for c in for_ever:
@@ -192,8 +191,7 @@ class Truth:
         """Return the indices of the conditions that the last kernel has marked as due.
 
         count : their number. Where constraints may keep a true condition at 0, its
-        leeway is
-        raised first.
+        leeway is raised first.
         """
         state = self.state
         if state.any_stays > 0.0 and self.arc.equations.model.constraints:

@@ -527,8 +527,7 @@ class Modes:
         """Set the mode of surface k: a side, sliding along its level, or rest at it.
 
         level : of the surface. mode : BELOW, ABOVE, SLIDING, ... share : the share w of
-        the
-        upper side where the mode is redundant.
+        the upper side where the mode is redundant.
         """
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
