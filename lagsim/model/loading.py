@@ -175,7 +175,10 @@ class _Builder:
         self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
-        """Process an event that begins a node; return False past a size limit."""
+        """Add the node that a YAML event begins.
+
+        Return False if a size limit is exceeded.
+        """
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]
@@ -272,7 +275,10 @@ class _Builder:
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
-        """Join parts of a call that YAML splits at commas: `min(0,4*N, 1)`."""
+        """Return keys and values, or items, with calls joined that YAML split.
+
+        `[min(0,4*N, 1)]` is a list of two items for YAML.
+        """
         whole: list[Node] = []
         step, i = 1 + mapping, 0
         while i < len(parts):
@@ -309,7 +315,10 @@ def _keys(parts: list[Node], i: int) -> list[Any]:
 
 
 def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
-    """Return value i and the following keys up to its closing parenthesis."""
+    """Return the parts of a call that YAML split at commas, from part i on.
+
+    parts : keys and values in turn (step 2), or items (step 1).
+    """
     pieces, depth = [parts[i]], _left_open(parts[i])
     for j in range(i + 1, len(parts), step):
         piece, value = parts[j], parts[j + step - 1]
@@ -325,7 +334,7 @@ def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
 
 
 def _is_decimal(before: Node, piece: Scalar) -> bool:
-    """Whether a comma between two parts is that of a decimal number."""
+    """Whether the comma between two parts is a decimal comma: digits on both sides."""
     if not isinstance(before, Scalar) or piece.start != before.end + len(","):
         return False
     return before.text[-1:].isdecimal() and piece.text[:1].isdecimal()
@@ -425,13 +434,13 @@ class _Case:
         self.entry = entry if entry and column >= entry.start("value") else None
 
     def _filled(self, number: int) -> int:
-        """Return the last non-blank line up to this one, or the first line."""
+        """Return the index of the last non-blank line up to line `number`."""
         while number > 0 and not self.source.lines[number].strip():
             number -= 1
         return number
 
     def _inside(self, mark: yaml.Mark | None) -> At | None:
-        """Return line and column of a mark, moved into the last non-blank line."""
+        """Return the position of a YAML mark, moved into a line that is not blank."""
         if mark is None:
             return None
         last = min(mark.line, len(self.source.lines) - 1)
@@ -448,13 +457,17 @@ class _Case:
         length: int = 1,
         code: ErrorCode = "yaml-syntax",
     ) -> Diagnosis:
-        """Return the diagnosis of a fault, by default where the parser stopped."""
+        """Return a diagnosis with a text and a hint.
+
+        at : line and column; by default where the parser stopped. length : of the
+        marked text.
+        """
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)
         return Diagnosis(Problem(code, text, place, hint), line)
 
     def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
-        """Return the diagnosis of a fault, with the faulty value replaced."""
+        """Return a diagnosis whose repaired text has a placeholder in place."""
         found, entry = self.fault(text, hint, at), self.entry
         if entry is None:
             return found

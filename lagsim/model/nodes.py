@@ -104,7 +104,10 @@ class Scalar(NamedTuple):
         return not self.style and self.text in ("", "~", "null", "Null", "NULL")
 
     def place_of_name(self, name: str, offset: int) -> Place:
-        """Return the place of a name; for a member's name, of its word in the text."""
+        """Return the place in the file of a name in this expression.
+
+        name : as in the model, with dots for members. offset : of its word in the text.
+        """
         if self.text.startswith(name, offset):
             return self.place_of(offset, len(name))
         word = _WORD.match(self.text, offset)
@@ -121,7 +124,11 @@ class Scalar(NamedTuple):
 
 @functools.lru_cache(maxsize=1)  # called for each name of a long expression
 def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
-    """Return begin and end in the source of each character, and of the text's end."""
+    """Return the position in the file of each character of a scalar's text.
+
+    Pairs of begin and end offsets; the last pair is the end of the text. Quotes,
+    escapes and folded lines make a text differ from the file.
+    """
     source, begin = scalar.source, scalar.start
     if scalar.style in ("'", '"'):
         begin += 1
@@ -140,7 +147,7 @@ def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
 
 
 def _next(scalar: Scalar, index: int) -> tuple[int, int]:
-    """Return begin and end of the next character that is not blank."""
+    """Return begin and end offsets of the next character that is not blank."""
     raw, style = scalar.source.text, scalar.style
     last = max(scalar.start, scalar.end - 1)
     while index < last:
@@ -221,7 +228,10 @@ def texts_of(nodes: Iterable[Node]) -> list[str]:
 
 
 def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
-    """Return the scalars of a node and below, each with its path of keys."""
+    """Return the scalars at and below a node, each with its path: `forces.x`.
+
+    name : the path of the node.
+    """
     if isinstance(node, Scalar):
         yield name, node
     elif isinstance(node, Sequence):

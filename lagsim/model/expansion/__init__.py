@@ -171,7 +171,7 @@ class Expansion:
         return value._replace(text=name), value
 
     def _sections(self) -> dict[str, Node]:
-        """Return the sections that are expanded."""
+        """Return the sections of the file that are expanded, each with its node."""
         given: dict[str, list[_Given]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
@@ -243,7 +243,10 @@ class Expansion:
         return found
 
     def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
-        """Return name and members of a key of frames or bodies; report its faults."""
+        """Return the parsed name, and the members, of a key in `frames` or `bodies`.
+
+        what : `a frame` or `a body`, for messages. None where a fault was reported.
+        """
         try:
             parsed = parsed_key(key.text)
             if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
@@ -304,7 +307,11 @@ class Expansion:
         outer: Indices | None = None,
         space: dict[str, Family] | None = None,
     ) -> tuple[Key, Members] | None:
-        """Return a key and its members; None where it is faulty, or no such key."""
+        """Return a parsed key with its members; None where it is faulty or no name.
+
+        outer : values of the indices of an enclosing range. space : the families among
+        which the name is looked up; by default those of variables.
+        """
         try:
             parsed = parsed_key(key.text) or self._column(key, space)
             return parsed and (parsed, self._members(parsed, outer or {}))
@@ -315,7 +322,10 @@ class Expansion:
         return None
 
     def _column(self, key: Scalar, space: dict[str, Family] | None) -> Key | None:
-        """Report a member that is named as its column is, `q.3`; return its key."""
+        """Return the key of a member that is written as its column, and report it.
+
+        `q.3` is the column of `q(3)`.
+        """
         name = key.text.partition(".")[0]
         family = (self.scope.reference if space is None else space.get)(name)
         if not (family and family.indexed and _COLUMN.fullmatch(key.text)):
@@ -326,7 +336,11 @@ class Expansion:
         return parsed_key(in_file(key.text))
 
     def _members(self, key: Key, outer: Indices) -> Members:
-        """Return the members of a key, within the indices `outer`."""
+        """Return the members that a key denotes: pairs of index values and subscripts.
+
+        `q(i = 1..2)` has ({i: 1}, (1,)) and ({i: 2}, (2,)). outer : values of the
+        indices of an enclosing range.
+        """
         found: Members = [(outer, ())]
         for subscript in key.subscripts:
             token, index = subscript.token, subscript.runs
@@ -358,7 +372,7 @@ class Expansion:
         return found
 
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
-        """Return an entry that declares its name."""
+        """Return the entry of `section` that declares the name `key`, or None."""
         found, name = self._key(key), key.text.partition("(")[0]
         broken = False
         if found is None or found[0].letter:
@@ -426,7 +440,10 @@ class Expansion:
     # Values
 
     def _parameters(self) -> Iterator[Entry]:
-        """Return the parameters, and store their values for ranges and subscripts."""
+        """Return the entries of parameters and modes, expanded.
+
+        The values of parameters are stored first, for use in ranges and subscripts.
+        """
         for key, node in self._entries("parameters"):
             one = self._declared(key, node, "parameters")
             if one is None:
@@ -453,7 +470,10 @@ class Expansion:
             self.scope.of_tables |= {name} if fault.code == "range" else set()
 
     def _resolve(self, given: list[_Given]) -> None:
-        """Determine the sizes of definitions, each after the definitions in it."""
+        """Determine the number of components of each definition.
+
+        A definition is evaluated after the definitions that it uses.
+        """
         waiting, before = [one for one in given if one.members], -1
         while len(waiting) != before:
             before, tried, waiting = len(waiting), waiting, []
@@ -469,7 +489,12 @@ class Expansion:
             one.family.resolved = True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
-        """Return the components of the value of an entry's first member."""
+        """Return the names of the components of an entry, `('x', 'y')`.
+
+        () for a number.
+
+        They follow from the value of its first member.
+        """
         section, node = one.family.section, one.node
         if section == "coordinates":
             return one.family.letters
@@ -504,7 +529,10 @@ class Expansion:
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
-        """Store the components of a coordinate; return whether all are readable."""
+        """Store the components of a coordinate, given by its key `components`.
+
+        Return whether the declaration is valid.
+        """
         below = {key.text: value for key, value in entries_of(node)}
         family.letters = ()
         if named := below.get("components"):
@@ -520,7 +548,7 @@ class Expansion:
         return empty or (known and isinstance(node, Mapping))
 
     def _with_unit(self, node: Sequence) -> bool:
-        """Whether a list is a number with its unit, which the reader refuses."""
+        """Whether a list is a number followed by a unit, which is a fault."""
         last = node.items[-1]
         return (
             len(node.items) == len(("number", "unit"))
@@ -530,7 +558,7 @@ class Expansion:
         )
 
     def _written(self, one: _Given) -> Iterator[Entry]:
-        """Return the entries of all members and components of an entry."""
+        """Return an entry for each member, and component, of an entry of the file."""
         family, section = one.family, one.family.section
         letters = family.letters
         if section != "definitions":
@@ -582,7 +610,10 @@ class Expansion:
     def _is_one_vector(
         self, inner: Node, letters: tuple[str, ...], one: _Given
     ) -> TypeGuard[Sequence]:
-        """Whether a list beside a range of vectors is one vector of numbers."""
+        """Whether the list beside a range of members is one vector common to all.
+
+        inner : the list. letters : names of the components.
+        """
         if not (letters and one.parsed.ranged and isinstance(inner, Sequence)):
             return False
         if one.parsed.letter or not one.members or len(inner.items) != len(letters):
@@ -622,7 +653,11 @@ class Expansion:
     def _referring(
         self, section: str, given: Iterable[Entry], outer: Indices | None = None
     ) -> list[Entry]:
-        """Return entries for members; a start value for one member has precedence."""
+        """Return the entries `given` of a section, expanded to members and components.
+
+        The entry of a single member takes precedence over that of a range. outer :
+        values of the indices of an enclosing range.
+        """
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:
             one = self._referred(key, node, outer)
@@ -679,7 +714,10 @@ class Expansion:
         return _Given(key, node, family, parsed, members)
 
     def spread(self, node: Node, reading: Reading) -> Node:
-        """Return the list of components of a vector in the place of a list."""
+        """Return a vector-valued expression as the list of its components.
+
+        Another node is returned with `reading` as its interpretation.
+        """
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
         size = self.scope.size(node.text, parse, reading.indices)
@@ -691,7 +729,7 @@ class Expansion:
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
 
     def _scene(self, node: Node | None) -> Node:
-        """Return the scene: points and shapes by members, and links between points."""
+        """Return the section `scene`, its points, links and shapes by members."""
         if node is not None and not isinstance(node, Mapping):
             return node
         entries: list[Entry] = []
@@ -724,7 +762,11 @@ class Expansion:
     def _named(
         self, key: Scalar, node: Node, space: dict[str, Family]
     ) -> Iterator[tuple[Scalar, Reading, Node]]:
-        """Return key, reading and value of each member of an entry with own names."""
+        """Yield key, reading and value of each member of an entry that declares a name.
+
+        Of points and shapes, whose names are not those of variables. space : their
+        families.
+        """
         found = self._key(key)
         if found is None and key.text.partition("(")[0] in self.broken:
             return
@@ -748,7 +790,7 @@ class Expansion:
             yield full, reading, items[k] if several else node
 
     def _sets(self, node: Node, reading: Reading) -> Node:
-        """Return the modes that an event sets, by members."""
+        """Return the assignments of an event, expanded to members of modes."""
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
         found = tuple(self._referring("", node.entries, reading.indices))
@@ -757,7 +799,10 @@ class Expansion:
         return Broken(node.place) if broken else node._replace(entries=found)
 
     def _links(self, node: Node, reading: Reading) -> Node:
-        """Return links; a link of a family joins consecutive points."""
+        """Return the links of a scene.
+
+        A link to a family joins its consecutive points.
+        """
         if not isinstance(node, Sequence):
             return self.bound(node, reading)
         links = (link for item in node.items for link in self._joining(item))
@@ -785,7 +830,11 @@ class Expansion:
         space: dict[str, Family] | None = None,
         outer: Indices | None = None,
     ) -> list[Node]:
-        """Return the names that a list item denotes: members, and components."""
+        """Return the names of members and components that an item of a list denotes.
+
+        `q` denotes all members of the family q. Other items are returned unchanged.
+        space, outer : see `_key`.
+        """
         if not isinstance(node, Scalar):
             return [node]
         found = self._key(node, outer, space)
@@ -824,7 +873,7 @@ class Expansion:
         return Sequence(tuple(curves), node.place)
 
     def _curves(self, node: Node) -> list[Node]:
-        """Return the expressions of curves: of each member and each component."""
+        """Return the expressions of a plot's curve: one per member and component."""
         if not isinstance(node, Scalar):
             return [node]
         try:
@@ -851,13 +900,13 @@ class Expansion:
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:
-    """Return the value of a mapping at the first of some keys, or else the node."""
+    """Return the value of the first of `keys` in a mapping; the node if it has none."""
     below = {key.text: value for key, value in entries_of(node)}
     return next((below[key] for key in keys if key in below), node)
 
 
 def _with_inner(node: Node, keys: tuple[str, ...], new: Node) -> Node:
-    """Return a node in which `_inner`'s value is replaced."""
+    """Return the node with the value that `_inner` returns replaced by `new`."""
     if not isinstance(node, Mapping) or _inner(node, keys) is node:
         return new
     entries = ((k, new if k.text in keys else v) for k, v in node.entries)

@@ -86,7 +86,7 @@ class _Given(NamedTuple):
 
 
 def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
-    """Whether there are other keys than `keys`; the reader reports them."""
+    """Whether a mapping with the keys `below` has others than `keys`."""
     return any(k not in keys and not k.startswith("x-") for k in below)
 
 
@@ -102,12 +102,19 @@ class Section:
     def refuse(
         self, code: str, text: str, at: Place | Node, hint: str = ""
     ) -> NoReturn:
-        """Report a fault, and raise the ExpressionError of a reported fault."""
+        """Report a fault at a place or node, then raise an ExpressionError.
+
+        The error has no message, since the fault is reported.
+        """
         self.report(code, text, at, hint)
         raise silent()
 
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
-        """Return the value of an expression, and its scalar."""
+        """Return the value of the expression `node` for a member, and its scalar.
+
+        indices : values of the member's indices. what : the expression's name in
+        messages.
+        """
         if isinstance(node, Broken):
             raise silent()
         if not isinstance(node, Scalar) or node.empty:
@@ -120,13 +127,20 @@ class Section:
             raise silent() from None
 
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
-        """Add a hidden definition of positions, whose rate the energies use."""
+        """Add a hidden definition with the expression `tree`; return a reference to it.
+
+        Unlike other hidden definitions it has a rate, which energies use. hidden : its
+        name. at : the scalar of the file from which it stems.
+        """
         found = scalar(self.x.hide(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
         return found
 
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Return the value of an expression that is a number, and its scalar."""
+        """Return the value, which must be a number, of an expression, and its scalar.
+
+        Arguments as for `value`.
+        """
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
             text = f"{what} must be a number, found {said(value)}"
@@ -198,7 +212,12 @@ class Frames(Section):
             self._given[name, member] = _Given(key, below, indices)
 
     def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
-        """Whether the keys form a rotation; others are reported."""
+        """Whether the keys of a frame's entry form a rotation.
+
+        If not, a fault is reported.
+
+        below : the values by key.
+        """
         what, report = f"the frame `{key.text}`", self.report
         if not isinstance(node, Mapping) and "on" in below:
             return True
@@ -222,7 +241,7 @@ class Frames(Section):
     # Frames by their names
 
     def named(self, node: Scalar, indices: Indices) -> Frame:
-        """Return the frame that an expression names; a fault is reported."""
+        """Return the frame whose name is the expression `node`, such as `arm(i)`."""
         try:
             return self.named_by(self.scope.source(node.text, parse).postfix, indices)
         except ExpressionError as fault:
@@ -230,11 +249,11 @@ class Frames(Section):
             raise silent() from None
 
     def named_by(self, steps: Steps, indices: Indices) -> Frame:
-        """Return the frame that the steps of an expression name."""
+        """Return the frame whose name was parsed into `steps`."""
         return self._frame_of(self._called(steps, indices))
 
     def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Return name and subscripts of the frame that an expression names."""
+        """Return name and subscripts of a frame, parsed into `steps`."""
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault("the name of a frame is expected here", "", "frame")
@@ -257,7 +276,7 @@ class Frames(Section):
         raise token.fault(text, hint, "frame")
 
     def _frame_of(self, called: Called) -> Frame:
-        """Return a frame, created after the frames it is on; faults are reported."""
+        """Return the frame of a name and subscripts, built after its parents."""
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
@@ -286,7 +305,7 @@ class Frames(Section):
         return frame
 
     def _parent(self, called: Called) -> Called:
-        """Return the name of the frame that one is on; a fault is reported."""
+        """Return name and subscripts of the frame that is the parent (`on`)."""
         given = self._given[called]
         node = given.below.get("on")
         if node is None:
@@ -304,7 +323,10 @@ class Frames(Section):
             return _SPACE
 
     def _frame(self, called: Called) -> Frame | None:
-        """Create a frame on an existing one; return None where a fault is reported."""
+        """Return a new frame on its parent, which exists.
+
+        None where a fault was reported.
+        """
         given, parent = self._given[called], self._made[self._parent(called)]
         if parent is None:
             return None
@@ -330,7 +352,10 @@ class Frames(Section):
         return self.number(given.below[key], given.indices, what)
 
     def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
-        """Return a tree that has a rate, and the tree of the rate."""
+        """Return an angle or component, and its rate, as trees that energies can use.
+
+        An expression becomes a hidden definition, see `Section.moved`.
+        """
         if tree.op == "number":
             return tree, ZERO
         if tree.op != "name" or not self._is_coordinate(tree):
@@ -344,7 +369,7 @@ class Frames(Section):
     # Rotations
 
     def _planar(self, given: _Given, parent: Frame, hidden: str) -> Frame:
-        """Return the frame in the plane, by the sum of the angles."""
+        """Return a frame in the plane; its angle is added to that of its parent."""
         angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
         if parent.angle != ZERO:
@@ -355,7 +380,7 @@ class Frames(Section):
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
     def _axis(self, given: _Given, name: str) -> Vector:
-        """Return the unit vector of an axis, an expression of parameters."""
+        """Return the unit vector of a frame's `axis`, made of parameters only."""
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
         values = [self._fixed(tree, at, what) for tree, at in parts]
@@ -377,7 +402,10 @@ class Frames(Section):
         return found
 
     def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
-        """Return the value of a tree of parameters."""
+        """Return the number that `tree` is, an expression of parameters.
+
+        at : its scalar. what : its name in messages.
+        """
         found = parsed(tree, at.text)
         for used in found.names:
             if used.text not in {*self.scope.numbers, *self.scope.of_tables}:
@@ -411,7 +439,10 @@ class Frames(Section):
         return by_quaternion(p, n, speeds)
 
     def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:
-        """Return the frame of successive rotations about the frame's own axes."""
+        """Return the frame by rotations about its own axes, one after the other.
+
+        The letters of `axes` name the axes, and `angles` has the angles.
+        """
         given, axes = self._given[called], self._given[called].below["axes"]
         what = f"the frame `{given.key.text}`"
         letters = axes.text if isinstance(axes, Scalar) else ""
@@ -462,7 +493,11 @@ def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vecto
 
 
 def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
-    """Return the solid of a shape of mass m with its sizes, for n = 2 or 3 axes."""
+    """Return the inertia of a shape of uniform density.
+
+    kind : name of the shape. m : its mass. sizes : its lengths. n : 2 or 3, the number
+    of axes.
+    """
     a = sizes[0]
     b, c = (*sizes[1:], ZERO, ZERO)[:2]
     nowhere = (ZERO,) * n
@@ -483,7 +518,10 @@ def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
 
 
 def polygon(m: Tree, corners: SequenceType[Vector]) -> Solid:
-    """Return the solid of a plane polygon of mass m; corners in either orientation."""
+    """Return the inertia of a plane polygon of mass m with the given corners.
+
+    The corners may be in either orientation.
+    """
     areas, moments, centres = [], [], []
     for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
         area = cross(a, b)
@@ -563,7 +601,12 @@ class Bodies(Section):
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
 
     def word(self, key: str, node: Scalar) -> Tree | None:
-        """Return the tree of the word `bodies` in an energy; None without it."""
+        """Return the expression for the word `bodies` in an energy.
+
+        None without the word.
+
+        key : `kinetic` or `potential`. node : the energy's expression.
+        """
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
             return None
         self._said.add(key)
@@ -585,14 +628,20 @@ class Bodies(Section):
         return found
 
     def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
-        """Return a number, or a reference to a hidden definition of its value."""
+        """Return a number as it is; another expression as a hidden definition's name.
+
+        hidden : the definition's name. found : the expression with its scalar.
+        """
         tree, at = found
         return (
             tree if tree.op == "number" else scalar(self.x.hide(hidden, tree, at), "")
         )
 
     def _entry(self, key: Scalar, below: dict[str, Node]) -> None:
-        """Add the bodies of an entry of the file."""
+        """Add the bodies that an entry of the section `bodies` declares.
+
+        below : the values of the entry by key.
+        """
         found, what = self.x.members(key, "a body"), f"the body `{key.text}`"
         missing = [k for k in ("mass", "at") if k not in below]
         if "frame" in below and not below.keys() & {"inertia", "shape"}:
@@ -614,7 +663,7 @@ class Bodies(Section):
             self._body(_Body(what, name, below, indices))
 
     def _body(self, one: _Body) -> None:
-        """Add the energies of a body; its faults are reported and raised."""
+        """Add the kinetic and potential energy of a body to those of the file."""
         what, name, below, indices = one
         mass = self.number(below["mass"], indices, f"the mass of {what}")
         m = self._kept(f"body.{name}.mass", mass)
@@ -654,7 +703,7 @@ class Bodies(Section):
         return frames.named(node, one.indices)
 
     def _inertia(self, one: _Body, n: int) -> Value | None:
-        """Return the moments of inertia that the file declares."""
+        """Return the moments of inertia given by the key `inertia`, or None."""
         node = one.below.get("inertia")
         if node is None:
             return None
@@ -668,7 +717,10 @@ class Bodies(Section):
     def _solid(
         self, one: _Body, m: Tree, n: int, frame: Frame | None, at: Vector
     ) -> Solid | None:
-        """Return the solid of a body's shape, if it has one, and add it to `drawn`."""
+        """Return the inertia of a body's shape, or None without a shape.
+
+        The shape is added to `drawn`.
+        """
         node, what = one.below.get("shape"), f"the shape of {one.what}"
         if node is None:
             return None
@@ -719,7 +771,7 @@ class Shapes(Section):
     """Expansion of the section `shapes`, and the shapes of bodies."""
 
     def given(self, section: Node | None) -> Iterator[Entry]:
-        """Return the shapes of the file, by members."""
+        """Return the shapes of the section `shapes`, one entry per member."""
         for key, node in entries_of(section):
             if "(" not in key.text:
                 yield key, self._written(node, self.x.plain)
@@ -731,7 +783,7 @@ class Shapes(Section):
                     yield full, self._written(node, reading)
 
     def of_bodies(self, drawn: Iterable[Drawn]) -> Iterator[Entry]:
-        """Return the shapes of bodies."""
+        """Return entries of the section `shapes` for the shapes of bodies."""
         for one in drawn:
             key, value = one.kind
             reading = Reading(self.scope, one.indices)
@@ -748,7 +800,10 @@ class Shapes(Section):
         return self.x.bound(node, reading, rules)
 
     def _turned(self, node: Node, reading: Reading) -> Node:
-        """Return the matrix of a frame; an expression is an angle."""
+        """Return the rotation matrix of a shape.
+
+        An expression that names no frame is an angle.
+        """
         frames = self.x.frames
         if isinstance(node, Scalar) and frames is not None:
             try:

@@ -126,7 +126,7 @@ class _Extended(Parser):
             top.frame = self._cut(top.begin)
 
     def _cut(self, begin: int) -> Steps:
-        """Remove and return the steps from `begin` on."""
+        """Remove the steps from index `begin` on, and return them."""
         cut = tuple(self.output[begin:])
         del self.output[begin:]
         return cut

@@ -159,7 +159,7 @@ class Scope:
         return found
 
     def noted(self, found: Parsed | ParsedRelation) -> Parsed | ParsedRelation:
-        """Store that the names of an expression are used; return the expression."""
+        """Mark the names in an expression as used; return the expression."""
         for side in (
             (found,) if isinstance(found, Parsed) else (found.left, found.right)
         ):
@@ -171,7 +171,7 @@ class Scope:
     # Texts
 
     def source(self, text: str, parser: Parser) -> Any:
-        """Return the result of a parser for a text, which is parsed once."""
+        """Return the result of `parser` for a text; each text is parsed once."""
         key = text, parser
         if key not in self._sources:
             try:
@@ -186,7 +186,11 @@ class Scope:
     def values(
         self, text: str, parser: Parser, indices: Indices
     ) -> tuple[Value, Value | None, str]:
-        """Return both sides of an expression (None: there is one) for a member."""
+        """Return left side, right side and sign of a relation for a member.
+
+        The right side is None for an expression. indices : values of the member's
+        indices.
+        """
         last = self._last
         if last[:2] != (text, parser) or last[2] is not indices:
             source = self.source(text, parser)
@@ -230,11 +234,15 @@ class Scope:
     # Steps
 
     def value(self, steps: Steps, indices: Indices) -> Value:
-        """Return the value of steps for a member."""
+        """Return the value of an expression, parsed into `steps`, for a member.
+
+        It is a tree or, of a vector, a tuple of trees. indices : values of the member's
+        indices.
+        """
         return self.run(steps, indices).pop()
 
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
-        """Return the values on the stack after the steps."""
+        """Return the stack of values after the postfix `steps`, for a member."""
         stack: list[Value] = []
         for op, payload, token in steps:
             if op == "number":
@@ -274,7 +282,7 @@ class Scope:
             raise token.fault(fault.text, fault.hint, code) from None
 
     def _is_unknown(self, value: Value) -> bool:
-        """Whether a value is a name that the file does not declare."""
+        """Whether a value is a single name that the file does not declare."""
         if not isinstance(value, Tree) or value.op != "name":
             return False
         name = str(value.value)
@@ -288,7 +296,10 @@ class Scope:
         return self.frame(named, indices)
 
     def reference(self, name: str) -> Family | None:
-        """Return the family of a name, or of the base of a rate or a force."""
+        """Return the family that a name, or a rate or force column of it, refers to.
+
+        None for a name without a declaration.
+        """
         if family := self.variables.get(name):
             return family
         forms = [
@@ -305,7 +316,7 @@ class Scope:
         return self.constraints.get(base) if base != name else None
 
     def _named(self, token: Token) -> Value:
-        """Return the value of a name without subscripts."""
+        """Return the value of a name that stands without subscripts."""
         family = self.reference(token.text)
         if family is None:
             return trees.name(token.text, token.offset)
@@ -317,7 +328,10 @@ class Scope:
         return _of(family, token.text, (), token.offset)
 
     def _member(self, token: Token, args: list[Value]) -> Value:
-        """Return the value of a name with subscripts."""
+        """Return the value of a name with the subscripts `args`.
+
+        A member or a component.
+        """
         name, family = token.text, self.reference(token.text)
         if family is None:
             known = [*CALLED, *(f.name for f in self.variables.values() if f.indexed)]
@@ -351,7 +365,12 @@ class Scope:
     def _over(
         self, of: Inner, token: Token, args: list[Value], indices: Indices
     ) -> Value:
-        """Return the sum, least or greatest value of terms over a range."""
+        """Return a sum, minimum or maximum of terms over a range.
+
+        of : the index and the steps of the terms. args : first and last value of the
+        index.
+        indices : values of the other indices.
+        """
         first, last = (self.whole(arg, token) for arg in args)
         count = max(0, last - first + 1)
         self._terms += count
@@ -376,7 +395,10 @@ class Scope:
     # Numbers
 
     def whole(self, value: Value, token: Token) -> int:
-        """Return the whole number of a subscript or of an end of a range."""
+        """Return the integer that a subscript or an end of a range is.
+
+        value : its tree, a number or an expression of parameters.
+        """
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
             raise token.fault(text, "", "subscript")
@@ -425,7 +447,7 @@ class Scope:
         return stack.pop()
 
     def _check_number(self, name: str, offset: int) -> None:
-        """Raise an ExpressionError where a name has no value for ranges."""
+        """Raise an ExpressionError if a name has no value that ranges can use."""
         if name in self.numbers:
             return
         if name in self.of_tables:
@@ -462,14 +484,20 @@ def _check(family: Family) -> None:
 
 
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
-    """Return the trees of a member; `name` is that of the family or of its rate."""
+    """Return a member of a family as a tree, or as a tuple of its components.
+
+    name : of the family or of its rate. offset : of the name in the text.
+    """
     if not family.letters:
         return trees.name(dotted(name, member), offset)
     return tuple(trees.name(dotted(name, member, c), offset) for c in family.letters)
 
 
 def _numbered(family: Family, token: Token, member: Member) -> Value:
-    """Return a component, by its number from 1, of a vector that is no family."""
+    """Return component `member` = (k,), k >= 1, of the vector `family`.
+
+    The family has no subscripts: `G(2)` is the second component of the vector G.
+    """
     count = len(family.letters)
     if not count:
         text = f"`{token.text}` is no family, and has no subscripts"
@@ -508,7 +536,7 @@ _RULES: dict[str, Callable[..., Value]] = {
 
 
 def _operation(op: str, args: list[Value], token: Token) -> Value:
-    """Return the value of an operation or a function of values."""
+    """Return the result, a tree or a vector, of an operation on values."""
     if op in _RULES:
         return _RULES[op](*args)
     if vectors := [a for a in args if trees.size(a) > 1]:
@@ -562,7 +590,10 @@ class Reading:
         return trees.parsed(value, text)
 
     def words(self, text: str) -> set[str]:
-        """Return the names in the expression of this member."""
+        """Return the names in the expression of this member.
+
+        Empty if it has a fault.
+        """
         for parser in (parse, parse_relation, parse_condition):
             try:
                 return {name.text for name in self.parsed(text, parser).names}
@@ -586,5 +617,5 @@ class Made(Reading):
         self._parsed = parsed
 
     def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
-        """Return the hidden definition's expression; `text` is that of its user."""
+        """Return the hidden definition's expression; neither argument is used."""
         return self.scope.noted(self._parsed)

@@ -76,7 +76,10 @@ def call(op: str, *args: Tree) -> Tree:
 
 
 def components(size: int) -> tuple[str, ...]:
-    """Return the names of the components of a vector, or of a matrix's six."""
+    """Return the names of components, `('x', 'y')`.
+
+    For size 6 those of a symmetric matrix.
+    """
     return ENTRIES if size == len(ENTRIES) else tuple(LETTERS[:size])
 
 
@@ -86,12 +89,15 @@ def size(value: Value) -> int:
 
 
 def said(value: Value) -> str:
-    """Return the description of a value by its size, for messages."""
+    """Return a description of a value for messages: `a number`, `a vector of 2`."""
     return f"a vector of {size(value)}" if size(value) > 1 else "a number"
 
 
 def scalar(value: Value, what: str) -> Tree:
-    """Return a value that must be a number."""
+    """Return `value` if it is a number; else raise an UnfitError.
+
+    what : its name in the message.
+    """
     if isinstance(value, Tree):
         return value
     hint = "write a component, such as `.x`, or `norm(...)`"
@@ -99,7 +105,10 @@ def scalar(value: Value, what: str) -> Tree:
 
 
 def vector(value: Value, what: str) -> Vector:
-    """Return a value that must be a vector of 2 or 3 components."""
+    """Return `value` if it is a vector of 2 or 3 components; else raise an UnfitError.
+
+    what : its name in the message.
+    """
     if isinstance(value, Tree) or len(value) == len(ENTRIES):
         raise UnfitError(
             f"{what} must be a vector, found {said(value)}", "write vec(a, b)"
@@ -108,7 +117,7 @@ def vector(value: Value, what: str) -> Vector:
 
 
 def _pairs(a: Value, b: Value) -> Iterator[tuple[Tree, Tree]]:
-    """Return the components of two vectors of one size."""
+    """Return the pairs of components of two vectors of equal size."""
     assert not isinstance(a, Tree)
     assert not isinstance(b, Tree)
     return zip(a, b, strict=True)

@@ -422,7 +422,10 @@ class File:
         return again.read(model.sha256)
 
     def _read_again(self, given: MappingType[str, str]) -> File:
-        """Return the file on a new graph, with further replaced expressions."""
+        """Return the file read anew on a new graph, with more expressions replaced.
+
+        given : expressions by the names of parameters.
+        """
         graph = Graph(limits.graph_nodes(0), limits.work(0))
         every = {**self.instead, **self.starting, **given}
         faults = Faults(self.file)
@@ -547,7 +550,10 @@ def _letter(name: str) -> str:
 
 
 def _check_roots(model: Model, found: Model) -> None:
-    """Refuse constraints whose multipliers change when definitions are separated."""
+    """Refuse constraints whose multipliers change in the separated model.
+
+    found : that model, see `Stated.separated`.
+    """
     g = model.graph
     new = {g.variable(d.name): d.node for d in model.definitions}
     for one, other in zip(model.constraints, found.constraints, strict=True):
@@ -613,7 +619,10 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
 
 
 def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
-    """Move entries into a section, which may be absent; return whether they fit."""
+    """Move the entries `names` of the file into a section, created if it is absent.
+
+    Return False if the section is no mapping or has one of the names.
+    """
     first = top[names[0]][0]
     new = first._replace(text=section, style=""), Mapping((), first.place)
     head, value = top.get(section, new)

@@ -150,7 +150,10 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
 
 
 def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
-    """Return the node on which a force acts, and whether it is a velocity."""
+    """Return the node along which a force acts, and its level; None if faulty.
+
+    key : a coordinate or a definition.
+    """
     name, place, faults = key.text, key.place, x.faults
     meaning = x.names.meaning(name)
     if meaning is None:
@@ -184,7 +187,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
 
 
 def _degrees(node: int, x: Expressions) -> Degrees | None:
-    """Return the degrees of a node's terms in the velocities."""
+    """Return the degrees of a node's terms in the velocities; None if no polynomial."""
     return x.graph.degree(node, x.names.velocities())
 
 
@@ -232,13 +235,13 @@ def read_relation(
 
 
 def _named(node: int, kinds: Collection[Kind], x: Expressions) -> set[str]:
-    """Return the names of some kinds, and of their rates, on which a node depends."""
+    """Return the names of given kinds on which a node depends, itself or by rates."""
     known, used = x.names.variables, x.graph.depends([node])
     return {name for name in used if known.get(rated(name)[0]) in kinds}
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
-    """Declare the constraints with valid names and return their entries."""
+    """Declare the names of the section `constraints`; return the valid entries."""
     found = []
     text = node.text if isinstance(node, Scalar) else ""
     named = re.fullmatch(r"(\w+)\s*=([^=]+=?[^=]+)", text)
@@ -448,7 +451,7 @@ class _Reader:
                 self.x.faults.add(code, text, self.below.place_of(key), hint)
 
     def _when(self) -> int | None:
-        """Build the condition of the constraint, with the value 1 or 0."""
+        """Return the node of the condition `when`: 1 or 0; None without it."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
@@ -462,14 +465,17 @@ class _Reader:
         return g.call("if", condition, g.one, g.zero)
 
     def _limit(self, relation: Relation | None) -> _Bound:
-        """Build the largest size of the multiplier of an equality of velocities."""
+        """Return the bound of the multiplier of an equality, from its key `limit`."""
         if relation is not None and not _has_velocity(relation.node, self.x):
             hint = "write its rate: `x_dot = 0` instead of `x = 0`, so that it can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         return self._bound("limit", LIMIT)
 
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
-        """Build the law of a one-sided relation; `relation` is None if faulty."""
+        """Return the law of a one-sided relation; None where a fault was reported.
+
+        relation : None if it is faulty.
+        """
         x = self.x
         if relation is None:
             return self._contact(known=False)
@@ -493,7 +499,11 @@ class _Reader:
         return self._contact(known=True)
 
     def _contact(self, *, known: bool) -> OneSided | None:
-        """Build the law of a contact; `known`: the relation is that of a contact."""
+        """Return the law of a contact: restitution and friction.
+
+        known : whether the relation is surely that of a contact, so that faults are
+        reported.
+        """
         what, below, faults = self.what, self.below, self.x.faults
         node, of = below.value("restitution"), f"the restitution of {what}"
         if node is None and known:
@@ -547,7 +557,11 @@ class _Reader:
     def at_rest(
         self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
     ) -> tuple[int | None, int | None]:
-        """Return a bound while sliding, and the bound at rest if it differs."""
+        """Return the node of a bound while sliding, and at rest if that differs.
+
+        slips : the sliding velocity's components. rates : of equalities that always
+        hold.
+        """
         if not slips:
             return bound.sliding, bound.resting
         key = bound.key
@@ -566,7 +580,12 @@ class _Reader:
         slips: tuple[int, ...],
         rates: list[int],
     ) -> tuple[int | None, int | None]:
-        """Return a bound at the sliding speed, and at rest if it differs."""
+        """Return the nodes of a bound that depends on the slip.
+
+        While sliding, and at rest.
+
+        The second is None where both are equal. Arguments as for `at_rest`.
+        """
         x, g = self.x, self.x.graph
         if bound is None or node is None:
             return bound, None

@@ -207,7 +207,10 @@ class Names:
         return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
 
     def meaning(self, name: str) -> Meaning | None:
-        """Return the meaning of `name` in an expression, or None."""
+        """Return kind and base of a name in an expression: (velocity, `x`) for `x_dot`.
+
+        None if it has no meaning.
+        """
         if name not in self._meanings:
             found = self._meaning(name)
             if found is None:  # it may be declared later
@@ -296,7 +299,10 @@ class Names:
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
-    """Yield the possible bases of a derived name, with the derived kinds."""
+    """Yield the names from which a name could be derived, with the kinds of derivation.
+
+    For `x_dot`: `x` and velocity.
+    """
     head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:
         base = head.removeprefix(before).removesuffix(after)
@@ -357,7 +363,10 @@ def _spelling(name: str) -> tuple[str, str] | None:
 
 
 def _undecorated(name: str, decoration: str, *, called: bool) -> str:
-    """Return a hint for a name with a unit, or an argument, after it."""
+    """Return a hint for a name that has a unit or an argument attached to it.
+
+    decoration : the attached text. called : whether it is in parentheses.
+    """
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
         beside = f"{{value: ..., unit: {quantities.unit(decoration)}}}"
@@ -475,7 +484,7 @@ class Expressions:
         self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
-        """Return a copy with other faults and other values of the parameters."""
+        """Return a copy with another list of faults, and other parameter values."""
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
         other.read = []
@@ -540,7 +549,7 @@ class Expressions:
         return scalar, found
 
     def _check_calls(self, found: Parsed | ParsedRelation, text: str) -> None:
-        """Check the calls of tables in an expression of a file of families."""
+        """Report calls of tables with a wrong number of arguments."""
         sides = [found] if isinstance(found, Parsed) else [found.left, found.right]
         for op, count, _ in (step for x in sides if x for step in x.postfix):
             table = self.names.tables.get(op)
@@ -553,7 +562,10 @@ class Expressions:
     def _with_tables(
         self, parser: Callable[[str], _P], text: str
     ) -> Callable[[str], _P]:
-        """Return a parser that knows the tables of the file; store the called ones."""
+        """Return a parser that accepts calls of the file's tables.
+
+        The tables that the text calls are stored as called.
+        """
         tables = self.names.tables
         if not tables:
             return parser
@@ -680,7 +692,11 @@ class Expressions:
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
-        """Whether a rule allows all names; it is evaluated once for each name."""
+        """Whether a rule allows all names of an expression.
+
+        rule : (name, scalar) -> whether the name is allowed; it reports names that are
+        not. Each name is checked once.
+        """
         first: dict[str, Name] = {}
         for one in used:
             first.setdefault(one.text, one)
@@ -697,7 +713,11 @@ class Expressions:
         return False
 
     def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
-        """Whether a name is allowed in an expression, see `check_by`."""
+        """Whether an expression may contain a name; if not, a fault is reported.
+
+        what : the expression's name in messages. most : the highest level that it may
+        have.
+        """
         name, meaning = used.text, self.names.meaning(used.text)
         if name in self.bound:
             return True
@@ -792,7 +812,10 @@ class Expressions:
         return node
 
     def take_states(self, rates: dict[str, int]) -> None:
-        """Substitute the rates of the states in the definitions that use them."""
+        """Replace variables such as `s_dot` in definitions by the rates of states.
+
+        rates : state's name -> node of its rate.
+        """
         g, known, self._rates = self.graph, self.definitions, []
         self.states = rates
         new = {g.variable(rate_of(s)): node for s, node in rates.items()}

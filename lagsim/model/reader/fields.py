@@ -196,7 +196,10 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
 
 
 def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
-    """Yield the items of a list that are texts; others are reported with `what`."""
+    """Yield the items of a list that are scalars; other items are reported.
+
+    what : the list's name in messages.
+    """
     for node in nodes:
         if isinstance(node, Scalar):
             yield node
@@ -219,7 +222,7 @@ class Fields:
     unknown: tuple[Entry, ...] = ()
 
     def __contains__(self, key: str) -> bool:
-        """Whether the key is present."""
+        """Whether the mapping has `key`."""
         return key in self.found
 
     def value(self, key: str) -> Node | None:

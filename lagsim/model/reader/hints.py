@@ -161,7 +161,7 @@ _SECOND_RATE = "the second rate is written {0}_ddot"
 
 
 def _call(found: re.Match[str]) -> str:
-    """Return the hint for a call: the function's name, and its argument."""
+    """Return the hint `write f(x)` for a matched call of another language."""
     return f"write {spelt_call(found[1], found[2])}"
 
 
@@ -401,7 +401,7 @@ def of_text(
 
 
 def _typed(text: str, known: Collection[str]) -> str:
-    """Return an expression of LaTeX or with signs of print in ASCII."""
+    """Return an expression of LaTeX, or with typographic signs, as lagsim writes it."""
     words = (w[0] for w in re.finditer(r"[^\W\d_]\w*", text) if not w[0].isascii())
     if not any(_is_known(word, known) for word in words):
         text = unicodedata.normalize("NFD", text.replace("≠", "!="))
@@ -442,7 +442,7 @@ _LIST = re.compile(r"\[([^\[\]]*)\]")
 def _step(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return begin, end and hint of the part that a fault's correction replaces."""
+    """Return the part of an expression to replace, and its hint: begin, end, hint."""
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
     if "only its right side" in hint:
@@ -544,7 +544,10 @@ def _inertia(values: str) -> str:
 
 
 def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
-    """Return the hint for a list of `spin`, a delay of a member, or a random number."""
+    """Return begin, end and hint for some mistaken calls, or None.
+
+    For a list as argument of `spin`, for a delay `x(t - 1)`, and for a random number.
+    """
     token, before = text[offset:end], text[:offset].rstrip()
     listed = _LIST.match(text[offset:])
     if listed and before.endswith("spin("):
@@ -563,7 +566,7 @@ def _moves(name: str, moving: Collection[str]) -> bool:
 
 
 def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
-    """Return the correction of a call that is known elsewhere, or an empty text."""
+    """Return lagsim's spelling of a call such as `diff(x)`; else ""."""
     if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
         square = spelt_call("square", argument)
         return f"write {square} for the square, sqrt({argument}) for the root"
@@ -705,7 +708,11 @@ def spelt_out(name: str) -> str:
 
 
 def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str]) -> str:
-    """Return a hint where a number, a count or two times are given as a key."""
+    """Return a hint for an unknown key whose meaning can be guessed; else "".
+
+    Such as a count of rows in place of `output_step`, a missing colon, or a unit. given
+    : the entries of the mapping. known : its valid keys.
+    """
     name, keys = key.text.casefold(), [k.text for k, _ in given]
     if "output_step" in known and name in SPANS:
         return quantities.span(value) or "write `start: ...` and `end: ...`"
@@ -759,7 +766,10 @@ _INSTEAD = (
 
 
 def of_lines(node: Node, what: str) -> str:
-    """Return a hint where another node is in the place of a mapping."""
+    """Return a hint for a node that should be a mapping, with a line per entry.
+
+    what : its name in messages.
+    """
     parts = (part for item in items_of(node) for part in items_of(item))
     text = ", ".join(texts_of(parts))
     if what == "`coordinates`" and re.fullmatch(rf"{_NAME}(?:[\s,]+{_NAME})*", text):
@@ -774,7 +784,10 @@ def of_lines(node: Node, what: str) -> str:
 
 
 def as_list(node: Node, what: str = "") -> str:
-    """Return a hint with the spelling of a node as a list."""
+    """Return a hint that spells a node as a list.
+
+    what : the node's name in messages.
+    """
     if isinstance(node, Mapping):
         pairs = [(key.text, text_of(value)) for key, value in node.entries]
         if not any(text for _, text in pairs):
@@ -792,7 +805,10 @@ def as_list(node: Node, what: str = "") -> str:
 
 
 def text_of(node: Node) -> str:
-    """Return the text of a scalar, or of a list of scalars, or dots."""
+    """Return the text of a scalar, a comma-separated text of a list.
+
+    `...` for others.
+    """
     if isinstance(node, Sequence):
         return ", ".join(map(text_of, node.items))
     return node.text if isinstance(node, Scalar) else "..."

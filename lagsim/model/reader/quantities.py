@@ -154,7 +154,7 @@ _GROUP = 3
 
 
 def separated(text: str) -> str:
-    """Return a hint with the spelling of a number with separators, or an empty text."""
+    """Return a hint for a number with separators or a decimal comma, or ""."""
     if not re.fullmatch(SEPARATED, text):
         return ""
     text, *power = re.split(r"(?=[eE])", text)
@@ -180,7 +180,7 @@ _SPAN = (
 
 
 def span(node: Node) -> str:
-    """Return a hint with the spelling of a time span, or an empty text."""
+    """Return a hint for a time span in another notation, such as `0:10`, or ""."""
     text = ", ".join(texts_of(items_of(node)))
     if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
@@ -188,7 +188,7 @@ def span(node: Node) -> str:
 
 
 def time(node: Node) -> str:
-    """Return a hint with the spelling of one time, for a span or a rate, or no text."""
+    """Return a hint for one time where a span or a rate was given, or ""."""
     found = re.fullmatch(rf"({NUMBER})\s*(?:Hz|1/s|fps)", " ".join(texts_of([node])))
     return f"write 1/{found[1]}" if found else span(node)
 

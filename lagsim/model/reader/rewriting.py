@@ -81,7 +81,10 @@ def _number(node: Node) -> Scalar | None:
 
 
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
-    """Return the members between the first and the last name, and beside these."""
+    """Return the members of `every` from the first to the last of `names`, and more.
+
+    before, after : how many members are added at both ends.
+    """
     if len(names) == 1 and "." not in names[0]:
         return names
     head = names[0].partition(".")[0]

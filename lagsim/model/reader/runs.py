@@ -234,7 +234,7 @@ def read_output(found: Fields, x: Expressions) -> Output:
 
 
 def _varied(node: Node | None, x: Expressions) -> tuple[str, ...]:
-    """Return the parameters and start values that a list names."""
+    """Return the parameters and start values named in the list `sensitivities`."""
     moving, found = x.names.moving(), dict[str, None]()
     known = [*x.names.of(Kind.PARAMETER), *moving, *x.names.of(Kind.STATE)]
     known += map(rate_of, moving)
@@ -299,13 +299,19 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
 
 
 def asked_reactions(section: Node | None) -> list[str]:
-    """Return the names in the list `reactions`, valid or not; definitions use them."""
+    """Return the names in the list `reactions` of `output`, valid or not.
+
+    They are needed before definitions are read.
+    """
     lists = (v for k, v in entries_of(section) if k.text == "reactions")
     return [name for node in lists for name in texts_of(items_of(node))]
 
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
-    """Return the definitions of positions and time that a list names."""
+    """Return the valid names in the list `reactions`.
+
+    They are definitions of positions and time.
+    """
     given = items(node, "`reactions`", x.faults)
     hint = "the force of constraints on a coordinate is Qc_<name>"
     found = []
@@ -355,7 +361,10 @@ def _definitions(
 
 
 def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
-    """Return text and hint of the fault on a name that is no definition."""
+    """Return text and hint of the fault that a name is no definition.
+
+    what : `reaction` or `column`, for the text. hint : for a coordinate.
+    """
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
     columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
@@ -382,7 +391,10 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
 
 
 def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
-    """Return the expressions of an axis; the horizontal axis has one."""
+    """Return the expressions of a plot's axis; of the horizontal axis, one only.
+
+    axis : `x`, `y` or `y2`.
+    """
     nodes: tuple[Node, ...] = () if node is None else (node,)
     if isinstance(node, Sequence) and axis != "x":
         nodes, count = node.items, len(node.items)
@@ -400,7 +412,7 @@ def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
 
 
 def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
-    """Yield the axes in the list `log`."""
+    """Yield the axes that the key `log` of a plot names; others are reported."""
     for part in items_of(plot.value("log")):
         hint = "write y, or [x, y] for several"
         if isinstance(part, Broken):
@@ -491,14 +503,17 @@ class _Reader:
     # Links
 
     def _pair(self, node: Node) -> list[str]:
-        """Return the two points of a link without brackets, or an empty list."""
+        """Return two points written without brackets, `a - b`; [] for other texts."""
         found = texts_of(items_of(node))
         if isinstance(node, Scalar):
             found = re.split(r"\s*(?:,|->?|–|\s)\s*", node.text)
         return found if len(found) == 2 and set(found) <= set(self.named) else []
 
     def _looking(self, node: Node) -> list[_Link]:
-        """Return the two points of each link, its look, and its length or None."""
+        """Return the links of an entry.
+
+        The two points, the kind, and the length or None.
+        """
         if not isinstance(node, Mapping):
             return [(pair, "", None) for pair in self._link(node)]
         found = fields(node, "a link", LINK, self.faults, node.place)
@@ -626,7 +641,10 @@ class _Reader:
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
-        """Return the sizes in a list, or a single size without a list."""
+        """Return the nodes of a shape's sizes.
+
+        counts : the allowed numbers of sizes. A single size may stand without a list.
+        """
         if counts == (1,):
             return [node]
         given, wanted = items(node, what, self.faults), " or ".join(map(str, counts))
@@ -651,7 +669,10 @@ class _Reader:
         return tuple(self._point(f"a corner of {what}", n) for n in given) or ((),)
 
     def _at(self, what: str, node: Node | None) -> tuple[tuple[int, ...], str]:
-        """Return the origin of a shape, and the name of the point in `at`, if any."""
+        """Return the nodes of a shape's origin, and the point's name if it is a point.
+
+        what : the shape's name in messages. node : the value of `at`.
+        """
         if node is None or isinstance(node, Broken):
             return (), ""
         if not isinstance(node, Scalar) or re.search(r"[^\w. ]", node.text):
@@ -661,7 +682,10 @@ class _Reader:
         return (), ""
 
     def _axes(self, what: str, node: Node | None) -> tuple[int, ...]:
-        """Return the entries of a rotation matrix, from an angle or rows."""
+        """Return the nodes of a shape's rotation matrix, row by row.
+
+        node : the value of `frame`, an angle or rows of a matrix.
+        """
         x, what = self.x, f"`frame` of {what}"
         if isinstance(node, Sequence):
             rows = [items(row, f"a row of {what}", x.faults) for row in node.items]

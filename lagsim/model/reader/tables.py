@@ -104,7 +104,7 @@ class _Reader:
         return Table(self.name, *made, how, outside, path, self.sha256, constants)
 
     def _is_sound(self) -> bool:
-        """Whether no fault was reported since this reader began."""
+        """Whether this reader has reported no fault so far."""
         return len(self.x.faults) == self._faults
 
     def _fault(

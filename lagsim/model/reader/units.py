@@ -149,7 +149,11 @@ class _Check:
         return found
 
     def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
-        """Return the expected quantity of an expression, by its kind and name."""
+        """Return the quantity that an expression should have; unknown if there is none.
+
+        kind : such as `the force on`. name : its coordinate. energy : the unit of
+        energies.
+        """
         per_second = {"s": -1.0}
         if kind in ("the definition", "the parameter", "the mode"):
             return self.units.get(name, _UNKNOWN)
@@ -264,7 +268,7 @@ class _Check:
 
 
 def _is_timed(args: Sequence[Quantity]) -> bool:
-    """Whether quantities depend on t and numbers alone."""
+    """Whether the operands are t and numbers, so that units do not matter."""
     timed = [x is _TIME or x is _TIMED for x in args]
     pairs = zip(args, timed, strict=True)
     return any(timed) and all(is_so or x.free for x, is_so in pairs)

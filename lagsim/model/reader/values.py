@@ -84,7 +84,10 @@ class _Entry(NamedTuple):
 def _value_entry(
     key: Scalar, node: Node, what: str, x: Expressions, form: Form = DEFINITION
 ) -> _Entry:
-    """Return an entry; `form` has the keys of its mapping."""
+    """Return an entry `name: expression` or `name: {value: expression, ...}`.
+
+    form : the keys that the mapping may have.
+    """
     if not isinstance(node, Mapping):
         return _Entry(node)
     found = fields(node, what, form, x.faults, key.place)
@@ -467,7 +470,7 @@ class Initial(_Numbers):
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
-        """Return whether a key can have a start value, and a definition's node."""
+        """Return whether `key` may have a start value, and a definition's node."""
         name, names, faults = key.text, self.x.names, self.x.faults
         meaning = names.meaning(name)
         if meaning is None:
