@@ -243,7 +243,7 @@ class Metric:
 
 
 def multiple_of(x: Floats, y: Floats) -> float:
-    """Return c with y = c x to rounding for x, y (n,); 0 where there is none."""
+    """Return c with y = c x within rounding, for x, y (n,); 0 if y is no multiple."""
     square = float(x @ x)
     factor = float(y @ x) / square if square > 0.0 else 0.0
     same = np.max(np.abs(y - factor * x)) <= COMPUTED_ZERO * np.max(np.abs(y))

@@ -614,7 +614,10 @@ def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
 
 
 def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
-    """Solve w = 0 for the z in the basis, to rounding; return z (n,), others 0."""
+    """Solve w = 0 for the z in the basis, accurate to rounding; return z (n,).
+
+    Entries of z that are not in the basis are 0.
+    """
     z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
     B = M[np.ix_(some, some)]
     for _ in range(2):

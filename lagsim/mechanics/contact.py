@@ -117,7 +117,10 @@ class Closed:
 
     @cached_property
     def columns(self) -> Floats:
-        """`pushes` where present, else `factor`: D = factor^T columns, shape (k, r)."""
+        """Matrix (k, r) with D = factor^T columns.
+
+        `pushes` if present, else `factor`.
+        """
         return self.factor if self.pushes is None else self.pushes
 
     @classmethod

@@ -439,7 +439,10 @@ class Equations:
         return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
-        """Return the row of constraint `name`, or of the first piece of its gap."""
+        """Return the row of a constraint by name.
+
+        Of a gap with pieces that of the first.
+        """
         return next(row for row in self.every_row if whole(row.name) == name)
 
     @property
@@ -944,7 +947,10 @@ def _of_groups(
 
 
 def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:
-    """Return the power of applied and constraint forces on `some` coordinates."""
+    """Return the node of the power of all forces on the coordinates `some`.
+
+    The partial derivative dL_dt is subtracted: d(energy)/dt is this power.
+    """
     g, among = e.graph, {*some}
     rates = [g.variable(name) for name in e.velocities]
     power = g.product_sum((Q[j], rates[j]) for j in some)
@@ -1005,7 +1011,10 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
 
 
 def _comes(equality: bool, before: float, after: float) -> bool:
-    """Whether a condition changed from false to true, by its values."""
+    """Whether a condition changed from false to true between two values.
+
+    equality : whether it is an equation, true where its value crosses 0.
+    """
     least = FALSE * abs(after - before)
     if equality and before > 0.0:
         before, after = -before, -after

@@ -55,7 +55,7 @@ class Scaled(NamedTuple):
 
 
 def without_content(x: Collected, row: Row) -> Scaled:
-    """Return the row divided by the commonest numeric factor of its entries."""
+    """Return the row divided by the most frequent numeric factor of its entries."""
     g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
@@ -224,7 +224,7 @@ class Elimination:
         return entries
 
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Return unit z^T D^-1 other, summed over common entries."""
+        """Return the node of unit z^T D^-1 other, for sparse vectors z and other."""
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):
             self.budget.add(2)
@@ -259,7 +259,10 @@ class Elimination:
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
-        """Return q'' and lambda for L^-1 f (of `Factorisation.forward`) and b."""
+        """Return the nodes of q'' and lambda for given L^-1 f and b.
+
+        f : from `Factorisation.forward`.
+        """
         g = self.g
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)

@@ -464,7 +464,10 @@ class Mode(NamedTuple):
 
 
 def modes(linear: Linear, found: Spectrum) -> tuple[Mode, ...]:
-    """Return the modes of a spectrum of `linear.R`, by increasing |eigenvalue|."""
+    """Return the modes of the linearised motion, by increasing |eigenvalue|.
+
+    found : the spectrum of `linear.R`.
+    """
     made = []
     k, first = linear.Zh.shape[1], len(linear.R) - len(linear.first_order)
     pairs = zip(found.values, found.vectors.T, found.growing, strict=True)
@@ -578,7 +581,7 @@ class Newton(NamedTuple):
         p.newton_columns[:] = self.columns
 
     def nodes(self, equations: Equations, elimination: Elimination) -> list[int]:
-        """Return the nodes of the entries, with q'' and lambda by `elimination`."""
+        """Return the nodes of all entries, with q'' and lambda substituted."""
         g = equations.graph
         motion = (*equations.accelerations, *equations.multipliers)
         found = (node for part in elimination.motion() for node in part)

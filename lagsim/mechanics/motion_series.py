@@ -113,7 +113,10 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 
 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
-    """Return counts of operations and of sums of products; a square counts half."""
+    """Return the operations of one order, and its sums of products.
+
+    The sum of a square counts half.
+    """
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)
     body = len(g.dependent(loop.made, (*ORDERS, *names)))

@@ -211,7 +211,10 @@ class _Pieces:
         return list(found)
 
     def _of_product(self, n: int, way: int) -> list[Piece]:
-        """Return the pieces of a product or quotient in which one factor has kinks."""
+        """Return the pieces of a product or quotient, one factor of which has kinks.
+
+        way : as in `of`.
+        """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         first, second = (bool(self.kinked([a])) for a in args)
         if op == "mul" and all(g.ops[a] == "abs" for a in args):
@@ -229,7 +232,10 @@ class _Pieces:
         return self._each(op, *(found[::-1] if second else found))
 
     def _of_extreme(self, n: int, way: int) -> list[Piece]:
-        """Return the pieces of `max`, `min` or `abs`: |u| is the maximum of u, -u."""
+        """Return the pieces of `max`, `min` or `abs`, with |u| = max(u, -u).
+
+        way : as in `of`.
+        """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             if way == LEAST and not self.kinked([args[0]]):
@@ -334,7 +340,10 @@ class _Pieces:
     # Linear tables
 
     def _of_table(self, n: int, way: int) -> list[Piece]:
-        """Return the pieces of a linear table of a smooth argument: lines + a table."""
+        """Return the pieces of a linear table of a smooth argument.
+
+        way : as in `of`. They are lines, and a table with the kinks that remain.
+        """
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
         w = g.args[n][3]

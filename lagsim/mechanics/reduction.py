@@ -672,7 +672,10 @@ def _slider(
 
 
 def _one_of(g: Graph, slides: int, row: Row, sticks: Row) -> Row:
-    """Return `row` where `slides` is true, else `sticks`, a row of velocities."""
+    """Return a row that is `row` while `slides` is true, and `sticks` otherwise.
+
+    slides : a node.
+    """
 
     def either(a: int, b: int) -> int:
         return g.call("if", slides, a, b)

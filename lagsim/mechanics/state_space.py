@@ -89,7 +89,10 @@ class StateSpace(NamedTuple):
 
 
 def inputs_of(names: Sequence[str], orders: Sequence[int]) -> tuple[str, ...]:
-    """Return the names of the inputs with the rates of each up to its order."""
+    """Return names of inputs, each followed by those of its rates: c, c', c''.
+
+    orders : the order of the highest rate of each.
+    """
     pairs = zip(names, orders, strict=True)
     return tuple(name + "'" * k for name, order in pairs for k in range(order + 1))
 

@@ -94,7 +94,7 @@ class Gauss(Fixed):
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why momenta do not determine the motion, or ""."""
+    """Return the reason why momenta cannot replace velocities in a model, or ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
@@ -215,7 +215,10 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
-    """Write the state (Q, V) of a stage to z (size,)."""
+    """Write positions Q and velocities V of a stage, as a state, to z (size,).
+
+    stage : its index.
+    """
     n, v = s.n, z[s.velocities]
     for i in range(n):
         moved = 0.0

@@ -321,7 +321,7 @@ def factor(p: Impulses) -> None:
 
 
 def respond(p: Impulses, x: Floats) -> None:
-    """Replace forces x (n,) by M^-1 x."""
+    """Replace forces x (n,) by the accelerations M^-1 x."""
     n, L = p.n, p.inertia_factor
     row = 0
     for i in range(n):

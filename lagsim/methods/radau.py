@@ -258,7 +258,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
-    """Write the slope (size,) of the dense output at x, from the velocities on."""
+    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
     for i in range(s.n, s.size):
         slope = 0.0
         for m in unrolled(4):
@@ -346,7 +346,10 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def factor(width: Static, s: Radau, p: SparseNewton) -> int:
-    """Factor the real or the complex matrix; return 0 if it is singular."""
+    """Factor the real (width 1) or complex (width 2) matrix.
+
+    Return 0 if it is singular.
+    """
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     newton.square(width, g)
@@ -357,7 +360,7 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
-    """Replace r (size,) by the solution with the real or the complex matrix."""
+    """Solve the real (width 1) or complex (width 2) system for r (size,), in place."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     if SPARSE:
@@ -436,7 +439,7 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
 
 
 def guess(s: Radau, p: SparseNewton, h: float) -> None:
-    """Set the first guess: the polynomial of the step before, or 0."""
+    """Set the first guess of the stages by the last step's polynomial, or to 0."""
     s.Z[:] = 0.0
     if s.previous_h > 0.0:
         for stage in unrolled(3):
@@ -446,7 +449,7 @@ def guess(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
-    """Store the change of T^-1 Z as W; return its norm relative to the tolerance."""
+    """Compute the change W of T^-1 Z; return its norm relative to the tolerances."""
     size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):
         s.z[:] = s.y + Z[stage * size : (stage + 1) * size]
@@ -499,7 +502,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
 
 
 def interpolate(s: Radau, p: SparseNewton, x: float, out: Floats) -> None:  # noqa: ARG001
-    """Write the state (size,) at the fraction x of the last step, or beyond it."""
+    """Write the state (size,) at the fraction x of the last step, also beyond 1."""
     for i in range(s.size):
         value = 0.0
         for m in unrolled(4):

@@ -71,7 +71,7 @@ STATE = Rattle
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why the method cannot handle the scene, or ""."""
+    """Return the reason why the method cannot handle a model, or ""."""
     if scene.constraints not in ("none", "holonomic"):
         return (
             "it has constraints between velocities that fix no positions (`dop853` "

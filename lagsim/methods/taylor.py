@@ -75,7 +75,7 @@ def order_for(rtol: float) -> int:
 
 
 def amplification(z: complex) -> float:
-    """Return the absolute sum of z^k / k! up to ORDER."""
+    """Return |sum_k z^k / k!|, k up to ORDER, the growth in a step for z = h L."""
     return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
 
 
@@ -222,7 +222,7 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
-    """Write the slope (size,) of the dense output at x, from the velocities on."""
+    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     sum_rates(s.size, s.n, before, x * s.step_h, out)
 
@@ -332,7 +332,10 @@ def bound(term: float, shrink: float, k: int) -> float:
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute the sum of y_k h^k from k = 2, by even and odd powers in parallel."""
+    """Compute sum_k y_k h^k over k >= 2, by even and odd powers in parallel.
+
+    c : order and coefficients of the series. out : (size,).
+    """
     order = int(c[0])
     square = h * h
     for i in range(size):
@@ -351,7 +354,10 @@ def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute the sum of k y_k h^(k - 1) as `sum_bend`, from component `first` on."""
+    """Compute sum_k k y_k h^(k - 1), the derivative of the series, at h.
+
+    Of the components from `first` on; c and out as in `sum_bend`.
+    """
     order = int(c[0])
     square = h * h
     for i in range(first, size):

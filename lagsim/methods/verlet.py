@@ -77,7 +77,7 @@ STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why positions and velocities cannot be moved in turn, or ""."""
+    """Return the reason why positions and velocities cannot advance in turn, or ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is Verlet's method for holonomic ones, "
@@ -171,14 +171,14 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
 
 
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
-    """Drift: move the positions for a time h, and evaluate the forces at t."""
+    """Advance the positions by a time h at constant velocity; evaluate forces at t."""
     new = s.new
     add(s.n, new, s.compensation, h, new[s.velocities])
     derivative(t, new, p, s.slope)
 
 
 def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
-    """Move the velocities, and `work`, by the forces at the positions reached."""
+    """Advance velocities and work by a time h with the forces at the positions."""
     n, new = s.n, s.new
     v, lost, a = new[s.velocities], s.compensation[s.velocities], s.slope[s.velocities]
     if s.size > s.quadratures.start:

@@ -190,7 +190,10 @@ def rest_of_row(n: int, k: int, row: Floats) -> float:
 
 
 def swap(p: Parameters, k: int, i: int) -> None:
-    """Exchange rows k and i of Y, with their scales, right sides and indices."""
+    """Exchange rows k and i of Y, with their scales, right sides and indices.
+
+    Both are counted in the present order of pivots.
+    """
     n, Y, scales, right, order = p.n, p.Y, p.scales, p.w, p.order
     for j in range(n):
         Y[k * n + j], Y[i * n + j] = Y[i * n + j], Y[k * n + j]
@@ -346,7 +349,10 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store y' (size,) in out, from q'' in p.motion."""
+    """Complete y' (size,) in out.
+
+    Velocities, q'' from p.motion, and the other rates.
+    """
     out[p.positions] = y[p.velocities]
     out[p.velocities] = p.motion[: p.n]
     if p.size > p.velocities.stop:

@@ -285,7 +285,7 @@ def _conditions(e: Equations) -> list[int]:
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Return the functions that the kernels of `dense` and `laws` call."""
+    """Return the nodes of the functions that kernels of `dense` call, by name."""
     g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
@@ -597,7 +597,7 @@ def functions(
 def section_functions(
     e: Equations, relations: list[int], state: Sequence[str]
 ) -> dict[str, list[int]]:
-    """Return the relations of sections, and their slopes with the sizes of terms."""
+    """Return the functions of sections: their relations, and slopes with term sizes."""
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
 
@@ -652,7 +652,7 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 def _solved(
     equations: Equations, plan: Plan, columns: Columns, *, switching: bool
 ) -> dict[str, list[int]]:
-    """Return the functions of equations that are solved on the graph."""
+    """Return the functions of equations that were solved symbolically, by name."""
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
     accelerations, multipliers = elimination.motion()

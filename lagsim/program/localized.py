@@ -221,7 +221,10 @@ class _Search:
         return float(found) if math.isfinite(found) else 0.0
 
     def _product(self, n: int) -> list[Indicator]:
-        """Return an indicator for the sum of the exponents of a product's factors."""
+        """Return an indicator for a product with factors exp or large powers; else [].
+
+        Its argument is the sum of the factors' logarithms.
+        """
         g, below = self.g, [(n, False)]
         terms: list[int] = []
         for _ in range(MOST_FACTORS):

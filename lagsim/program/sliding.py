@@ -295,7 +295,7 @@ def even_out(row: Floats, count: int, right: Floats) -> None:
 
 
 def above(x: float, roundoff: float) -> float:
-    """Return x, or 0 where |x| <= `roundoff`."""
+    """Return x, set to 0 where |x| <= `roundoff`."""
     return 0.0 if abs(x) <= roundoff else x
 
 
@@ -414,7 +414,10 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
-    """Move the largest element of column k to row `row`; return 0 if it is roundoff."""
+    """Exchange rows so that the largest element of column k stands in row `row`.
+
+    Return 0 if it is within rounding.
+    """
     if row >= size:
         return 0
     largest = row

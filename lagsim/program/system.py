@@ -240,7 +240,7 @@ class System:
         self.program = [written, *kernels(self)]
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
-        """Generate the code of all functions; called if the cache does not have it."""
+        """Generate the code of all functions, if the cache does not have it."""
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes

@@ -229,12 +229,18 @@ class Arc(NamedTuple):
         return self.runner.function("derivative", self.system.size)(t, y)
 
     def field(self, t: float, y: Floats) -> Floats:
-        """Evaluate the rates y' (size,) at t and y, with surfaces on current sides."""
+        """Evaluate the rates y' (size,) at t and y, all surfaces on present sides.
+
+        Unlike `rates`, not combined along surfaces that the motion follows.
+        """
         size = self.system.size
         return self.runner.function("field", size + self.system.m)(t, y)[:size]
 
     def located(self, t: float, y: Floats) -> Floats:
-        """Evaluate the conditions of events, then of `until`; >= 0 where true."""
+        """Evaluate the functions of conditions at t and y: of events, then of `until`.
+
+        A condition is true where its function is >= 0.
+        """
         count = len(self.state.orientation)
         return self.runner.function("located", count)(t, y) if count else np.zeros(0)
 
@@ -294,7 +300,7 @@ class Arc(NamedTuple):
         return self.runner.advance(self.state, rows, budget)
 
     def _list_moments(self) -> None:
-        """List the next requested times between rows for the kernel."""
+        """Write the next requested times between rows to the kernel's memory."""
         state, moments = self.state, self.settings.moments
         first = len(moments) - int(state.extras)
         times = moments[first : first + MOST_LISTED]
@@ -322,7 +328,7 @@ class Arc(NamedTuple):
         self.y[:] = y
 
     def store(self, numbers: Mapping[str, float]) -> None:
-        """Write fields of the state's header, by their names."""
+        """Write values, by name, into numbers of the kernel's state."""
         for name, number in numbers.items():
             setattr(self.state, name, number)
 

@@ -307,7 +307,10 @@ class Run:
         return ending
 
     def _act_at_start(self, due: Due) -> Ending | None:
-        """Apply the events that become due at the start, and all that follow them."""
+        """Apply the events due at the start and all that follow.
+
+        Return an ending or None.
+        """
         assert self.transitions is not None
         before = before_event(self.arc) if self._may_jump else None
         impacts = self.impacts
@@ -357,7 +360,10 @@ class Run:
         return self._decide(code)
 
     def _hand_on_block(self) -> Ending | None:
-        """Pass the kernel's rows before the first non-finite one to the observers."""
+        """Pass the finite rows of the last kernel call to the observers.
+
+        Return the ending if a row is not finite.
+        """
         arc = self.arc
         emitted = int(arc.state.emitted)
         if self.sections is not None and self.after is not None:
@@ -384,7 +390,7 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Whether an interrupt ends the run, which would otherwise continue."""
+        """Whether an interrupt ends the run, which would continue after this code."""
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
@@ -410,7 +416,10 @@ class Run:
         )
 
     def _decide(self, code: int) -> Ending | None:
-        """Apply the decision of the first source that handles the kernel's code."""
+        """Carry out the decision of the first source that handles a kernel's code.
+
+        Return the ending if the run ends.
+        """
         arc = self.arc
         if code == at.EVENT_FOUND and len(arc.state.orientation) > 1 and wait(arc):
             return None
@@ -442,7 +451,10 @@ class Run:
         return None, None
 
     def _end_of(self, code: int) -> Ending | None:
-        """Return the ending by a code that no source handles; None to continue."""
+        """Return the ending that a kernel's return code means.
+
+        None if the run continues.
+        """
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.STEP_TOO_SMALL:
@@ -468,7 +480,10 @@ class Run:
         return ending
 
     def _let_act(self, due: Due) -> Ending | None:
-        """Apply the events of the file that are due."""
+        """Apply the events of the file that are due.
+
+        Return the ending if the run ends.
+        """
         assert self.transitions is not None
         if due == NOTHING:
             return None
@@ -480,7 +495,10 @@ class Run:
         return acted.ending
 
     def _before(self, code: int) -> Before | None:
-        """Return the state just before an event at which constraints may jump."""
+        """Return the row before the event just located, if equalities may jump there.
+
+        code : the kernel's return code. None if no jump is possible.
+        """
         arc = self.arc
         if not self._may_jump:
             return None
@@ -504,7 +522,10 @@ class Run:
         return self.arc.system.m > 0 and may_jump(e, nodes)
 
     def _corner(self, code: int) -> Floats | None:
-        """Return the columns (4, k) just before an event, if corners are stored."""
+        """Return the columns (4, k) of states beside an event, see `_seen`.
+
+        None if not stored.
+        """
         if not self.corners:
             return None
         arc = self.arc
@@ -665,7 +686,10 @@ class Run:
         return self.arc.runner.tabulate(self.arc.row())
 
     def _pass_impact(self) -> None:
-        """Pass the row after an impact to the observers, and reset the impulses."""
+        """Pass the row after the last impact to the observers.
+
+        Set impulse columns to 0.
+        """
         if self.after is not None:
             self.recorder.hand_on(self.after)
             self.after = None
@@ -767,7 +791,10 @@ class Part:
                 self.run.show_last()
 
     def join(self, count: int, states: Floats) -> None:
-        """Move the first `count` stored rows into the rows (count, 1 + 2 n) of all."""
+        """Remove the first `count` stored rows, and write them into the common rows.
+
+        states : ndarray, shape (count, 1 + 2 n), of the whole system.
+        """
         states[:, self.columns] = self.waiting[:count]
         self.waiting = self.waiting[count:]
 
@@ -842,7 +869,12 @@ class Apart:
         self.recorder.hand_on(self.runner.tabulate(states))
 
     def _trajectory(self, last: Part, reached: float) -> Trajectory:
-        """Return the joint result; its outcome is that of the subsystem `last`."""
+        """Return the result of all subsystems.
+
+        The outcome is that of the subsystem `last`.
+
+        reached : the time to which all are integrated.
+        """
         found = [part.trajectory() for part in self.parts]
         own = found[self.parts.index(last)]
         reason = own.reason

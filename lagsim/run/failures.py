@@ -68,7 +68,7 @@ class Fallback(Source):
     """Change of the method where it fails, or cannot pass a loss of rank."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the change to `ANY` after a failure, if a change is allowed."""
+        """Return the decision to change to the method `ANY` after a failure."""
         name = arc.runner.method.NAME
         if code == at.LOSS_AHEAD:
             return handed_over(arc, LOSS.format(name), NO_LOSS)
@@ -160,7 +160,7 @@ def _described_state(arc: Arc, row: Floats) -> str:
 
 
 def _fastest(arc: Arc) -> str:
-    """Return a text on the component with the largest rate relative to its size."""
+    """Return a text on the component that changes fastest, relative to its size."""
     moving = arc.state.dynamic
     rates = np.abs(arc.rates(arc.t, arc.y))[moving]
     sizes = np.abs(arc.y[moving])
@@ -173,7 +173,7 @@ def _fastest(arc: Arc) -> str:
 
 
 def end_of_table(arc: Arc) -> Ending | None:
-    """Return the ending beyond the last point of a table without extrapolation."""
+    """Return the ending if a table without extrapolation is past its last point."""
     g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
     cells = [
         (g.args[x.discrete], p.flat[arc.system.place(x.variable)])
@@ -211,7 +211,7 @@ class Unmet(Source):
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the ending if constraints were unsatisfied in `CHECKS` checks."""
+        """Return the ending if constraints are violated at `CHECKS` checks in turn."""
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
             return None
@@ -308,7 +308,10 @@ class Stiffness(Source):
         return self._review_at if another else MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return a change of the method, or a caution on steps at the bound."""
+        """Return the decision on a change of the method, or on a warning; else None.
+
+        code : the kernel's, STIFF where steps are limited by stability.
+        """
         if code == at.STIFF:
             return self._considered(arc)
         if code != at.PAUSED or arc.steps < self.ask_at(arc):
@@ -318,7 +321,10 @@ class Stiffness(Source):
         return self._stiff_reviewed(arc)
 
     def _considered(self, arc: Arc) -> Decision:
-        """Return the decision on steps that were repeatedly at the bound."""
+        """Return the decision after many steps at the stability bound.
+
+        Either another method or a caution.
+        """
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
         return self._considered_once(arc)._replace(numbers=asked)
 
@@ -393,7 +399,7 @@ class Stiffness(Source):
         return self._considered(arc) if damped else GO_ON
 
     def _stiff_reviewed(self, arc: Arc) -> Decision:
-        """Return the change to the explicit method if it has become cheaper."""
+        """Return the decision to return to the explicit method if it is cheaper."""
         state, before = arc.state, self._reviewed
         made = state.steps - before.steps
         self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
@@ -543,7 +549,10 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 
 
 def _gain(arc: Arc, stiff: Arc) -> float:
-    """Return the ratio of the stiff method's step to the current; 0 at higher cost."""
+    """Return the gain of a stiff method: ratio of steps, or 0 if it costs more.
+
+    arc, stiff : the arc by the present method and by the stiff one.
+    """
     before, after = _trial(stiff)
     h = arc.state.step_h
     if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:

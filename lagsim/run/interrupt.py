@@ -160,7 +160,10 @@ class Interrupt:
             self._raises = before
 
     def cut(self, work: Callable[[], object]) -> bool:
-        """Call `work`, interruptible without loss; return whether it finished."""
+        """Call `work` such that a signal ends it; return whether it finished.
+
+        Nothing is lost if it ends early.
+        """
         try:
             with self.raised():
                 work()

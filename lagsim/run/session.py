@@ -209,7 +209,10 @@ class Session(NamedTuple):
         return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
-        """Return the session with another plan for its system, as other tolerances."""
+        """Return the session with another plan for the functions of its system.
+
+        Such as with other tolerances.
+        """
         return self._replace(plan=plan)
 
     def asking(self, **other: Any) -> Session:

@@ -187,14 +187,17 @@ class Source:
     def once(
         self, code: WarningCode, text: str, about: str = ""
     ) -> tuple[Caution, ...]:
-        """Return a caution, or none if one with this code and subject was returned."""
+        """Return a caution, unless one of its code and subject was returned."""
         if f"{code} {about}" in self._warned:
             return ()
         self._warned |= {f"{code} {about}"}
         return (Caution(code, text),)
 
     def begin(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Select the mode of this source at the current state, with all other modes."""
+        """Select the mode of this source at the current state; return a decision.
+
+        The other sources have set their modes already, or set them afterwards.
+        """
         return GO_ON
 
     def times(self, arc: Arc) -> Iterable[float]:  # noqa: ARG002
@@ -202,11 +205,11 @@ class Source:
         return ()
 
     def set_out(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Prepare an arc at its start."""
+        """Prepare the source for an arc at its start; return a decision."""
         return GO_ON
 
     def passed(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Record the events that the kernel passed without ending the arc."""
+        """Return a decision with the events that the kernel passed on its way."""
         return GO_ON
 
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002

@@ -329,7 +329,10 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
-    """Return sigma after a time h, at positions extrapolated by the velocities."""
+    """Return the smallest singular value of the rows a time h ahead.
+
+    Positions are extrapolated by the velocities.
+    """
     n, z = s.n, s.work
     z[: s.size] = s.y
     z[s.positions] += h * s.y[s.velocities]
@@ -338,7 +341,7 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
-    """Return sigma at the fraction x of the last step."""
+    """Return the smallest singular value at the fraction x of the last step."""
     interpolate(s, p, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])

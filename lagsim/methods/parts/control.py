@@ -149,7 +149,7 @@ def forget_roundoff(s: Control) -> None:
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Store energies and masses at a state."""
+    """Store kinetic energy, energy and diagonal of M at a state."""
     energies_masses(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
@@ -499,7 +499,7 @@ def lead_positions(s: Control, h: float, k: Floats) -> None:
 def add_bound(
     s: Control, p: Parameters, t: float, y: Floats, first: int, end: int
 ) -> None:
-    """Extend the roundoff bound of components first ... end - 1 by that at a state."""
+    """Extend the roundoff bounds of components first ... end - 1 by those at (t, y)."""
     rounding(t, y, p, s.work)
     for i in range(first, end):
         found = abs(s.work[i - s.n])

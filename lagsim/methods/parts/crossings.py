@@ -170,7 +170,10 @@ def know_bands(s: Crossings, p: Parameters) -> None:
 
 
 def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
-    """Return the fraction of the step just past the next crossing, or `end`."""
+    """Return the fraction of the step just past its next crossing; `end` without one.
+
+    low : the fraction from which the step is searched.
+    """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     width = s.widest
     points = 0
@@ -274,7 +277,7 @@ def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> boo
 
 
 def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
-    """Return the relation of section j at the fraction x of the last step."""
+    """Return the value of section j's relation at the fraction x of the last step."""
     rows_at(CROSSING, s, p, x)
     return float(s.values[relations(s) + j])
 
@@ -387,7 +390,7 @@ def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
 
 
 def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
-    """Return the fraction at which the relation of section j is 0, or just past it."""
+    """Return the fraction near `root` at which section j's relation is 0, or past 0."""
     if root == 0.0:
         return root
     last = from_bits(bits(root) - 1)
@@ -570,7 +573,7 @@ def finish_located(s: Crossings, p: Parameters) -> None:
 
 
 def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
-    """Whether the last step reaches section j and does not turn there."""
+    """Whether the last step ends on section j, where the motion does not turn."""
     if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
         return float(s.postponed[j]) > 0.0
     x = (s.t - s.step_t) / s.step_h

@@ -110,7 +110,10 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 
 
 def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write sections, then rows, of the last step; return 0 if a buffer is full."""
+    """Write states of sections, then rows, of the last step.
+
+    Return 0 if a buffer is full.
+    """
     if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
         return 0
     return emit(s, p, out, rows)
@@ -186,7 +189,7 @@ def passes_level(s: State, p: Parameters) -> bool:
 
 
 def shift_side(p: Parameters, k: int, way: float) -> None:
-    """Move surface k to the next cell of its table."""
+    """Move surface k, of a table, to the next cell in direction `way`, 1 or -1."""
     p.side[k] += way
     p.low[k] += way
     p.high[k] += way

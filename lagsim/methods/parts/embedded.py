@@ -403,7 +403,7 @@ def interpolate(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
 
 
 def step_to(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
-    """Write the state (size,) at a fraction x of the last step, by a step to it."""
+    """Write the state (size,) at the fraction x of the last step, by a shorter step."""
     size, k, y = s.size, s.k, s.dense
     h = x * s.step_h
     k[:size] = s.first
@@ -416,7 +416,7 @@ def step_to(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Embedded, x: float, out: Floats) -> None:
-    """Write the slope (size,) of the dense output at x, from the velocities on."""
+    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
     u = 1.0 - x
     for i in range(s.n, s.size):
         value = 0.0

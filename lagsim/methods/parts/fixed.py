@@ -64,7 +64,10 @@ def step(s: Fixed, p: Parameters) -> int:
 
 
 def next_time(s: State, end: float) -> float:
-    """Return the end of the step: a whole number of steps into the arc, or `end`."""
+    """Return the time at which the next step ends.
+
+    It is a whole number of steps after the arc's start, or `end`.
+    """
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
     if after + SAME_STEP * s.fixed_step >= end:
@@ -92,7 +95,7 @@ def judge(
 
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
-    """Whether changes (n,) of the velocities v (n,) are roundoff."""
+    """Whether Newton's changes (n,) of velocities v (n,) are rounding errors."""
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0, 1)
         s.rounding_known = 1.0
@@ -104,7 +107,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Project the new state and evaluate y' there; return DONE or another code."""
+    """Project the new state at time `after`, and evaluate y' there; return a code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     if CONSTRAINED and project_step(s, p, after, h, s.new) == 0:

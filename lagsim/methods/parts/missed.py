@@ -332,7 +332,7 @@ def lowest(
 
 
 def is_missed(s: Table, p: Parameters, x: float) -> bool:
-    """Whether the last step has missed a feature at its fraction x."""
+    """Whether the dense output lacks a feature of y' at a fraction x of the step."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
 
@@ -406,7 +406,10 @@ def place(s: Table, k: float) -> float:
 
 
 def is_off(s: Table, p: Parameters, x: float) -> bool:
-    """Whether there is a defect beyond rounding and tolerances at the fraction x."""
+    """Whether the defect at x exceeds rounding and tolerances.
+
+    x : the fraction of the last step.
+    """
     if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
         return False
     return is_beyond(s, p, x)
@@ -482,7 +485,7 @@ def is_beyond(s: Table, p: Parameters, x: float) -> bool:
 
 
 def exceeds(s: Table, most: float, besides: Floats) -> bool:
-    """Whether the defect exceeds `most` tolerances plus `besides` (size,)."""
+    """Whether the defect exceeds `most` tolerances plus `besides` (size,) anywhere."""
     for i in range(s.n, s.size):
         allowed = most * s.tolerances[i] / s.step_h + besides[i]
         defect = abs(s.exact_rates[i] - s.point_rates[i])
@@ -526,7 +529,7 @@ def restore_extents(s: Table) -> None:
 
 
 def reject_step(s: Table, p: Parameters, x: float) -> None:
-    """Reject the last step; the next is half as long as to its fraction x."""
+    """Reject the last step; the next step ends halfway to its fraction x."""
     interpolate(s, p, 0.0, s.point)
     s.y[:] = s.point[: s.size]
     restore_extents(s)

@@ -117,7 +117,7 @@ LARGEST = 300
 
 
 def too_large(scene: Structure) -> str:
-    """Return the reason why a scene has too many unknowns for dense matrices, or ""."""
+    """Return the reason why a model has too many unknowns for dense matrices, or ""."""
     if scene.unknowns <= LARGEST:
         return ""
     return (
@@ -154,7 +154,10 @@ def decompose(width: Static, n: int, A: Floats, pivots: Floats) -> int:
 
 
 def eliminate(width: Static, n: int, k: int, A: Floats) -> None:
-    """Subtract row k, times entries of L, from the rows below; store the entries."""
+    """Subtract multiples of row k of A (n, n) from the rows below.
+
+    The multipliers are stored in column k.
+    """
     row = A[k * width * n :]
     for i in range(k + 1, n):
         below = A[i * width * n :]
@@ -230,7 +233,10 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 def decompose_newton(
     width: Static, s: Blocks, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
-    """Factor g^2 - g Jv - Jq into K (n + states,)^2; return 0 if it is singular."""
+    """Factor the Newton matrix g^2 - g Jv - Jq into K; return 0 if it is singular.
+
+    K : (n + states, n + states). J : derivatives of the accelerations and rates.
+    """
     n = s.n
     unknowns = n + s.states
     K[: width * unknowns * unknowns] = 0.0
@@ -372,7 +378,10 @@ def solve_sparse(
     width: Static, p: SparseNewton,
     g: Floats, J: Floats, K: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (size,) by the solution. x : (N + n,), working memory."""
+    """Solve the sparse Newton system for the right side r (size,), in place.
+
+    With the factors K of `decompose_sparse`. x : (N + n,), working memory.
+    """
     n = p.n
     combined = x[width * p.unknowns :]
     combine(width, n, g, r, combined)

@@ -235,7 +235,10 @@ def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
 def sample(
     kind: Static, s: Events, p: Parameters, x: float, beside: float, out: Floats
 ) -> None:
-    """Write rows and their slopes (2 R,) at the fraction x of the last step."""
+    """Write rows of a kind and their slopes (2 R,) at the fraction x of the last step.
+
+    beside : distance over which values are differenced to slopes.
+    """
     count = rows(s)
     now = s.values
     rows_at(kind, s, p, x + beside)
@@ -281,7 +284,10 @@ def unknown_up_to(
 
 
 def events_are_known(s: Events, p: Parameters, width: float) -> bool:
-    """Whether all event functions on a stretch follow from its ends."""
+    """Whether values and slopes at the ends of a stretch determine all event functions.
+
+    width : of the stretch, as a fraction of the step.
+    """
     known = True
     for k in range(events(s)):
         known = known and event_is_known(s, p, k, width)
@@ -289,7 +295,10 @@ def events_are_known(s: Events, p: Parameters, width: float) -> bool:
 
 
 def sections_are_known(s: Events, width: float) -> bool:
-    """Whether the relations of all sections on a stretch follow from its ends."""
+    """Whether values and slopes at the ends of a stretch determine all sections.
+
+    width : of the stretch, as a fraction of the step.
+    """
     for j in range(s.sections):
         k = relations(s) + j
         a = s.sides[j] * s.starts[k]
@@ -351,7 +360,10 @@ def falls_at(s: Events, p: Parameters, k: int, low: float, x: float) -> float:
 
 
 def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
-    """Whether event function k on a stretch follows from its ends."""
+    """Whether values and slopes at the ends of a stretch determine event function k.
+
+    width : of the stretch, as a fraction of the step.
+    """
     a = s.starts[k]
     m = s.middles[k]
     b = s.ends[k]
@@ -379,7 +391,10 @@ def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
 
 
 def value_at(kind: Static, s: Events, p: Parameters, k: int, x: float) -> float:
-    """Return row k of a kind, or its distance, at the fraction x of the last step."""
+    """Return the value of row k at the fraction x of the last step.
+
+    Of a signal its distance.
+    """
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
         return missed.away(s, k, s.values)
@@ -397,7 +412,10 @@ def least_of(
     low: float,
     high: float,
 ) -> float:
-    """Return the place of the minimum of row k in [low, high], by golden section."""
+    """Return the fraction in [low, high] at which row k is least, by golden section.
+
+    rounds : the number of divisions.
+    """
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = value_at(kind, s, p, k, left)
@@ -520,7 +538,7 @@ def follow_roots(s: Events, p: Parameters) -> None:
 
 
 def follows(s: Events, k: int) -> bool:
-    """Whether condition k is an inequality that is true, and watched for its end."""
+    """Whether condition k is an inequality that is true and located when it ends."""
     return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
 
 

@@ -192,4 +192,4 @@ def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
 
 @external
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
-    """Write the slope (size,) of the dense output at x, from the velocities on."""
+    """Write the derivative of the dense output at x: the rates that follow q' in y'."""

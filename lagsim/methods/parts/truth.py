@@ -123,13 +123,16 @@ def terms_of(s: Events, k: int) -> float:
 
 
 def error_of_time(s: Events, k: int) -> float:
-    """Return the error, by rounding, of the time at which condition k was located."""
+    """Return the rounding error of the time at which condition k was located."""
     rate = abs(float(s.trend[k]))
     return float(s.zero[k]) / rate if rate > 0.0 else 0.0
 
 
 def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> float:
-    """Return the error, by rounding, of the time of the condition just located."""
+    """Return the rounding error of the time of the condition located last.
+
+    The parameters are those of `look`.
+    """
     found = int(s.event) - 1
     if found < 0:
         return 0.0
@@ -314,7 +317,7 @@ def may_change(s: Events) -> bool:
 
 
 def error_of_value(s: Events, k: int) -> float:
-    """Return the error of condition k by that of the state within tolerances."""
+    """Return the error of condition k's value by a state's error of a tolerance."""
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     found = 0.0
     for i in range(s.dynamic.stop):

@@ -150,7 +150,11 @@ class Section:
     def vector(
         self, node: Node, indices: Indices, counts: SequenceType[int], what: str
     ) -> list[tuple[Tree, Scalar]]:
-        """Return the components of a list or a vector, each with its scalar."""
+        """Return the components of a list, or of a vector expression, with scalars.
+
+        Each is a pair of its value and the scalar of the file from which it stems.
+        counts : the numbers of components that are allowed.
+        """
         if isinstance(node, Sequence):
             found = [self.number(item, indices, what) for item in node.items]
         else:

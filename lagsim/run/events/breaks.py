@@ -188,7 +188,7 @@ class Division:
             yield max(last, time), False
 
     def _cells(self) -> Iterator[Cell]:
-        """Return the cells in which the function may change, in order of time."""
+        """Yield the cells, in order of time, in which the function may change."""
         states = ("states", np.int8, (len(self.surfaces),))
         whole = np.zeros(1, [("lo", float), ("hi", float), ("task", np.int8), states])
         whole["lo"], whole["hi"] = self.start, self.end
@@ -239,7 +239,7 @@ class Division:
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _look(self, cells: Cells) -> None:
-        """Compute the state of each surface in the new cells, and the cells' tasks."""
+        """Enclose each surface in the new cells; decide which cells are split."""
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
@@ -271,7 +271,7 @@ def finest(start: float, end: float) -> float:
 
 
 def _divided(cells: Cells) -> Cells:
-    """Return the cells, with each that is to be split divided into `PARTS` new ones."""
+    """Return the cells; each one marked for division is replaced by `PARTS` cells."""
     split = cells["task"] == _SPLIT
     lo, hi = cells["lo"], cells["hi"]
     edges = (hi - lo)[:, None] * (np.arange(PARTS + 1) / PARTS) + lo[:, None]
@@ -435,7 +435,7 @@ class Clock(NamedTuple):
 
 
 def _jumps(g: Graph, argument: int) -> bool:
-    """Whether an argument may have a step in t, which its derivative does not show."""
+    """Whether an argument contains a step of t, which its derivative does not show."""
     timed = g.dependent([argument], ("t",))
     return any(g.ops[n] in STEPS | CHOOSING for n in timed)
 
@@ -470,7 +470,10 @@ class _Cluster(NamedTuple):
 def _clusters(
     times: Iterable[tuple[float, bool]], start: float, end: float
 ) -> Iterator[_Cluster]:
-    """Return the start, the clusters strictly between, and the end, as clusters."""
+    """Yield clusters of breaks within one instant; first `start`, last `end`.
+
+    times : of breaks, in order, each with a pause flag.
+    """
 
     def near(t: float) -> float:
         return max(NEIGHBOURS * math.ulp(t), finest(start, end))

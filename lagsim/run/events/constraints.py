@@ -252,7 +252,10 @@ class Dependence(Source):
     """Source that changes to QR decomposition where rows become nearly dependent."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the arc solved by QR, or a warning where QR would cost too much."""
+        """Return the decision to solve by QR where rows become nearly dependent.
+
+        Or a warning, where QR would cost too much; None for other codes of the kernel.
+        """
         if code != at.DEGENERATE:
             return None
         found = f"at t = {arc.t:.9g} the constraints become nearly dependent"
@@ -282,7 +285,10 @@ class RankLosses(Source):
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return events and a warning for a loss of rank, with its constraints."""
+        """Return the events and the warning for a loss of rank, with its constraints.
+
+        None for other codes of the kernel.
+        """
         if code != at.RANK_LOST:
             return None
         time = arc.state.lost_at

@@ -185,7 +185,7 @@ class Contacts(Source):
         )  # fmt: skip
 
     def _note_former(self, arc: Arc) -> None:
-        """Store the laws that slid until this time, once for each time."""
+        """Store which laws slid up to the current time, once for each time."""
         if arc.t != self.asked_at:
             slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
             self.asked_at, self.slid = arc.t, set(slid.tolist())
@@ -711,7 +711,12 @@ class Chosen(NamedTuple):
 
     @classmethod
     def of(cls, here: Kinematics, some: list[int], found: Modes) -> Chosen:
-        """Return the modes of all laws; the first rows of `found` are laws `some`."""
+        """Return the modes of all laws from the modes of the laws `some`.
+
+        Others are off.
+
+        found : its first rows are those of the laws `some`.
+        """
         mode, direction = np.zeros((2, here.count))
         r = len(some)
         mode[some] = [float(x) for x in found.mode[:r]]

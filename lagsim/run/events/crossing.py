@@ -391,7 +391,7 @@ class Crossing:
         self.levels = {k: level for k, level in enumerate(found) if level is not None}
 
     def _level(self, k: int, value: float) -> float | None:
-        """Return the level of surface k at which `value` is; None if at no level."""
+        """Return the level of surface k that `value` equals to rounding, or None."""
         level = self.modes.level(k, value)
         most = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.known.get(k, 0.0))
         return level if abs(value - level) <= most else None
@@ -639,7 +639,7 @@ class Crossing:
                 modes.watched.append(k)
 
     def _depends(self, k: int, leader: int) -> bool:
-        """Whether the expression of surface k depends on the side of an open one."""
+        """Whether the expression of surface k depends on the side of `leader`."""
         own = self.modes.depends[k]
         others = own.intersection([*self.loose, *self.hanging])
         return leader in own or any(self._depends(j, leader) for j in others)

@@ -266,7 +266,7 @@ class FilippovCone:
         return bool(np.all(off <= self.tolerance))
 
     def _is_inside(self, sides: Corner, trial: Trial) -> bool:
-        """Whether all laws that hold in a trial are clearly inside their bounds."""
+        """Whether all multipliers of held laws are inside their bounds, clearly."""
         closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
         for k, kind in enumerate(closed.kinds):
             if kind.bounded and trial.modes.mode[k] in HOLDING:
@@ -601,7 +601,7 @@ class Modes:
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Whether the expression of surface k is constant in a neighbourhood."""
+        """Whether the expression of surface k is constant near the state."""
         seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen

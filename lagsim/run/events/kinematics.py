@@ -66,7 +66,10 @@ class Shape:
 
 @lru_cache(maxsize=4)
 def _shape(n: int, laws: int, numbers: bytes) -> Shape:
-    """Return the `Shape` of these numbers, from a cache: they often stay constant."""
+    """Return the `Shape` with these numbers as bytes: M, then rows; memoized.
+
+    n, laws : the counts of coordinates and laws.
+    """
     return Shape(n, laws, np.frombuffer(numbers))
 
 
@@ -256,7 +259,7 @@ class Kinematics:
         return bool(before[3][k] > before[2][k])
 
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at the time before this one by the rounding of the time."""
+        """Return `_free` just before this time, by the rounding of the time."""
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
@@ -299,7 +302,7 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return y' (size,) without laws; b, bounds and statics (L,) of the laws."""
+        """Return y' (size,) without forces of laws; b, bounds and statics (L,)."""
         arc, p = self.arc, self.arc.system.p
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
@@ -311,7 +314,7 @@ class Kinematics:
         return field, b.copy(), bounds.copy(), statics.copy()
 
     def _field(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,) of the motion along the surfaces that it follows."""
+        """Return y' (size,) with the shares of the surfaces that the motion follows."""
         arc = self.arc
         along = arc.rates(t, y) if arc.system.p.sliding else None
         field = arc.field(t, y)  # last, as it leaves b and the bounds of laws

@@ -90,7 +90,7 @@ class Sequence:
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """Return the length in time of a window; k = 0 is the last one."""
+        """Return the duration of the k-th last window of switches, k = 0, 1, ..."""
         first = -1 - k * self.window
         return self.recent[first][0] - self.recent[first - self.window][0]
 
@@ -168,7 +168,10 @@ class Flights:
         self.strikes.append((time, speed))
 
     def is_restless(self, span: float) -> bool:
-        """Whether the contact came to rest `RESTS` times within `NO_PART` of `span`."""
+        """Whether the contact came to rest `RESTS` times in a small part of the run.
+
+        span : the duration of the run; the part is `NO_PART`.
+        """
         full = len(self.rests) == RESTS
         return full and self.rests[-1] - self.rests[0] < NO_PART * span
 

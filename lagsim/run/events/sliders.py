@@ -76,7 +76,7 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the relative distance from its limit of a force that counts as at it."""
+    """Return the relative distance to its limit at which a force counts as at it."""
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
@@ -161,7 +161,7 @@ class _Sliders:
             self.p.law_direction[k] = self.signs[k]
 
     def _move(self) -> None:
-        """Solve for the velocities of all sliders with the present selection."""
+        """Solve for the velocities of sliders, given which of them slide."""
         self._set(self.sliding)
         arc, own = self.arc, self.places
         velocities = self.y[arc.velocities]

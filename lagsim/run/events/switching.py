@@ -109,7 +109,10 @@ class Switching(Source):
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Pass a switch that was located, or approach one that is near; else None."""
+        """Return the decision at a located switch, or ahead of one that is near.
+
+        Else None.
+        """
         self.modes.arc = arc
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
@@ -286,7 +289,7 @@ class Switching(Source):
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
-        """Return a caution that the motion past a switch is not unique, once."""
+        """Return a caution, once, that the motion past surfaces is not unique."""
         names = self._names(several)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
@@ -441,7 +444,10 @@ class Switching(Source):
         return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
-        """Return the next surface at the present rates, and the time to it (or inf)."""
+        """Return the surface that the motion reaches next, and the time to it.
+
+        By the present rates; the time is inf if no surface is approached.
+        """
         modes = self.modes
         rows = modes.rows()
         speeds = np.where(self.on_rates, modes.forced(arc.y), rows.rates)
@@ -454,7 +460,7 @@ class Switching(Source):
         return k, float(ahead[k])
 
     def _is_on(self, arc: Arc, k: int) -> bool:
-        """Whether the state is at an end of the side of surface k within rounding."""
+        """Whether the state is, within rounding, at an end of a side of surface k."""
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))

@@ -90,7 +90,10 @@ class _Ahead(Source):
 
 
 def clocks(arc: Arc) -> dict[int, Clock]:
-    """Return the tables of a t + b without a jump of y' at points, by their modes."""
+    """Return the tables of a t + b that kernels pass, by the indices of their modes.
+
+    y' has no jump at their points.
+    """
     g, modes = arc.equations.graph, arc.system.switches.modes
     smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}
     found = {k: Clock.of(g, discrete) for k, discrete in smooth.items()}
@@ -179,7 +182,10 @@ class Knots(_Ahead):
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Write further knots to the kernel if it has passed all that it has."""
+        """Write further knots to the kernel's memory if it has passed all.
+
+        Else return None.
+        """
         if code != at.KNOTS_PASSED:
             return None
         if arc.system.p.passed >= arc.system.p.known:
@@ -219,7 +225,7 @@ class TimeBreaks(_Ahead):
         return [*(modes[k].discrete for k in self._own), *ends]
 
     def begin(self, arc: Arc) -> Decision:
-        """Set the branches of the switches of t up to the next break."""
+        """Set the branches of time switches for the interval up to the next break."""
         if self._is_other(arc):
             self._next = self._following(inf)
         if self._own:
@@ -237,7 +243,7 @@ class TimeBreaks(_Ahead):
         return (self._next,)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Pass a break if the run has reached it; else return None."""
+        """Return the decision to pass a break at the time reached; None without one."""
         if code != at.DONE or arc.t < self._next - width(arc.settings, arc.t):
             return None
         self._met.add(arc.t, 0)
@@ -272,7 +278,7 @@ class Pulses(Source):
         self._seen = -inf  # up to this time
 
     def set_out(self, arc: Arc) -> Decision:
-        """Return the sizes by pulses up to the end of an arc and one sample past it."""
+        """Return the decision with sizes for error control, by pulses ahead."""
         if arc.t < self._seen:
             return GO_ON
         self._seen = arc.end

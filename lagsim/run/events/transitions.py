@@ -225,7 +225,7 @@ class Transitions(Source):
         return Ending(Outcome.EVENTS_CHATTER, about)
 
     def _chatters(self, arc: Arc, k: int) -> Ending | None:
-        """Return the ending of the run if event k acts endlessly in negligible time."""
+        """Return the ending of the run if event k acts too often in negligible time."""
         self.acts[k] += 1
         if self.acts[k] == 1:
             self.sequences[k].add(arc.t, k)

@@ -127,7 +127,7 @@ class Corners:
         self.events: list[tuple[Floats, Floats]] = []
 
     def __bool__(self) -> bool:
-        """Whether more rows are requested."""
+        """Whether further rows can be stored."""
         return len(self.events) < MOST
 
     def add(self, before: Floats, after: Floats, within: float = 0.0) -> None:
@@ -174,7 +174,7 @@ class Moments:
         self.rows = np.full((len(times), columns), np.nan)
 
     def add(self, rows: Floats) -> None:
-        """Store the rows (k, columns) at the given times."""
+        """Store the rows, among (k, columns), at the given times."""
         places = np.searchsorted(self._times, rows[:, 0])
         places = np.minimum(places, len(self._times) - 1)
         for k in np.flatnonzero(self._times[places] == rows[:, 0]):

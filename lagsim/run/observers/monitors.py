@@ -321,7 +321,7 @@ GROWN = 1.1
 
 
 def _records(sizes: Floats, least: float) -> Flags:
-    """Return which sizes (k,) exceed `least` and all sizes before."""
+    """Mark the sizes (k,) that exceed `least` and every earlier size."""
     top = np.maximum.accumulate(np.where(sizes > least, sizes, 0.0))
     return np.diff(top, prepend=0.0) > 0.0
 

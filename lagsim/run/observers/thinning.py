@@ -96,7 +96,10 @@ class _Envelope:
         self.size *= 2
 
     def points(self, column: int) -> tuple[Array, Array]:
-        """Return times and values in time order, two per bucket; NaN if it is empty."""
+        """Return times and values of a column for a plot: two points per bucket.
+
+        In order of time; NaN for an empty bucket.
+        """
         kept = self._kept[:, : -(-self._rows // self.size), column].copy()
         values, times = kept[[LOW, HIGH]], kept[[LOW_T, HIGH_T]]
         values[:, kept[LOW] > kept[HIGH]] = np.nan
@@ -254,7 +257,11 @@ class Thinning:
             self._corners = corners[corners[:, -1, 0] <= self._last[0]]
 
     def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
-        """Insert the values at events, met : (2 k, variants), in order of time."""
+        """Insert values at events into a curve, in order of time.
+
+        t, values : the curve. met : (2 k, variants), values before and after each
+        event.
+        """
         times = self._corners[:, -1, 0]
         at = np.searchsorted(t, times, side="right")
         # The row before an event continues the curve before it, the row after an event
@@ -415,7 +422,7 @@ class Frames:
         self._keep(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Whether each row (k,) is stored since it belongs to an impact."""
+        """Mark the rows (k,) of a block that are stored as rows of impacts."""
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
@@ -431,7 +438,7 @@ class Frames:
             self._thin()
 
     def _thin(self) -> None:
-        """Delete stored rows until there are at most `most`."""
+        """Delete stored rows, by doubled strides, until there are at most `most`."""
         table = np.concatenate(self._kept) if self._kept else self._last[:0]
         while len(table) > self._most:
             if np.count_nonzero(self._struck_in(table)) > self._most // 2:
