@@ -399,7 +399,7 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=velocities)
 
     def _defined(self, point: Point, *, velocities: bool) -> list[Condition]:
-        """Return the equations that start values of definitions imply."""
+        """Return the equations that stated start values of definitions add."""
         e, g, n = self.e, self.e.graph, self.n
         wanted = []
         for x in e.model.initial:
@@ -426,7 +426,10 @@ class _Examiner:
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Return the nearest values that satisfy the relations."""
+        """Return the values, nearest to those of the point, that satisfy the relations.
+
+        far : whether other starts of the search are tried, too.
+        """
         free = relations.free
         if not relations.wanted:
             return Found(relations.x0, converged=True)
@@ -476,7 +479,11 @@ class _Examiner:
         return found._replace(reason=reason, least=least)
 
     def _exact_values(self, point: Point, *, velocities: bool) -> Point:
-        """Return the nearest exact point; keep values exact to rounding."""
+        """Return the nearest point that satisfies the relations to rounding.
+
+        velocities : whether velocities, not positions, are changed. Values exact to
+        rounding are kept.
+        """
         relations = self._relations(
             point, range(self.n), velocities=velocities, definitions=False
         )
@@ -535,7 +542,10 @@ class _Examiner:
         return solved.at(v=rates, errors=self.errors), ""
 
     def _rest(self, positions: Sequence[int], states: Sequence[int]) -> AtRest | None:
-        """Find a state of rest with the given unknown positions and states."""
+        """Return a state of rest, found by variation of the given positions and states.
+
+        positions, states : indices of the unknowns. None if there is no rest.
+        """
         from lagsim.admissibility.rest import find_rest
 
         still = self.stated.at(v=np.zeros(self.n))
@@ -656,7 +666,10 @@ class _Examiner:
         return _Judged(point, ranks, against, unsolved=unsolved)
 
     def _exact(self, point: Point, laws: Sequence[Verdict]) -> _Judged:
-        """Judge the nearest exact state; values that are exact to rounding are kept."""
+        """Analyse the nearest exact state: its rows, ranks and contradictions.
+
+        laws : verdicts on the laws. Values that are exact to rounding are kept.
+        """
         passed = {
             x.name
             for x in laws
@@ -696,7 +709,10 @@ class _Examiner:
         return judged._replace(repair={name: new for name, (_, new) in changed.items()})
 
     def _at_other_rest(self, point: Point) -> _Judged:
-        """Judge a rest near the start over all values, and name the changes."""
+        """Analyse a state of rest near the start, with all values as unknowns.
+
+        The changes are stored as the repair.
+        """
         near = self._rest(range(self.n), range(len(self.e.states)))
         if near is None:
             why = "no rest was found near the start, whatever may change"

@@ -170,7 +170,12 @@ class _Distribution:
         return self._judged(span)
 
     def _extends(self, span: Span, field: Sequence[int]) -> bool:
-        """Whether a field adds a direction to the span, beyond rounding; add it."""
+        """Whether a vector field is independent of the span.
+
+        If so, it is added to the span.
+
+        Beyond rounding.
+        """
         vector = self.point.array(field) * self.weights
         length = np.linalg.norm(vector)
         if not np.isfinite(length) or length == 0:
@@ -221,7 +226,7 @@ class _Distribution:
         return [g.call("sub", x, y) for x, y in zip(first, second, strict=True)]
 
     def _judged(self, span: Span) -> Reach:
-        """Return the reach of a complete span, with hidden holonomic relations."""
+        """Return the reach implied by a complete span, with hidden relations."""
         # A form that vanishes on the span is a combination of the forms; the holonomic
         # rows are known to be such forms.
         known = Span(len(self.names))

@@ -169,11 +169,17 @@ class Relations:
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
     def hold(self, x: Floats, errors: Floats) -> bool:
-        """Whether r is small against its terms, or within rounding for `errors`."""
+        """Whether each residual is small against its terms, or within its rounding.
+
+        errors : error bounds (k,) of x.
+        """
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Mark residuals that exceed their terms' and their rounding bounds (m,)."""
+        """Mark the residuals (m,) beyond the part of their terms and their rounding.
+
+        errors : error bounds (k,) of x.
+        """
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
         far = np.flatnonzero(found).tolist()
@@ -195,14 +201,17 @@ class Relations:
         return point, np.abs(point.array(self.nodes) - self.targets), small
 
     def rounding(self, point: Point, rows: Sequence[int] | None = None) -> Floats:
-        """Return bounds of the error of r (or of `rows`): rounding, stated errors."""
+        """Return error bounds of r by rounding and by errors of stated values.
+
+        rows : indices of the residuals wanted; by default all.
+        """
         rows = range(len(self.nodes)) if rows is None else rows
         found = point.rounding([self.nodes[i] for i in rows])
         return np.asarray(found + [self.wanted[i].error for i in rows])
 
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
-    """Return the relations between all positions, or velocities, by `rows`."""
+    """Return the equations `rows` as relations between positions, or velocities."""
     wanted = conditions(rows, velocities=velocities)
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
@@ -394,7 +403,10 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
 def _others(
     relations: Relations, x0: Floats, best: Floats | None, metric: Floats
 ) -> Iterator[Floats]:
-    """Yield reproducible starts around x0, as far away as the point found."""
+    """Yield other starts of the search, around x0, at the distance of the point found.
+
+    They are random, with a fixed seed. best : (k,), the point found, if any.
+    """
     random = np.random.default_rng(3)
     L = cholesky(metric)
     near = far = float(np.sqrt(_square(x0 if best is None else best - x0, metric)))
@@ -520,7 +532,10 @@ def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
 
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
-    """Return the point of least |r| with the reason why relations were not solved."""
+    """Return the point of least |r|, with the reason why no root was found.
+
+    reached : the end of the iteration.
+    """
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
@@ -617,7 +632,7 @@ class _Slope:
 
 
 def descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
-    """Minimise the distance from x0 along the relations, starting from a solution x."""
+    """Move a solution x along the relations to the point nearest to x0."""
     try:
         here = _Slope(relations, x0, x, metric)
         for _ in range(MOST_STEPS):

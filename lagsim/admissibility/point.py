@@ -88,7 +88,10 @@ class Point:
         t: float | None = None,
         s: Floats | None = None,
     ) -> Point:
-        """Return the equations at another state or errors, with equal `sizes`."""
+        """Return the equations at another state, or with other errors.
+
+        q, v, t, s, errors : by default those of this point. `sizes` are kept.
+        """
         state = Instant(
             self.t if t is None else t,
             self.q if q is None else q,
@@ -129,7 +132,10 @@ class Point:
         return {name: (x, errors.get(name, 0.0)) for name, x in self.values.items()}
 
     def rounding(self, nodes: Sequence[int]) -> Floats:
-        """Return bounds of the rounding errors of `nodes`, by errors of values."""
+        """Return bounds of the rounding errors of the values of `nodes`.
+
+        They contain the effect of the errors of variables.
+        """
         found = evaluate_with_error(self.g, nodes, self._inexact)
         return np.array([error for _, error in found])
 
@@ -280,7 +286,10 @@ class Condition(NamedTuple):
 
 
 def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
-    """Return the equations of rows for velocities, or (holonomic) for positions."""
+    """Return equations that `rows` imply: for positions, or for velocities.
+
+    Rows between velocities imply none for positions.
+    """
     if velocities:
         return [Condition(r.name, r.rate, r.A.entries, r.rate_scale) for r in rows]
     return [
@@ -323,7 +332,10 @@ class _Form(NamedTuple):
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
-        """Return the greatest slope * length of coordinates; -inf without any."""
+        """Return the greatest product of slope and length over the form's coordinates.
+
+        lengths : (n,). -inf for a form without coordinates.
+        """
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)
         return float(np.max(slopes[known] * own[known], initial=-np.inf))
@@ -478,7 +490,10 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
 
 
 def _length(size: float, first: float, second: float) -> float:
-    """Return the distance over which a gradient with these derivatives is constant."""
+    """Return the length over which a gradient of this size changes by its own size.
+
+    first, second : sizes of its first and second derivative.
+    """
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf
     linear = size / first if first > 0.0 else np.inf

@@ -316,7 +316,10 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Return each dependent row as a combination of the independent rows before it."""
+    """Return each dependent row as coefficients of the independent rows before it.
+
+    flags : marks of dependent rows (m,).
+    """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
     K = least_squares(Y[independent].T, Y[dependent].T, None)
@@ -358,7 +361,10 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
 def _contradictions(
     demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
 ) -> dict[str, float]:
-    """Return the levels on which row i differs from the combination of others."""
+    """Return the levels on which row i contradicts a combination of other rows.
+
+    As level -> difference of the right-hand sides. others : index -> coefficient.
+    """
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
     for level, (values, small) in demands.items():
@@ -439,7 +445,7 @@ class Neighbourhood:
         return near, double
 
     def states(self, relations: Relations, count: int) -> list[Floats]:
-        """Return the values of at most `count` states that satisfy relations."""
+        """Return up to `count` random solutions of relations near the point."""
         random = np.random.default_rng(7)  # the same each time
         found = []
         for _ in range(count):
@@ -626,7 +632,10 @@ def _violated(
     *,
     velocities: bool,
 ) -> list[Dependence]:
-    """Return the dependent rows that states violate which all other rows admit."""
+    """Return the dependent rows that are violated by states on which all others hold.
+
+    dependent : names of dependent rows. Such a row is no consequence of the others.
+    """
     known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]

@@ -189,7 +189,10 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
-    """Return values and slopes (2, k) of nodes, along a direction without zeros."""
+    """Return values and directional derivatives (2, k) of nodes.
+
+    The direction has no zero component.
+    """
     g = point.g
     moving = [g.variable(name) for name in point.e.state]
     along = {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
@@ -197,7 +200,10 @@ def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
 
 
 def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
-    """Return the expression that makes `node` infinite or nan; None if ambiguous."""
+    """Return the expression of the file because of which `node` is not finite.
+
+    None if several could be the cause.
+    """
     if not sources:
         return None
     inside = set(point.e.graph.cone([node]))
@@ -214,7 +220,11 @@ def _problem(
     faulty: list[tuple[str, int, float]],
     home: Place | None,
 ) -> Problem:
-    """Return the fault of a source, with all quantities that it makes not finite."""
+    """Return the fault of an expression that is not finite, with its consequences.
+
+    faulty : quantities that are not finite: name, node and value. home : place if the
+    source has none.
+    """
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
     place = source.place if source else home
@@ -542,7 +552,7 @@ class _Term(NamedTuple):
     sure: bool = False
 
     def text(self, op: str) -> str:
-        """Return the warning on the term as an argument of function `op`."""
+        """Return the warning that the term, in function `op`, is in degrees."""
         if self.value is None:
             return (
                 f"`{self.name}` has the unit deg, and the argument of {op} is in "
@@ -586,7 +596,10 @@ def about_angles(model: Model) -> Iterator[Caution]:
 
 
 def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
-    """Yield parsed expressions, and sides of relations, with functions of angles."""
+    """Yield the parsed expressions of texts that contain sin, cos or tan.
+
+    Of a relation, both sides.
+    """
     for text in texts:
         for side in re.split("[<>]?=", text) if _NAMED.search(text) else ():
             with suppress(ExpressionError):  # what is given instead is none
@@ -631,13 +644,13 @@ def _terms(
 
 
 def _is_of_degrees(value: float) -> bool:
-    """Whether a number is a typical value in degrees."""
+    """Whether a number is likely to be an angle in degrees, such as 30 or 90."""
     size = abs(value)
     return _LEAST <= size <= _TURN and not all(size % whole for whole in _WHOLE)
 
 
 def _summed(g: Graph, node: int) -> Sequence[int]:
-    """Return the terms of a sum, or the other factor of an integer multiple."""
+    """Return the nodes whose sum, or integer multiple, a node is."""
     op, args = g.ops[node], g.args[node]
     if op == "mul":
         factors = [g.value(a) for a in args]

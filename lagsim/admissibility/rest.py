@@ -125,7 +125,10 @@ class Rest(Relations):
         self._x0 = self.first(point)
 
     def first(self, point: Point) -> Floats:
-        """Return guesses, and multipliers that minimise the accelerations (k,)."""
+        """Return the first iterate (k,): the guesses, and multipliers.
+
+        The multipliers minimise the accelerations.
+        """
         A, lam = point.jacobian(self.rows), np.zeros(len(self.rows))
         if len(A):
             sizes = self.point.sizes
@@ -197,7 +200,7 @@ class Rest(Relations):
         return {**self.point.errors, **{n: found[n] for n in self.names if n in found}}
 
     def pulls(self, x: Floats) -> Floats:
-        """Return the scaled force of each row that pulls (rows,); 0 if it pushes."""
+        """Return the scaled force of each row that pulls (rows,), 0 where it pushes."""
         own = np.linalg.norm(self.at(x).jacobian(self.rows) / self.point.sizes, axis=1)
         pushes = x[len(x) - len(self.rows) :] * own
         small = COMPUTED_ZERO * np.max(np.abs(pushes), initial=0.0)
@@ -334,7 +337,7 @@ class Way(Enum):
 
 
 def _solved(rest: Rest, way: Way = Way.NEAR) -> Found:
-    """Return a rest near the guess."""
+    """Return a rest near the guess, found by one of the ways; see `Way`."""
     x0 = rest.x0
     if rest.exact(x0) or not len(x0):
         return Found(x0, converged=rest.exact(x0))
@@ -443,7 +446,10 @@ def find_rest(
 def _changes(
     rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
 ) -> set[int]:
-    """Return the indices of laws to activate or deactivate at a rest with `held`."""
+    """Return the indices of laws to be added to, or removed from, those in force.
+
+    held : indices of the laws in force at the rest x. off : constraints out of force.
+    """
     laws, verdicts = there.e.laws, judge_laws(there, off)
     if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):
         return passed - held

@@ -206,7 +206,7 @@ def _of_row(row: Row, position: Residual, velocity: Residual) -> Verdict:
 
 
 def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Residual]:
-    """Return residuals of pairs (node, node of its scale)."""
+    """Return the residuals of pairs of nodes (residual, scale) at a point."""
     nodes = [node for node, _ in pairs]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found = (values, point.array([scale for _, scale in pairs]), rounding)
@@ -300,7 +300,10 @@ def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
 
 
 def _of_limit(point: Point, law: Law) -> Residual | None:
-    """Return the residual of the limit of a slider whose state determines its force."""
+    """Return the limit minus the force of a slider without mass, as a residual.
+
+    None for laws of other kinds.
+    """
     if not (law.slider and law.slider.first and law.solved.holonomic):
         return None
     limit = [law.slider.limit]
@@ -329,7 +332,10 @@ def _of_law(
 
 
 def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Return verdicts with one per gap: of its pieces, the verdict on the least."""
+    """Return the verdicts with those of a gap's pieces merged into one.
+
+    It is the verdict on the least piece.
+    """
     found: dict[str, list[Verdict]] = {}
     for x in verdicts:
         found.setdefault(whole(x.name), []).append(x)
@@ -339,7 +345,10 @@ def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
 
 
 def _of_gap(name: str, own: Sequence[Verdict]) -> Verdict:
-    """Return the verdict on a gap by its pieces, of which closed ones come first."""
+    """Return one verdict on a gap from the verdicts on its pieces.
+
+    Closed pieces come before open ones, then the least.
+    """
     least = min(own, key=lambda x: (not x.holds, not x.active, x.position.value))
     position = min((x.position for x in own), key=lambda x: x.value)
     return least._replace(name=name, position=position)
@@ -455,7 +464,10 @@ def out_of_force(equations: Equations, time: float) -> frozenset[str]:
 
 
 def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
-    """Return equations in which equalities in force now are among the rows."""
+    """Return equations whose rows include the timed equalities in force.
+
+    off : constraints out of force.
+    """
     timed = [
         law.row
         for law in equations.laws
@@ -482,7 +494,7 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
 
 
 def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]:
-    """Return verdicts in which judged timed equalities are marked as in force."""
+    """Return verdicts in which timed equalities, if judged, are marked as in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
         v._replace(active=True, holds=v.satisfied, mode="in force")
@@ -574,7 +586,7 @@ class Acting(NamedTuple):
 
 
 def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
-    """Decide the modes of the laws with active verdicts."""
+    """Determine the modes of the laws whose verdicts are active."""
     laws, sliders = point.e.laws, _sliders(point)
     active = {v.name for v in verdicts if v.active}
     chosen = [
@@ -676,7 +688,7 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
 
 
 def _with_mode(verdict: Verdict, found: Acting, point: Point) -> Verdict:
-    """Return a verdict with the mode of its constraint."""
+    """Return the verdict on a law with its mode at the start in words."""
     if verdict.active is None or verdict.mode:
         return verdict
     laws = point.e.laws

@@ -315,7 +315,7 @@ def atanh(x: float) -> float:
 
 
 def circular(x: float, shift: Static) -> float:
-    """Return the sine of x + shift pi/2, or the tangent of x for `shift` TANGENT."""
+    """Return sin(x + shift pi/2) or, for `shift` TANGENT, tan(x)."""
     if not abs(x) < inf:
         return nan
     if abs(x) <= LARGEST:

@@ -482,7 +482,7 @@ class Subsystem(NamedTuple):
 
 
 def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
-    """Return the state of the coordinates with the given indices."""
+    """Return positions and velocities of some coordinates at the time of a state."""
     chosen = list(coordinates)
     return Instant(whole.t, whole.q[chosen], whole.v[chosen], whole.s)
 

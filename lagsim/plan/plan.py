@@ -447,7 +447,7 @@ def _check_straight(
     settings: Settings,
     choices: list[Choice],
 ) -> None:
-    """Refuse a method that needs y' as graph nodes, where the solution has none."""
+    """Refuse the method `name` if it needs y' as nodes, but loops solve for q''."""
     text = "its equations are solved by loops, not by straight-line code"
     hint = "`--method dop853` handles it"
     if elimination is not None:
@@ -742,7 +742,7 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
 
 
 def _of_parts(parts: tuple[Part, ...], settings: Settings) -> list[Choice]:
-    """Return the choice that lists the subsystems, or says why there are none."""
+    """Return the choice, in a list, that names the subsystems or why there are none."""
     if parts:
         return [_apart(parts)]
     if settings.formulation == "apart":

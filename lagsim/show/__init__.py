@@ -67,7 +67,7 @@ _PLAIN = {
 
 
 def in_ascii(signs: Mapping[str, str]) -> dict[str, str]:
-    """Return the signs of a style in ASCII."""
+    """Return the signs of a style, with signs that are not ASCII replaced."""
     found = dict(signs)
     for sign, letters in _PLAIN.items():
         found = {k: text.replace(sign, letters) for k, text in found.items()}
@@ -146,7 +146,10 @@ def conditions(
 
 
 def in_words(constraint: Constraint) -> tuple[str, ...]:
-    """Return conditions with letters in place of expressions that are printed apart."""
+    """Return the conditions on a constraint with letters in place of long expressions.
+
+    These are printed separately.
+    """
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
     words = _WORDS
     if constraint.static is None:
@@ -157,7 +160,10 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
 
 
 def law_of(constraint: Constraint) -> dict[str, Any]:
-    """Return restitution and the nodes of friction, None where a law has none."""
+    """Return restitution and friction of a constraint, for the document.
+
+    Friction as nodes; None where the law has none.
+    """
     law = constraint.law
     if law is None:
         return dict.fromkeys(_LAW[:3])

@@ -136,7 +136,11 @@ def _quoted(name: str) -> str:
 def _function(
     e: Equations, name: str, letter: str, nodes: list[int], shape: tuple[int, ...]
 ) -> str:
-    """Return the code of one function: its inputs, its steps, its array."""
+    """Return the Python code of a function that returns an array.
+
+    name, letter : of the function and of its result. nodes : the entries. shape : of
+    the array.
+    """
     g, first = e.graph, ", s" if e.states else ""
     size = ", ".join(map(str, shape))
     lines = [
@@ -183,7 +187,10 @@ def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
 
 
 def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
-    """Return the variables of a function: node -> local name and its expression."""
+    """Return the variables that a function reads: node -> local name and expression.
+
+    cone : the nodes that it evaluates.
+    """
     sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
     sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
     sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
@@ -205,7 +212,10 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
 
 
 def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
-    """Return a node as code, and its number of operations."""
+    """Return a node as Python code, with the number of operations in it.
+
+    written : code and operations of nodes that are known.
+    """
     op = g.ops[n]
     if op == DATA:
         return f"DATA[{_data(g).index(n)}]", 0

@@ -206,7 +206,10 @@ def _cleared(slopes: Sequence[Sequence[Any]]) -> list[list[Any]]:
 
 
 def _opened(e: Any) -> Any:
-    """Return `if` as a sum of its cases, each times the indicator of its condition."""
+    """Return an expression with each `if` replaced by a sum over its cases.
+
+    Each case is multiplied by the indicator, 0 or 1, of its condition.
+    """
 
     def opened(choice: Any) -> Any:
         values, asked = zip(*choice.args, strict=True)
@@ -252,7 +255,10 @@ def _changes(
 def _null_vectors(
     rows: Iterable[Mapping[int, Any]], size: int
 ) -> Iterable[Sequence[int]]:
-    """Return the vectors of a basis of the null space that consist of -1, 0 and 1."""
+    """Return vectors of a basis of the null space that consist of -1, 0 and 1.
+
+    rows : of a matrix with `size` columns, index -> entry.
+    """
     found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
     entries = [row for row in found if row]
     shape = len(entries), size

@@ -91,7 +91,10 @@ class _Solver:
         )
 
     def solution(self, *, insist: bool) -> Part | None:
-        """Return accelerations and multipliers, or None where they are too long."""
+        """Return accelerations and multipliers in closed form, or None if too long.
+
+        insist : whether a long form, or the elimination step by step, is wanted.
+        """
         # Closed forms in numbered steps are for no reader.
         found = None if self.in_words else self._closed()
         if found and _readable((*found["q_ddot"], *found["lambda"])):
@@ -136,7 +139,7 @@ class _Solver:
         return {"steps": {}, "q_ddot": accelerations, "lambda": multipliers}
 
     def _stepwise(self) -> Part:
-        """Return the elimination step by step: an expression used twice has a name."""
+        """Return the elimination step by step; expressions used twice have names."""
         x, e, g = self.x, self.x.equations, self.x.g
         elimination = Elimination(e)
         known = dict(x.known)
@@ -187,7 +190,10 @@ class _Solver:
         return {"a": a, "G": G, "K": K, "Qc": Qc}
 
     def _gain(self, free: list[Any]) -> tuple[Any, Any]:
-        """Return K and Qc = K (A a - b), or None for both where they are too long."""
+        """Return K and Qc = K (A a - b), or (None, None) if too long.
+
+        free : a (n,), the accelerations without constraints.
+        """
         assert self.gram is not None
         x, held = self.x, self.held
         columns = ([k["A"][j] for k in held] for j in range(len(x.q)))
@@ -241,7 +247,10 @@ def _readable(parts: Sequence[Any]) -> bool:
 
 
 def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
-    """Name expressions used more than once; store the value of each node in `known`."""
+    """Return a definition of each expression that is used more than once.
+
+    wanted : nodes to be expressed. known : node -> expression, extended here.
+    """
     g = x.g
     cone = g.cone(wanted, ends=known)
     uses = Counter({*wanted})
@@ -495,7 +504,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
 
 
 def _energies(x: Translation) -> Part:
-    """Return T, V, L and F as they are written in the file."""
+    """Return T, V, L and the dissipation function F as in the file."""
     model = x.equations.model
     energies = [model.kinetic, model.potential, model.dissipation]
     T, V, F = x.sympy(energies, written=True)
@@ -504,7 +513,7 @@ def _energies(x: Translation) -> Part:
 
 
 def _tidied(x: Translation, nodes: Sequence[int]) -> list[int]:
-    """Return nodes of the tidy forms of `nodes`, whose slopes are short."""
+    """Return nodes equal to `nodes` in a simplified form, with short derivatives."""
     return [x.node(e, n) for e, n in zip(x.sympy(nodes), nodes, strict=True)]
 
 
@@ -538,7 +547,7 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
 
 
 def _moved(x: Translation, A: list[Any], b: Any) -> Part:
-    """Return A q'' - b of a constraint, and its parts A and b."""
+    """Return the entries of the document for a row: A q'' - b, A and b."""
     return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
 

@@ -103,7 +103,7 @@ _LETTER = re.compile(r"\\[A-Za-z]+")
 
 
 def _width(text: str) -> int:
-    """Estimate how many letters mathematics takes."""
+    """Estimate the width of a LaTeX formula in letters."""
     text = _STACK.sub(lambda m: max(m[1].split(r"\\"), key=_width), text)
     text = _LETTER.sub("x", _COMMAND.sub("", text))
     return sum(c not in "{}_^ " for c in text)
@@ -159,7 +159,10 @@ class _Latex(Outline):
     # Terms that are longer than a line
 
     def pieces(self, e: Any, room: int) -> Pieces:
-        """Return the terms of a sum; a long one is broken within its longest factor."""
+        """Return the terms of a sum, for lines of at most `room` letters.
+
+        A long term is divided within its longest factor.
+        """
         found: Pieces = []
         for minus, term in map(signed, self.write.ordered(e)):
             sign, text = "-" if minus else "+", self.write.factor(term)
@@ -209,7 +212,7 @@ class _Latex(Outline):
         self._balance(*((line["left"], line["right"]) for line, _ in lines))
 
     def _balance(self, *equations: tuple[Any, Any]) -> None:
-        """Write equations, one = under the other where there is room."""
+        """Write equations of one quantity, aligned one below the other if they fit."""
         found = []
         for left, whole in equations:
             right = self.pieces(whole, LONGEST_LINE)
@@ -248,7 +251,10 @@ class _Latex(Outline):
 
 
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
-    """Return lines of limited length, filled with parts; `begin` starts a new line."""
+    """Return lines of at most `room` letters, made of parts of a formula.
+
+    line : the first, so far. begin : the beginning of further lines.
+    """
     lines, used = [], 0
     for k, (sign, text) in enumerate(parts):
         shown = "" if not sign or (k == 0 and sign == "+") else f"{sign} "

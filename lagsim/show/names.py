@@ -49,7 +49,7 @@ _ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
 
 
 def called(name: str) -> str:
-    """Return a name with an index letter in the syntax of files: `tip(i-1).x`."""
+    """Return a name with index letter as in files: `tip(i-1).x` for `tip.i-1.x`."""
     return _ANY_MEMBER.sub(r"(\1)", name)
 
 
@@ -118,7 +118,7 @@ class ModelNames:
         return self.joined(base, below, name.order)
 
     def split(self, name: str) -> tuple[str, str]:
-        """Return the letter and the subscript of a name."""
+        """Return the letter or word, and the subscript, of a name."""
         return self.verbatim(name)
 
     def verbatim(self, name: str) -> tuple[str, str]:
@@ -126,7 +126,7 @@ class ModelNames:
         return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Join letter, subscript and order of differentiation: `q_dot`, `q_ddot`."""
+        """Return a name made of its letter, subscript and order of the derivative."""
         return called(rate_of(f"{base}{below}", order))
 
 
@@ -153,7 +153,10 @@ class UnicodeNames(ModelNames):
         return GREEK.get(word, word), below
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Join with dots over a single letter, and with `_dot` after a longer word."""
+        """Return letter and subscript with dots above; with `_dot` after a longer word.
+
+        order : of the derivative, 0 to 2.
+        """
         if len(base) > 1 and order:
             return f"{base}{below}_{DOTS[order]}"
         return base + ("", "\u0307", "\u0308")[order] + below
@@ -184,7 +187,7 @@ class LatexNames(ModelNames):
         return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Join with dots over the letter and the subscript below it."""
+        """Return letter and subscript as LaTeX, with dots by the order."""
         over = f"\\{DOTS[order]}{{{base}}}" if order else base
         return f"{over}_{{{below}}}" if below else over
 
@@ -224,6 +227,6 @@ def _in_fonts(c: str) -> str:
 
 
 def upright_latex(name: str) -> str:
-    """Return a name in upright letters, for formulas."""
+    """Return a name as LaTeX in upright letters."""
     command = "mathrm" if name.isascii() else "text"
     return rf"\{command}{{{plain_latex(name)}}}"

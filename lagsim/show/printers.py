@@ -73,7 +73,7 @@ class Printer:
         return self._print(e)
 
     def terms(self, e: Any) -> list[tuple[str, str]]:
-        """Return the terms of a sum in order, each with its sign (`+` or `-`)."""
+        """Return pairs (sign, text) of the terms of a sum, in order of printing."""
         found = map(signed, self.ordered(e))
         return [("-" if minus else "+", self.factor(x)) for minus, x in found]
 
@@ -134,7 +134,7 @@ class Printer:
         return text
 
     def ordered(self, e: Any) -> list[Any]:
-        """Return the terms of a sum in order."""
+        """Return the terms of a sum in order of printing."""
         parts = sorted(sp.Add.make_args(e), key=self._place_in_sum)
         if signed(parts[0])[0] and self._is_constant(parts[0]):
             parts.append(parts.pop(0))  # x + y - l
@@ -180,7 +180,7 @@ class Printer:
         return self.between.join(map(self.factor, factors))
 
     def fraction(self, e: Any) -> tuple[list[Any], list[Any]]:
-        """Return the factors of numerator and denominator, in order."""
+        """Return the factors of the numerator and of the denominator, in order."""
         number, over, under = sp.S.One, [], []
         for x in sp.Mul.make_args(e):
             if x.is_Rational:
@@ -349,7 +349,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
 
     @staticmethod
     def sum_over(e: Any) -> str:
-        r"""Return the command of a sum with its range."""
+        """Return the LaTeX command of a sum over members, with its range."""
         _, (letter, first, last) = e.args
         return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
 
@@ -383,13 +383,13 @@ def _name(e: Any) -> str:
 
 
 def _shown(e: Any) -> str | tuple[str, str]:
-    """Return the displayed name, or the signs before and after the arguments."""
+    """Return the name of a function, or the texts before and after its arguments."""
     row = FUNCTIONS.get(_name(e))  # sympy may bring one of its own
     return (row and row.text) or _name(e)
 
 
 def _double(e: Any) -> float | Decimal:
-    """Return a positive number as a double, or as a decimal if out of range."""
+    """Return a positive number as a double, or as a Decimal beyond their range."""
     try:
         x = float(e)
     except OverflowError:
@@ -409,7 +409,7 @@ def as_json(content: Content) -> dict[str, Any]:
     write = exact_printer(x)
 
     def written(part: Any) -> Any:
-        """Write all expressions in a part of the document."""
+        """Return a part of the document with its expressions as texts."""
         if isinstance(part, dict):
             return {key: written(value) for key, value in part.items()}
         if isinstance(part, list | tuple):

@@ -103,7 +103,7 @@ def refuse_long(model: Model, words: Mapping[int, Name]) -> None:
 
 
 def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
-    """Extent of nodes and of each word, written in the others."""
+    """Return the extent of nodes, and of each word, with words as symbols."""
     words, nodes = list(words), list(nodes)
     found = dict.fromkeys(words, Extent(1, 1))
     extents = written_out(g, [*nodes, *(a for n in words for a in g.args[n])], found)
@@ -111,7 +111,7 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
 
 
 def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
-    """Whether the equations are displayed in the definitions of the file."""
+    """Whether equations are shown in the file's definitions, being long otherwise."""
     if has_many_rows(e.model):
         return True
     physics = physics_of(e.model)
@@ -197,7 +197,11 @@ class Separation:
     def _carry(
         self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
     ) -> Found:
-        """Propagate the gradient `node` of a word, as a new variable if it is long."""
+        """Propagate the gradient by a word to the variables in the word.
+
+        node : the gradient, which gets a name if it is an operation. found : gradients
+        so far, updated. Return the definition of the name, or nothing.
+        """
         g, word = self._g, self._words[n]
         made: Found = {}
         if g.ops[node] not in (VARIABLE, CONSTANT):
@@ -209,7 +213,10 @@ class Separation:
         return made
 
     def _separated(self) -> list[tuple[int, int, int]]:
-        """Compute momenta, forces and reactions; return the equations."""
+        """Compute momenta, forces and reactions of all words.
+
+        Return for each coordinate the nodes p, left and Q, see `equations`.
+        """
         g, model, flow = self._g, self._e.model, self._flow
         every = self._still | self._moving
         slopes = pulled(g, {model.lagrangian: g.one}, every)
@@ -236,7 +243,7 @@ class Separation:
         return [found[n] for n in flow.positions]
 
     def _applied(self) -> tuple[Gradient, Gradient]:
-        """Return generalized forces along positions, and along velocities."""
+        """Return generalized forces by variable: of positions, and of velocities."""
         g, model = self._g, self._e.model
         fixed: Gradient = {}
         moved: Gradient = {}
@@ -256,7 +263,10 @@ class Separation:
         return fixed, moved
 
     def _rates_of_words(self) -> Found:
-        """Return the definitions of the rates that occur, ordered by dependence."""
+        """Return the definitions of time derivatives of words that are used.
+
+        Ordered by dependence: name -> node.
+        """
         g, nodes = self._g, [x for line in self.equations for x in line]
         nodes += [*self.reactions.values(), *self.momenta.values()]
         of = {str(g.payload(rate)): n for n, rate in self._seed.items()

@@ -249,7 +249,10 @@ class Outline:
     def _labelled(
         self, key: str, names: Sequence[str], values: Sequence[Any] | None
     ) -> None:
-        """Write the entries of a vector; of a matrix of two names each."""
+        """Write the entries of a vector, one per line, each with a label.
+
+        key : of the label's sign. names : inserted into it, one per entry.
+        """
         rows = zip(names, values or (), strict=False)
         self._rows([(self.sign(key, name), e) for name, e in rows])
 
@@ -313,7 +316,7 @@ class Outline:
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
     def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
-        """Write constraints that hold at times; members of a family are merged."""
+        """Write the constraints that hold at times; those of a family as one."""
         groups: dict[Any, list[tuple[Part, Any]]] = {}
         for k, multiplier in held:
             stated = {
@@ -468,7 +471,7 @@ class Outline:
             self.lines.append(f"  {head}[ {cells} ]")
 
     def _derivatives(self, k: Part) -> list[str]:
-        """Return the labels of a constraint and of its rates."""
+        """Return the labels `g`, `dg/dt` and of the second rate of a constraint."""
         one_sided = k["kind"] == "one-sided"
         if on_velocities(k):
             return ["rate" if one_sided else "", "d/dt of it"]
@@ -535,7 +538,7 @@ _SPACE = re.compile(r"(?<=\S) (?=\S)")
 
 
 def _folded(line: str) -> list[str]:
-    """Break a line that is too long, within as few parentheses as can be."""
+    """Break a long line into several, within as few parentheses as possible."""
     lines: list[str] = []
     margin = len(line) - len(line.lstrip())
     start, indent = margin, margin
@@ -661,7 +664,10 @@ class Families:
         return replace(name, base=_NUMBER.sub(counted, name.base, count=1))
 
     def _counted(self, e: Any, k: int, letter: str) -> Any:
-        """Return an expression whose member numbers are offsets from k."""
+        """Return an expression with the numbers of members relative to k.
+
+        letter : the index letter, which denotes k.
+        """
         x, new = self.x, {}
         for s in e.free_symbols:
             name = x.names[s]
@@ -698,7 +704,10 @@ class Families:
 
 
 def _terms(e: Any) -> int:
-    """Count the terms of an expression multiplied out, up to one more than the most."""
+    """Return the number of terms of an expression when multiplied out.
+
+    Counted up to one more than the limit.
+    """
     below = [_terms(a) for a in e.args]
     if e.is_Add:
         count = sum(below)

@@ -144,7 +144,10 @@ class Sums(Turning[Any]):
     # Sines and cosines
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Return sines, then cosines of a product, each in sympy's order of angles."""
+        """Return the sines, then the cosines, of a product.
+
+        Function, angle, exponent.
+        """
         found = [
             (_FUNCTIONS[base.func], base.args[0], k)
             for base, k in self.powers(product)
@@ -162,7 +165,10 @@ class Sums(Turning[Any]):
         return found
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return the sine or cosine of a + sign b, as a number and a product code."""
+        """Return the function `op` of a + sign b: a number, and a product code.
+
+        op : sin or cos. The number is a factor, such as -1 of sin(b - a).
+        """
         number, factor = getattr(sp, op)(a + sign * b).as_coeff_Mul()
         return exact(number), 0 if factor == 1 else self.power(factor)
 
@@ -262,7 +268,10 @@ class Tidier:
     def _terms(
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Sums, Terms, int] | None:
-        """Return an expanded expression, and the number of terms joined by angles."""
+        """Return an expression as a sum of products, with the count of merged terms.
+
+        whole : predicate of sums that are not expanded. None past the budget.
+        """
         budget = Budget(min(MOST_PRODUCTS, self.left))
         sums = Sums(self.inner, budget, whole)
         try:
@@ -316,7 +325,7 @@ class Tidier:
         return _product(sums.expression(common, number), self._collected(sums, rest))
 
     def _product(self, sums: Sums, outer: int, terms: Terms) -> Any:
-        """Return outer * terms, with a common factor drawn out if shorter."""
+        """Return `outer` times a sum of terms, factored if that is shorter."""
         if len(terms) == 1:
             ((one, number),) = terms.items()
             if not any(b.is_Add for b, _ in sums.powers(one)):

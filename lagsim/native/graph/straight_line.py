@@ -159,7 +159,10 @@ class Writer(Lines):
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
-        """Return an index in p for each operation whose value a later piece uses."""
+        """Return a place in p for each value that one piece passes to a later one.
+
+        As node -> index. pieces : the nodes of each piece of a function.
+        """
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
         for i, piece in enumerate(pieces):
@@ -205,7 +208,10 @@ class Writer(Lines):
         here: dict[int, str],
         operand: Callable[[int], str],
     ) -> None:
-        """Write the first sines and cosines of `nodes`, as many as fit in a call."""
+        """Write sines and cosines of the first nodes of these kinds, LANES at most.
+
+        here : node -> name of its value, extended. operand : node -> its value's name.
+        """
         g = self.g
         together: list[int] = []
         angles: dict[int, int] = {}

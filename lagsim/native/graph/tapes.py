@@ -288,7 +288,10 @@ class _Tapes:
         return opcode, args
 
     def tape(self, k: int, results: Sequence[int]) -> Ints:
-        """Return the tape of function k, a flat array of int32; `results` go to out."""
+        """Return the tape of function k as an array of int32.
+
+        results : the nodes written to out.
+        """
         tasks, index = self.tasks, self.index
         chosen = tasks.users >> k & 1 == 1
         fields = tasks.fields[np.repeat(chosen, tasks.widths)]
@@ -377,7 +380,10 @@ class Interpreter(Lines):
         ]
 
     def _evaluation(self, kind: Kind, at: str) -> int:
-        """Write the evaluation of a kind, and return its number of fields."""
+        """Write the code of one evaluation; return the number of its fields.
+
+        at : the address of its fields.
+        """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)
             return 2

@@ -121,7 +121,7 @@ class Source:
         return node.value.id, memory.fields[node.attr]
 
     def meaning(self, node: ast.expr) -> object:
-        """Return the value of a global name, or of an attribute of a module."""
+        """Return the value that a global name, or an attribute of a module, has."""
         if isinstance(node, ast.Attribute):
             return getattr(self.meaning(node.value), node.attr, None)
         name = getattr(node, "id", "")
@@ -237,7 +237,7 @@ class Folding:
         return self.fold(node) == 0
 
     def values(self, target: ast.expr, iterable: ast.expr) -> Iterator[int]:
-        """Iterate over the values of an `unrolled(...)`, setting its variable."""
+        """Yield the values of an `unrolled(...)`; each sets the loop's variable."""
         if not isinstance(target, ast.Name) or not self.goes_over(
             iterable, words.unrolled
         ):

@@ -202,7 +202,7 @@ class _Function(Folding, ast.NodeVisitor):
         return f"%{stem}.{self._names}"
 
     def _op(self, kind: str, text: str) -> Value:
-        """Add an instruction with a result."""
+        """Append an instruction with a result of a kind, and return the result."""
         name = self._name("x")
         self.lines.append(f"  {name} = {text}")
         return Value(name, kind)
@@ -364,7 +364,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Return the addresses of a memory and of one of its words, and the field."""
+        """Return the addresses of a memory and of one of its words; and the field."""
         found = self.source.field(node)
         if found is None:
             raise self.error(node)
@@ -473,7 +473,7 @@ class _Function(Folding, ast.NodeVisitor):
     def _chosen(
         self, node: ast.expr, test: Value, yes: ast.expr, no: ast.expr
     ) -> Value:
-        """Translate a choice of two expressions, with the kind of the first one."""
+        """Translate `yes if test else no`; the result has the kind of `yes`."""
         kept, found = self.lines, []
         for branch in (yes, no):
             self.lines = []
@@ -525,7 +525,10 @@ class _Function(Folding, ast.NodeVisitor):
         return [self._converted(a, "float") for a in self._arguments(node, count)]
 
     def _function(self, name: str, *values: Value, result: str = "float") -> Value:
-        """Call a function of the C library, or one of LLVM's."""
+        """Append a call of a function of the C library or of LLVM.
+
+        Return its result.
+        """
         libm = "" if name.startswith("llvm.") else " nounwind memory(none)"
         types = ", ".join("double" for _ in values)
         self.program.declare(f"declare {LLVM[result]} @{name}({types}){libm}")
@@ -690,7 +693,10 @@ class _Function(Folding, ast.NodeVisitor):
         self._begin(end)
 
     def _body(self, node: ast.While | ast.For, after: str, following: str) -> None:
-        """Translate the body of a loop, up to its next pass."""
+        """Translate the body of a loop.
+
+        after, following : labels of the loop's exit and of its next pass.
+        """
         if node.orelse:
             raise self.error(node, "has an else; use a flag")
         self.loops.append((after, following))

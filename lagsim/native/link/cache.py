@@ -168,7 +168,7 @@ def linked(
 
 
 def runtime(chosen: engine.Target) -> list[Part]:
-    """Return the parts that a target needs in addition to a program."""
+    """Return the parts that a target needs besides a program: elementary functions."""
     if not chosen.portable:
         return []
     from lagsim.native import elementary
@@ -264,7 +264,7 @@ def _digest(parts: Iterable[object]) -> str:
 
 
 def _seal(key: str, code: bytes) -> bytes:
-    """Return the header of an object, a digest of its key and content."""
+    """Return the header of a stored object: a digest of its key and content."""
     return _MAGIC + hashlib.sha256(key.encode() + code).digest()
 
 
