@@ -106,7 +106,7 @@ def reported(
 
 
 def plain(error: LagsimError) -> str:
-    """Return the text of an error as `reported` prints it to a file or pipe."""
+    """Return the text of an error without colours, as printed to a file or pipe."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import faults
 

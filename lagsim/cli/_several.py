@@ -65,7 +65,7 @@ class Done(NamedTuple):
 
 
 def done(piece: Piece, interrupt: Interrupt) -> Done:
-    """Run one model."""
+    """Run one model into its folder, and return the result."""
     documents: list[Any] = []
 
     def work() -> int:
@@ -89,7 +89,7 @@ def done(piece: Piece, interrupt: Interrupt) -> Done:
 def _heard(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
-    """Call `work`; return its exit code, and the text that it prints on stderr."""
+    """Call `work`; return its exit code, documents, and the text printed on stderr."""
     with contextlib.redirect_stderr(io.StringIO()) as printed:
         try:
             code = work()

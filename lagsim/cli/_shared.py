@@ -40,12 +40,18 @@ class Picture(Enum):
 
 
 def flag(name: str, text: str) -> Any:
-    """Return an option that is given or not, with its help."""
+    """Return the declaration of an option without a value.
+
+    text : its help.
+    """
     return typer.Option(False, name, help=text)
 
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
-    """Return an option with a value, None by default, with its help."""
+    """Return the declaration of an option with a value, None by default.
+
+    metavar : the value's name. text : its help. names : of the option.
+    """
     return typer.Option(None, *names, metavar=metavar, help=text, **more)
 
 
@@ -69,12 +75,12 @@ STRICT: Any = flag("--strict", "Exit 1 if there are warnings.")
 
 
 def quiet(text: str = "Print messages only if the command fails.") -> Any:
-    """Return the option `-q`, with its help."""
+    """Return the declaration of the option `-q`; `text` is its help."""
     return typer.Option(False, "-q", "--quiet", help=text)
 
 
 def output_folder(text: str) -> Any:
-    """Return the option `-o DIR`, with its help."""
+    """Return the declaration of the option `-o DIR`; `text` is its help."""
     return option("DIR", text, "-o", "--output")
 
 
@@ -153,7 +159,7 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Return rows of a table of which the first alone has a name."""
+    """Return rows (name, text) of a table; only the first row has the name."""
     return [("" if k else name, text) for k, text in enumerate(texts)]
 
 
@@ -359,7 +365,7 @@ def experiment(
 
 
 def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
-    """Return a table of the rows that a document holds."""
+    """Return rows, mappings of columns to values, as CSV."""
     from lagsim.outputs.table import table_of
 
     return table_of(columns, ([row[name] for name in columns] for row in rows))
@@ -392,7 +398,10 @@ def numbers(
     example: str,
     allowed: Callable[[float, float], bool],
 ) -> tuple[float, float] | None:
-    """Return the numbers of A:B, the smaller first; else add a problem."""
+    """Parse two numbers A:B; return the smaller first, or None after a problem.
+
+    option : its name. what, example : for the message. allowed : predicate.
+    """
     try:
         low, high = sorted(float(part) for part in text.split(":"))
     except ValueError:
@@ -465,7 +474,7 @@ def width_of(stream: TextIO) -> int | None:
 
 
 def colour(text: str, code: str) -> str:
-    """Return a text in a colour, as `shown` lets it pass."""
+    """Return a text with the codes of a colour around it."""
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
@@ -569,7 +578,7 @@ def _report(text: str) -> None:
 
 
 def _mute(stream: TextIO) -> None:
-    """Discard the remaining output of a stream, so that the last flush succeeds."""
+    """Redirect a stream to nowhere, so that the flush at exit does not fail."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -598,7 +607,10 @@ def annotate(
 
 
 def annotate_problem(problem: Problem, file: str | None = None) -> None:
-    """Annotate the line of a fault; `file` is where it is if it does not say so."""
+    """Annotate the line of a fault in GitHub Actions.
+
+    file : the file, if the fault has none.
+    """
     hint = f"\nhint: {problem.whole.hint}"
     annotate(
         ERROR, problem.text + hint, problem.file or file, problem.line, problem.column,

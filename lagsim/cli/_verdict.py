@@ -115,7 +115,10 @@ def _sided(verdict: Verdict) -> str:
 
 
 def _status(verdict: Verdict, residual: float) -> str:
-    """Return the state of a constraint that holds only at times."""
+    """Return the state of a constraint that holds only at times, in words.
+
+    residual : of its position, as shown.
+    """
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
     if what == "gap" and verdict.rate is not None:
@@ -125,7 +128,7 @@ def _status(verdict: Verdict, residual: float) -> str:
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:
-    """Return lines on a singular mass matrix and on the reachable dimensions."""
+    """Return lines on a singular mass matrix, and on reachable dimensions."""
     lines = []
     if start.augmented:
         lines.append(

@@ -116,7 +116,7 @@ def command(
 def _opened(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Return the function that measures a model, and the default folder of results."""
+    """Return a function that measures a model, and the folder of its results."""
     model = read_file(path, overrides)
     case = open_case(model, wanted(model, "bench"))
 
@@ -130,7 +130,10 @@ def _opened(
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Return the function that draws an earlier measurement, and its folder."""
+    """Return a function that draws a stored measurement again, and its folder.
+
+    path : a work_precision.json.
+    """
     if overrides or wish != Wish(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
@@ -148,7 +151,10 @@ def _written(
     form: str,
     summary: Callable[[str], str],
 ) -> Measured:
-    """Return the files of a document as a result; the chart shows `rows`."""
+    """Return the files of a measurement, its document and summary.
+
+    shown : the rows that the chart shows.
+    """
 
     def draw() -> bytes:
         from lagsim.studies.bench.chart import work_precision

@@ -114,7 +114,10 @@ def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> s
 
 
 def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
-    """Return the verdict on a line; `differs` is the word for one that failed."""
+    """Return the verdict on one line: `same`, or the word `differs` with its code.
+
+    what : the names or rows that were compared, which follow.
+    """
     if verdict.passed:
         return f"{coloured('same', '32')}: {what}"
     return f"{coloured(differs, '31')}: {what} [{number(DIFFERS)}]"
@@ -141,7 +144,7 @@ def notes(verdict: Verdict) -> list[str]:
 
 
 def _listing(deviations: Sequence[Deviation]) -> list[str]:
-    """Return the worst cell of each column as an aligned table."""
+    """Return a table with the cell of largest deviation of each column."""
     rows = [("column", "worst at t", "golden", "new", "difference", "bound", "cells")]
     rows += [
         (

@@ -170,7 +170,10 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
 
 
 def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
-    """Compare a model with its golden, or store one."""
+    """Compare a model with its golden, or store a new golden with `update`.
+
+    plots : folder of pictures of failures.
+    """
     model = task.model
     if isinstance(model, LagsimError):
         raise model

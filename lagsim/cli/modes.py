@@ -181,7 +181,7 @@ def _small(value: float) -> str:
 
 
 def _written(value: complex) -> str:
-    """Return a complex amplitude; of a real one its real part."""
+    """Return a complex amplitude as text; a real one without its imaginary part."""
     if abs(value.imag) <= 1e-6 * max(abs(value), 1e-6):
         return _small(value.real)
     return f"{value.real:.3g}{value.imag:+.3g}i"

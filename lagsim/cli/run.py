@@ -497,7 +497,10 @@ MOST_NAMES = 2
 
 
 def summary(made: Attempt, document: Document, folder: Path) -> str:
-    """Return the closing lines of the run that `document`, its run.json, records."""
+    """Return the summary of a run that is printed at its end.
+
+    document : its run.json. folder : of the results.
+    """
     colour = "32" if document["complete"] else "31"
     head = (
         f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
@@ -535,7 +538,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
 
 
 def _happened(trajectory: Trajectory) -> list[str]:
-    """Return lines on the numbers of events, and on the ends of accumulations."""
+    """Return lines on the numbers of events, and on accumulations."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
     named = _named([e for e in trajectory.events if e.kind in COUNTED])
@@ -556,7 +559,7 @@ def _happened(trajectory: Trajectory) -> list[str]:
 
 
 def _named(events: Sequence[Event]) -> str:
-    """Return names of constraints, switches and events; counts if there are many."""
+    """Return a text with the names of events' constraints, or their counts if many."""
     own = dict.fromkeys(f"`{e.name}`" for e in events if e.name)
     held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)

@@ -166,7 +166,10 @@ def _values(document: Document) -> list[np.ndarray[Any, np.dtype[np.complex128]]
 
 
 def _borders(document: Document) -> list[str]:
-    """Return the borders of each method, in h and in the fastest period."""
+    """Return lines with the stability border of each method.
+
+    As a step h, and relative to the fastest period.
+    """
     borders, span = document["borders"], document["runs"]["duration"]
     if not borders:
         return []
@@ -193,7 +196,10 @@ def _predicted(border: Document) -> str:
 
 
 def _over_parameter(document: Document) -> list[str]:
-    """Return the borders at the ends of the parameter's range, and the work."""
+    """Return lines with the borders at both ends of the varied parameter's range.
+
+    And with the work of methods with step control.
+    """
     name, values = document["vary"]["name"], document["vary"]["values"]
     borders = {
         (method, x[name]): f"{x['found']:.3g}"
@@ -240,7 +246,7 @@ def _eigenvalues(document: Document) -> list[tuple[str, str]]:
 
 
 def _number(value: float) -> str:
-    """Return a number with three digits; a value of rounding size as 0."""
+    """Return a number as text with three digits; a value within rounding as 0."""
     return f"{value:.3g}" if abs(value) > COMPUTED_ZERO else "0"
 
 

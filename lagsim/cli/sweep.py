@@ -65,7 +65,7 @@ REASON = 160
 
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return names that can be swept in the model of the command, as completions."""
+    """Return the names of a model that can be swept, to complete a command line."""
     try:
         model = read_file(str(context.params["model"]))
     except (LagsimError, KeyError):

@@ -131,7 +131,7 @@ def bounds_at_rest(
 def _coupled(
     g: Graph, nodes: Sequence[int], held: Sequence[int], velocities: Collection[str]
 ) -> list[int]:
-    """Return up to MOST_HELD rates that couple velocities of the nodes with others."""
+    """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`."""
     names = g.depends(nodes) & frozenset(velocities)
     left, found = list(held), list[int]()
     while len(found) < MOST_HELD:
@@ -164,7 +164,11 @@ def _points(
     known: Mapping[str, tuple[float, float]],
     held: Sequence[int],
 ) -> list[_Point]:
-    """Return points with slip 0 and `held` 0 where all slips have a value."""
+    """Return points at which all slips and the rates `held` are 0.
+
+    names : variables of the bound. known : value and error of each parameter. Points at
+    which a slip has no value are left out.
+    """
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
     variables = [g.variable(v) for v in speeds]
@@ -313,7 +317,10 @@ class _Beside:
         return Bounds(rest, even) if self.even else own
 
     def _versions(self) -> list[int]:
-        """Return the versions of the expression: REST, ABOVE, BELOW and EVEN."""
+        """Return four versions of the expression as nodes: REST, ABOVE, BELOW and EVEN.
+
+        They are equal to it at slip 0, at small slips of either sign, and at both.
+        """
         g = self.g
         done: dict[int, list[int]] = {}
         for n in g.cone([self.node]):
@@ -361,7 +368,10 @@ class _Beside:
             done[n][EVEN] = done[n][ABOVE]
 
     def _steps_near(self, parts: Sequence[int]) -> bool:
-        """Whether an argument changes its sign before any slip; note it if near 0."""
+        """Whether an argument changes its sign at a slip that no run resolves.
+
+        parts : the versions of the argument. A change near slip 0 is stored.
+        """
         near = [self._changes(parts, x, SPEEDS[0]) for x in self.points]
         self.near = self.near or any(map(any, near))
         near += [self._changes(parts, x, SPEEDS[0]) for x in self.others]
@@ -370,7 +380,10 @@ class _Beside:
         return all(map(any, near)) and least == near
 
     def _changes(self, parts: Sequence[int], point: _Point, slip: float) -> list[bool]:
-        """Whether the sign at a slip in each direction is not that at slip 0."""
+        """Return, for each direction of slip, whether the sign of an argument changes.
+
+        From slip 0 to a slip of this size.
+        """
         found = []
         here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
         for way in _AROUND if self.pair else _UP_AND_DOWN:
@@ -391,7 +404,7 @@ class _Beside:
         return True
 
     def _is_zero(self, part: int) -> bool:
-        """Whether an expression is 0 at slip 0, in any place and by any parameters."""
+        """Whether an expression is 0 at slip 0, at all points and parameter values."""
         try:
             return self._vanishes(part, whole=False)
         except _UnclearError:
@@ -416,7 +429,10 @@ class _Beside:
         return found.pop()
 
     def _refuse_jump(self, versions: list[int]) -> None:
-        """Raise _UnclearError where a whole number steps at slip 0."""
+        """Raise _UnclearError if a whole-number function jumps at slip 0.
+
+        versions : its versions.
+        """
         for point in self.points:
             here = evaluate(self.g, [versions[REST]], _plain(point.values))
             for slip in (SPEEDS[0], -SPEEDS[0]):
@@ -425,7 +441,7 @@ class _Beside:
                     raise _UnclearError
 
     def _sign(self, part: int, way: float) -> float:
-        """Return the sign of an expression at slips of one sign."""
+        """Return the sign of an expression at small slips of one direction."""
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:
@@ -438,7 +454,7 @@ class _Beside:
         return found.pop()
 
     def _sign_around(self, part: int) -> float:
-        """Return the sign of an expression at slips in all directions of the plane."""
+        """Return the sign of an expression at small slips in all directions."""
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:

@@ -144,36 +144,18 @@ def parsed(name: str) -> tuple[Made, str] | None:
 
 
 def made(name: str, *kinds: Made) -> bool:
-    """Whether a column is of one of these kinds.
-
-    Examples
-    --------
-    >>> made("Qc_theta", MULTIPLIER, FORCE), made("theta", FORCE)
-    (True, False)
-    """
+    """Whether a column is of one of the kinds given."""
     found = parsed(name)
     return found is not None and found[0] in kinds
 
 
 def base(name: str) -> str:
-    """Return the name that a column is made of; another column is its own.
-
-    Examples
-    --------
-    >>> base("friction.floor"), base("theta")
-    ('floor', 'theta')
-    """
+    """Return the name from which a column's name is made, or the name itself."""
     found = parsed(name)
     return name if found is None else found[1] or name
 
 
 def halves(rest: str) -> list[tuple[str, str]]:
-    """Return the column and the name that a sensitivity may belong to.
-
-    Examples
-    --------
-    >>> halves("q.1.l")
-    [('q', '1.l'), ('q.1', 'l')]
-    """
+    """Return the ways to split `column.name` of a sensitivity at a dot."""
     parts = rest.split(".")
     return [(".".join(parts[:k]), ".".join(parts[k:])) for k in range(1, len(parts))]

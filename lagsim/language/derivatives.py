@@ -61,7 +61,7 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
 
 
 def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
-    """Return `nodes` and the nodes below, without conditions of smooth selections."""
+    """Return `nodes` and all nodes below, but not below conditions of smooth `if`."""
     conditions = {g.args[n][0] for n in g.of((SMOOTH,))}
     return [n for n in g.cone(nodes, conditions) if n not in conditions]
 
@@ -167,7 +167,10 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
 
 
 def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
-    """Return the rate of node `n` from the rates of its arguments (0 if absent)."""
+    """Return the rate of node `n` by the chain rule.
+
+    rates : node -> rate of its arguments; absent ones are constant.
+    """
     args = g.args[n]
     if g.ops[n] == "add":  # of long sums there are many
         one, other = (rates.get(a, g.zero) for a in args)

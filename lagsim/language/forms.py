@@ -74,7 +74,7 @@ class Products(Generic[Atom]):
             product -= digits << k * bits
 
     def common(self, products: Collection[int]) -> int:
-        """Return the common factor of products, over their common denominator."""
+        """Return the code of the greatest common factor of several products."""
         lowest: dict[Atom, int | Fraction] = {}
         present = Counter[Atom]()
         for m in products:
@@ -126,7 +126,10 @@ class Turning(Products[Atom]):
     """Products with sines and cosines among their atoms."""
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Return the sines, then the cosines: function, angle and positive exponent."""
+        """Return the sines, then the cosines, in a product.
+
+        Each with function, angle and exponent.
+        """
         raise NotImplementedError
 
     def turn(self, op: str, angle: Any) -> int:
@@ -134,7 +137,10 @@ class Turning(Products[Atom]):
         raise NotImplementedError
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return the function `op` of a + sign b, and a number factored out of it."""
+        """Return the function `op` of a + sign b as a product code, and a number.
+
+        The number is a factor, such as -1 of sin(b - a).
+        """
         raise NotImplementedError
 
     def join(self, terms: Terms, count: Callable[[int], object]) -> int:
@@ -278,7 +284,7 @@ class _Expansion(Turning[int]):
             self.sums[n], self._degrees[n] = self._of(n)
 
     def _of(self, n: int) -> tuple[Terms, int]:
-        """Return the sum of node `n`, and a bound of its exponents."""
+        """Return node `n` as a sum of products, and a bound of the exponents in it."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op == CONSTANT:
@@ -290,7 +296,10 @@ class _Expansion(Turning[int]):
         return whole or ({self.power(n): 1.0}, 1)
 
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
-        """Return the sum of an operation on the sums of its arguments."""
+        """Return an operation on sums of products as a sum of products.
+
+        None where it is expanded no further.
+        """
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
         if op in ("add", "sub"):
@@ -351,7 +360,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Return the integer coefficient of each addend of a sum."""
+    """Return a sum as integer multiples of its addends: node -> integer."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -461,7 +470,7 @@ class _Form:
         self.sums: dict[int, Sum] = {}
 
     def of(self, n: int) -> Sum:
-        """Return the sum of a moving node `n`, from the sums of its arguments."""
+        """Return node `n`, which varies, as a sum of monomials."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if not args:
@@ -555,7 +564,7 @@ class _Form:
 
 
 def _shared(monomials: Iterable[Monomial]) -> tuple[Monomial, Monomial]:
-    """Return the greatest common divisor of monomials, and its inverse."""
+    """Return the greatest common divisor of monomials, and its reciprocal."""
     exponents = [dict(m) for m in monomials]
     atoms = sorted(set(exponents[0]).intersection(*exponents[1:]))
     least = [(atom, min(e[atom] for e in exponents)) for atom in atoms]
@@ -706,7 +715,7 @@ class Collected:
         return min(given, found, key=lambda x: g.cost(x, self.moving))
 
     def _collected(self, node: int) -> int:
-        """Return an equal sum; a single product, as a spring's force, directly."""
+        """Return a sum with constant factors collected; a single product as it is."""
         g = self.g
         if g.ops[node] == "neg" and g.ops[g.args[node][0]] in ("mul", "div"):
             still, core = self.parts(g.args[node][0])
@@ -733,7 +742,7 @@ class Collected:
                 yield g.constant(sign), n
 
     def _sums_of_products(self, node: int) -> set[int]:
-        """Return the sums at and below `node`, through sums, that have products."""
+        """Return the sums, at and below a node, that contain products."""
         g = self.g
         sums, stack = set[int](), [node]
         while stack:
@@ -785,7 +794,10 @@ class Collected:
     def _common(
         self, n: int, one: tuple[int, int], other: tuple[int, int]
     ) -> tuple[int, int]:
-        """Return the parts of a sum or difference, with a common factor in front."""
+        """Return constant and moving part of a sum or difference n of two products.
+
+        one, other : the parts of its arguments; a common constant is factored out.
+        """
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other
         opposite = g.known("sub", g.args[n][::-1]) if op == "sub" else None
@@ -815,7 +827,10 @@ class Collected:
         return self._still[key]
 
     def _powers(self, factors: Sequence[int]) -> tuple[float, dict[int, int]]:
-        """Return the number, and the exponents of the nodes, of a product."""
+        """Return a product as a number and the exponents of its factors.
+
+        Node -> exponent.
+        """
         g = self.g
         number, powers = 1.0, dict[int, int]()
         waiting = [(n, 1) for n in factors]

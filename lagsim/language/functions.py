@@ -333,7 +333,10 @@ def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
 def _operator(
     name: str, sign: str, binds: int, value: Callable[..., Any], **more: Any
 ) -> Function:
-    """Return the row of an operator, which also applies to sympy's numbers."""
+    """Return the table's row of an operator; `value` applies to sympy's numbers, too.
+
+    sign : its sign. binds : its binding power.
+    """
     usual = {"sympy": lambda _, x, y: value(x, y)}
     return Function(
         name=name, arity=2, binds=binds, sign=sign, value=value,
@@ -599,7 +602,7 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Return the partial derivatives of a piece in its `count` arguments."""
+    """Return the function that differentiates a piece in its `count` arguments."""
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),
         *(tables.differentiated(g, op, a, k) for k in range(count)),

@@ -53,7 +53,10 @@ class Degrees(NamedTuple):
     most: float
 
     def __or__(self, other: Degrees) -> Degrees:
-        """Return the degrees of the terms of a sum."""
+        """Return the degrees of a sum of two polynomials.
+
+        Least and greatest of both.
+        """
         return Degrees(min(self.least, other.least), max(self.most, other.most))
 
 
@@ -227,7 +230,7 @@ class Graph:
         return self._known[op].get(args)
 
     def of(self, ops: Iterable[str]) -> list[int]:
-        """Return the nodes of some operations in the whole graph, in order."""
+        """Return all nodes of the graph with one of the operations `ops`, in order."""
         return sorted(n for op in ops for n in self._known.get(op, {}).values())
 
     def constant(self, x: float) -> int:
@@ -296,7 +299,10 @@ class Graph:
         return self.sum(self.call("mul", a, b) for a, b in pairs)
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
-        """Return `nodes` and all nodes below, to `ends`, in order of evaluation."""
+        """Return `nodes` and all nodes below them, in order of evaluation.
+
+        Nodes in `ends` are included where they are reached; the nodes below are not.
+        """
         roots, args = frozenset(nodes), self.args
         known: dict[object, list[int]] = self.memoized.setdefault(CONES, {})
         if not ends and roots in known:

@@ -120,7 +120,10 @@ def _but(
 
 
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    """Return a bound, moved to the next number where it is not exact."""
+    """Return bounds, moved to the next double where they are not exact.
+
+    exact : flags. toward : -inf or inf, the direction.
+    """
     return np.where(exact, bound, np.nextafter(bound, toward))
 
 
@@ -173,7 +176,10 @@ def _whole(x: Interval) -> Flags:
 def _one_sided(
     lo: Floats, hi: Floats, x: Interval, y: Interval
 ) -> tuple[Floats, Floats]:
-    """Return bounds of a product or quotient, widened, but with a certain sign kept."""
+    """Return bounds of a product or quotient, widened, with known signs kept.
+
+    x, y : the operands.
+    """
     alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
     nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
@@ -287,7 +293,10 @@ def le(x: Interval, y: Interval) -> Interval:
 
 
 def ends(f: Any) -> Callable[..., Interval]:
-    """Return the rule of a function that increases in each argument, unrounded."""
+    """Return the rule of a function f that increases in each argument.
+
+    The bounds are its values at the ends, which are not rounded.
+    """
     return lambda *x: interval(f(*(y.lo for y in x)), f(*(y.hi for y in x)))
 
 
@@ -320,7 +329,11 @@ def smooth_choice(c: Interval, x: Interval, y: Interval) -> Interval:
 def on(
     f: Any, least: float = -math.inf, most: float = math.inf, *, open_end: bool = False
 ) -> Callable[[Interval], Interval]:
-    """Return the rule of a monotone function on [`least`, `most`], exact at zeros."""
+    """Return the rule of a monotone function f on the interval [`least`, `most`].
+
+    Zeros are exact. open_end : whether f is unbounded at its ends, which do not belong
+    to the domain.
+    """
 
     def rule(x: Interval) -> Interval:
         a, b = (f(np.clip(end, least, most)) for end in (x.lo, x.hi))
@@ -352,7 +365,10 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
 
 
 def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
-    """Return the rule of a wave in [-1, 1], with a crest and a trough there."""
+    """Return the rule of a periodic function with values in [-1, 1].
+
+    crest, trough : arguments of a maximum and of a minimum.
+    """
 
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
@@ -413,7 +429,10 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 
 
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
-    """Return the rule of min or max: y where it is selected, x where either is nan."""
+    """Return the rule of min or max, with nan as in IEEE 754's comparison.
+
+    choose : np.minimum or np.maximum. y where it is selected, x where either is nan.
+    """
 
     def rule(x: Interval, y: Interval) -> Interval:
         lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
@@ -450,7 +469,10 @@ def _each(op: str, axis: Data, x: Interval) -> Floats:
 
 
 def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
-    """Return first and last cells (2, k) of a table for x, or for a piece."""
+    """Return the first and the last cell (2, k) of a table that x touches.
+
+    piece : if given, cells within this piece only.
+    """
     smooth, period = axis.numbers[1:3]
     if piece is not None and not smooth > 0.0:
         return np.floor([piece.lo, piece.hi])
@@ -499,7 +521,10 @@ table_piece2 = table_piece
 
 
 def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
-    """Return coefficient rows (k,) of first or last cells, and distances in these."""
+    """Return coefficients (k, ...) of the cells at one end, and distances from knots.
+
+    end : 0 for the first cells, 1 for the last.
+    """
     m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
     cell = cells[end]
     turns = np.floor(cell / m) if period else np.zeros_like(cell)
@@ -524,7 +549,10 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 
 
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """Return a rule whose value is nan, partial or jumping where an argument is."""
+    """Return `rule` extended by the flags of its arguments.
+
+    Its result is nan, partial or jumping where an argument is.
+    """
 
     def whole(*args: Interval) -> Interval:
         lo, hi, partial, jumps = rule(*args)

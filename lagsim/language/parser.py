@@ -63,7 +63,7 @@ class Token(NamedTuple):
     offset: int
 
     def fault(self, text: str, hint: str = "", code: str = "syntax") -> ExpressionError:
-        """Return the fault at this token."""
+        """Return an ExpressionError with the place of this token."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
@@ -307,7 +307,7 @@ class Parser:
         return Parsed(self.text, tuple(self.output))
 
     def _operand(self, token: Token) -> bool:
-        """Process a token of an operand; return whether one is still expected."""
+        """Process a token where an operand is expected; return whether it still is."""
         if token.kind == "number":
             self._value(token, "number", float(token.text))
             return False
@@ -361,7 +361,10 @@ class Parser:
         self.kinds.append((False, token))
 
     def _after_operand(self, token: Token) -> bool:
-        """Process a token after an operand; return whether an operand follows."""
+        """Process a token after an operand.
+
+        Return whether an operand is expected next.
+        """
         if token.kind == "operator" and token.text in _BINARY:
             power, op = _BINARY[token.text]
             # `^` is right-associative; `2^-1` leaves its unary minus on the stack.
@@ -411,7 +414,10 @@ class Parser:
             self.output.append((top.op, top.arity, top.token))
 
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
-        """Pop an operation's arguments; `wanted` marks which must be conditions."""
+        """Remove the arguments of an operation from the stack of value kinds.
+
+        wanted : marks arguments that must be conditions.
+        """
         args = self.kinds[-len(wanted) :]
         for (condition, at), conditional in zip(args, wanted, strict=True):
             if condition != conditional:
@@ -499,7 +505,10 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
 def relation(
     text: str, found: list[Token], parsed: Callable[[list[Token]], Parsed]
 ) -> ParsedRelation:
-    """Return the relation of a text's tokens; several or strict signs are faults."""
+    """Return the relation that tokens of a text form; others are faults.
+
+    found : the tokens. parsed : parses the tokens of one side.
+    """
     left, right, sense = _sides(text, found)
     other = parsed(right) if right else None
     return ParsedRelation(parsed(left), other, sense, left[-1].offset)

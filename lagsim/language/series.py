@@ -113,11 +113,11 @@ class Coefficients:
         return self._known[n]
 
     def inner(self, a: int, b: int) -> int:
-        """Return the variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
+        """Return a variable for the sum of a_j b_(k-j), j from 1 to k - 1."""
         return self._sum(min(a, b), max(a, b), rated=False)
 
     def inner_rate(self, a: int, b: int) -> int:
-        """Return the variable of the sum of j a_j b_(k-j), divided by k."""
+        """Return a variable for the sum of (j/k) a_j b_(k-j), j from 1 to k - 1."""
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
 
     def moves(self, n: int) -> bool:
@@ -139,7 +139,7 @@ class Coefficients:
         return self._twins[n]
 
     def extend(self, nodes: Iterable[int]) -> None:
-        """Compute the coefficients of `nodes`, from the leaves upwards."""
+        """Compute the coefficients of `nodes` and of all nodes below them."""
         cone = self.g.cone(nodes, self._extended)
         for n in cone:
             if self.g.ops[n] not in _CONDITIONS:

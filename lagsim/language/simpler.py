@@ -87,7 +87,7 @@ def direction(g: Builder, x: int, y: int) -> int | None:
 
 
 def directed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y where one divides by the absolute value of a factor of the other."""
+    """Return x y simplified if one contains u and the other divides by |u|, or None."""
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
         if op == "div":
@@ -116,7 +116,7 @@ def _signed(g: Builder, u: int, q: float) -> int:
 
 
 def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
-    """Return f, u and q of y = f |u|^q; u is None where y has no such factor."""
+    """Return (f, u, q) with y = f |u|^q; u is None without an absolute value."""
     op, args = g.ops[y], g.args[y]
     if op == "mul" and depth:
         for other, a in (args, args[::-1]):
@@ -180,7 +180,7 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def signed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y as an absolute value where one is the sign of the other's multiple."""
+    """Return x y as |c u|, if x is sign(u) and y a multiple of u, or None."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] != "sign":
             continue
@@ -208,7 +208,7 @@ def joined_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def rooted_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y where one is a root that is also a factor of the other, else None."""
+    """Return x y without the root if y contains the root x as a factor; else None."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] not in UNDONE:
             continue
@@ -300,7 +300,7 @@ def mul(g: Builder, x: int, y: int) -> int | None:
 
 
 def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
-    """Simplify c * y, where `x` is the node of c."""
+    """Simplify c y, where x is the node of the number c."""
     if c == 0.0:
         return g.zero
     if c == 1.0:
@@ -500,7 +500,7 @@ _TERMS = 13
 
 
 def cardinal_sine(g: Builder, x: int) -> int:
-    """Return sinc(x) = sin(x)/x, by its series around 0."""
+    """Return the node of sinc(x) = sin(x)/x, a Taylor polynomial near 0."""
     square = g.call("mul", x, x)
     near = g.constant(1.0)
     for k in range(_TERMS - 1, 0, -1):
@@ -511,6 +511,9 @@ def cardinal_sine(g: Builder, x: int) -> int:
 
 
 def remainder(g: Builder, x: int, y: int) -> int:
-    """Return mod(x, y), with the sign of y, written with `floor` and its jumps."""
+    """Return the node of mod(x, y), which has the sign of y.
+
+    It is written with `floor`, at whose jumps it jumps.
+    """
     whole = g.call("floor", g.call("div", x, y))
     return g.call("sub", x, g.call("mul", y, whole))

@@ -176,7 +176,10 @@ class DisjointSets:
 
 
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
-    """Return for each of n coordinates the first one coupled with it by `rows`."""
+    """Return, for each of n coordinates, the least index in its group.
+
+    rows : indices of coordinates that are coupled by one row.
+    """
     sets = DisjointSets(n)
     for row in rows:
         for i, j in pairwise(row):

@@ -66,7 +66,10 @@ class Data:
 
 
 def table_cell(axis: Floats, x: float) -> int:
-    """Return the cell of x; for a periodic table, counted on through the periods."""
+    """Return the number of the cell of x.
+
+    For a periodic table, not reduced to a period.
+    """
     m = int(axis[0])
     before = 0
     if axis[2] > 0.0:
@@ -89,7 +92,7 @@ def table_cell(axis: Floats, x: float) -> int:
 
 
 def table_row(axis: Floats, cell: int) -> int:
-    """Return the row of a cell's coefficients; of a periodic table, within a period."""
+    """Return the index of a cell's coefficients, reduced to a period if periodic."""
     m = int(axis[0])
     if axis[2] > 0.0:  # past all digits of x a remainder is none
         return 1 + max(0, min(cell - floor(cell / m) * m, m - 1))
@@ -140,7 +143,10 @@ def table_rate(axis: Floats, x: float) -> float:
 
 
 def table_chosen(axis: Floats, x: float, piece: float) -> int:
-    """Return the cell of a selected piece; in a smooth table, that of x within it."""
+    """Return the number of the cell at x within a piece.
+
+    A piece of a smooth table contains all its cells.
+    """
     m = int(axis[0])
     k = floor(piece)
     if axis[2] > 0.0:
@@ -271,7 +277,7 @@ def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) ->
 
 
 def met(axis: Data) -> Data:
-    """Return the axis of a table at whose knots steps end, smooth or not."""
+    """Return the axis of a table with the flag that steps end at its knots."""
     _, smooth, *others = axis.values
     return _axis(axis.name, others[2:], (-smooth, *others[:2])) if smooth else axis
 
@@ -292,7 +298,10 @@ def at_ends(g: Builder, axis: Data, x: int) -> int:
 
 
 def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
-    """Return the highest order of derivative of tables below `nodes`, by cell node."""
+    """Return the highest derivative of each table used below `nodes`.
+
+    Node of a cell number -> order.
+    """
     found: dict[int, int] = {}
     for n in g.cone(nodes):
         if g.ops[n] in PIECES:
@@ -303,7 +312,10 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 
 
 def continuous(axis: Data, order: int) -> tuple[float, float]:
-    """Return the open range of knot numbers at which this derivative is continuous."""
+    """Return the open range of knot numbers at which a derivative is continuous.
+
+    order : of the derivative.
+    """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > abs(smooth):
         return 0.0, 0.0
@@ -321,7 +333,10 @@ class Written(NamedTuple):
 
 
 def written(g: Builder, n: int) -> Written:
-    """Return the table operation of a node; a knot number counts as a value."""
+    """Return table, order and arguments of the table operation that a node is.
+
+    A knot number counts as a value of order 0.
+    """
     args = g.args[n]
     name = g.payload(args[0]).name
     if not g.ops[n].startswith("table.piece"):
@@ -353,7 +368,10 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table that ends a run in `cell`, and the end knot; else None."""
+    """Return the table that ends a run in a cell, and the knot at its end; else None.
+
+    knot : node of the knot number. cell : number of the cell.
+    """
     if g.ops[knot] != "table.knot":
         return None
     axis = g.payload(g.args[knot][0]).values
@@ -411,7 +429,11 @@ def made(
 
 
 def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
-    """Return coefficients (p, m + 2, ...) of pieces through points y (m + 1, ...)."""
+    """Return polynomial coefficients (p, m + 2, ...) through points.
+
+    x : (m + 1,). y : (m + 1, ...). The first and last piece are those outside the
+    points.
+    """
     import numpy as np
 
     if how == "linear":

@@ -266,7 +266,10 @@ class Picture(Figure):
 def header(
     of: Figure | SubFigure, entries: Sequence[Entry], width: float, title: str = ""
 ) -> int:
-    """Add a title and a legend above all panels; return the lines of the legend."""
+    """Add a title and a legend above all panels.
+
+    Return the legend's number of lines.
+    """
     if title or entries:
         legend(
             of, entries, width, loc="outside upper left", title=title or None,
@@ -384,7 +387,7 @@ def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
 
 
 def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
-    """Draw values against time: as a curve, or as a band where swings are dense."""
+    """Draw values against time: as a curve, or as a band where they swing fast."""
     if not len(t) or ink(*inches(axes, t, values)) < BAND:
         curve(axes, t, values, pen)
         return

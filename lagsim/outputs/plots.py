@@ -168,7 +168,7 @@ IN_PAIRS = 4
 
 
 def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return groups of column names, each for one panel: by unit where they fit."""
+    """Return groups of column names, one per panel; names of one unit share a panel."""
     by_unit: dict[str, list[str]] = {}
     for name in names:
         by_unit.setdefault(record.unit(name), []).append(name)
@@ -327,7 +327,7 @@ def label_greatest(
     *,
     above: bool = False,
 ) -> None:
-    """Write the limit of the linear part of a scale, and the greatest value."""
+    """Label a scale's linear part, and the greatest value of the curves."""
     if not scale.linear:
         return
     t, values = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
@@ -450,7 +450,10 @@ def _xs(drawn: Curves) -> list[Array]:
 
 
 def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scale:
-    """Return the scale of the curves of one side."""
+    """Return the scale of the vertical axis for the curves on one side.
+
+    log : whether it is logarithmic. timed : whether the horizontal axis is time.
+    """
     values = [up for _, up in drawn]
     if log:
         return log_scale(*values)

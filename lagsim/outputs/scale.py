@@ -117,13 +117,16 @@ def size_of(axes: Axes) -> tuple[float, float]:
 
 
 def per_inch(axes: Axes, ends: Ends) -> float:
-    """Return the length per inch of one scale for both directions of a panel."""
+    """Return data units per inch of the scale with which both axes fit into the panel.
+
+    ends : the range of each axis.
+    """
     sides = zip(ends, size_of(axes), strict=True)
     return max((high - low) / side for (low, high), side in sides)
 
 
 def put_around(axes: Axes, ends: Ends, each: float) -> None:
-    """Set scales of `each` per inch on both axes, about the middle of their ends."""
+    """Set both axes to `each` data units per inch, centred on the given ranges."""
     across, up = (
         Scale(middle - half, middle + half)
         for (low, high), side in zip(ends, size_of(axes), strict=True)
@@ -200,13 +203,7 @@ class Powers(LogFormatterSciNotation):
 
 
 def read_off(value: float, digits: int = 4) -> str:
-    """Return a number with a few digits, in handwritten form.
-
-    Examples
-    --------
-    >>> read_off(-0.25), read_off(6.02214e23, 3)
-    ('−0.25', '6.02 × 10²³')
-    """
+    """Return a number with a few significant digits, as in print: `6.02 × 10²³`."""
     short = f"{value:.{digits}g}"
     if "e" in short:
         front, _, power = f"{value:.{digits - 1}e}".partition("e")
@@ -335,7 +332,7 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Whether the largest value of a curve is among the last."""
+    """Whether the largest value of a curve lies near its end, as in growth."""
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
         largest = t[int(sizes.argmax())]
@@ -354,6 +351,6 @@ def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Sca
 
 
 def _round(size: float) -> float:
-    """Return the least round number that is not less than `size`."""
+    """Return the least round number, such as 1, 2 or 5 times 10^k, not below `size`."""
     power = 10.0 ** math.floor(math.log10(size))
     return next((x * power for x in ROUND if x * power >= size), 10.0 * power)

@@ -93,7 +93,7 @@ def needed(model: Model) -> frozenset[str]:
 
 
 def words(model: Model) -> int:
-    """Return the number of values per row that the shapes need."""
+    """Return the number of values per row that are stored for the shapes."""
     d, found = model.scene.dimension, 0
     for shape in model.scene.shapes:
         found += d * (bool(shape.at) + d * bool(shape.axes))
@@ -343,7 +343,7 @@ def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
 
 
 def _area(corners: Floats) -> Floats:
-    """Return the area vector of a polygon (n, d); in the plane its one component."""
+    """Return the area vector (n, d) of polygons; in the plane its single component."""
     beside = np.roll(corners, -1, axis=0)
     if corners.shape[1] == 2:
         (x, y), (u, v) = corners.T, beside.T

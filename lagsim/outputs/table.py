@@ -115,7 +115,7 @@ class Writer:
             self.last = float(written[-1, 0])
 
     def _text(self, block: Floats) -> bytes:
-        """Return the bytes of rows."""
+        """Return rows as bytes in the format of the table."""
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:

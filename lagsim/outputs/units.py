@@ -226,7 +226,10 @@ def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
 
 
 def _per(energy: Unit, along: Unit, level: Level) -> Unit:
-    """Return the unit of a generalized force: energy or, for a rate, power / along."""
+    """Return the unit of a generalized force, energy / along; of a rate, power / along.
+
+    along : the unit of the coordinate. level : positions or velocities.
+    """
     force = times(energy, along, -1.0)
     return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)
 
@@ -247,7 +250,7 @@ def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
 
 
 def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
-    """Yield name and node of columns whose unit follows from the node alone."""
+    """Yield name and node of columns whose unit is that of their node."""
     for d in equations.model.definitions:
         yield d.name, d.node
     rows = equations.every_row

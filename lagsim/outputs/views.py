@@ -142,7 +142,10 @@ class Views:
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:
-        """Return the length per inch with free room; positive for a scene at rest."""
+        """Return data units per inch with some room.
+
+        Positive also for a scene at rest.
+        """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
 
@@ -378,7 +381,7 @@ def _bodies(record: Record, model: Model) -> list[Body]:
 
 
 def inch_of(axes: Axes) -> float:
-    """Return the length per inch of a panel's abscissa."""
+    """Return the data units per inch of a panel's horizontal axis."""
     low, high = axes.get_xlim()
     return (high - low) / size_of(axes)[0]
 

@@ -144,9 +144,9 @@ class Sums(Turning[Any]):
     # Sines and cosines
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Return the sines, then the cosines, of a product.
+        """Return the sines, then the cosines, in a product.
 
-        Function, angle, exponent.
+        Each with function, angle and exponent, in sympy's order of angles.
         """
         found = [
             (_FUNCTIONS[base.func], base.args[0], k)

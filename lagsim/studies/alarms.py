@@ -799,7 +799,7 @@ class Finding(NamedTuple):
 
 
 def up_to(session: Session, time: float) -> Session:
-    """Return a session whose end is the last output time before `time`."""
+    """Return the session ended at the last output time before `time`."""
     settings = session.case.settings
     start, step = settings.start, settings.output_step
     last = math.ceil((time - start) / step - SAME_ROW) - 1
@@ -823,7 +823,7 @@ def audit(run: Evidence) -> Finding | None:
 
 
 def fault(run: Evidence) -> str:
-    """Return the text of the finding against a run; "" if there is none."""
+    """Return the text of the audit's finding against a run; "" without one."""
     found = audit(run)
     return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"
 
@@ -860,7 +860,10 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
 
 
 def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
-    """Return the error of energy - work by the errors of a row; inf if unknown."""
+    """Return the error of energy - work that errors of the state in a row explain.
+
+    inf if unknown.
+    """
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
         return math.inf
@@ -875,7 +878,7 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
 
 
 def _another_motion(run: Evidence) -> Finding | None:
-    """Return the finding if a repeat follows another motion, else None."""
+    """Return the finding that a repeat followed another motion, or None."""
     bar = run.bar
     if isinstance(bar, str):
         return None
@@ -908,7 +911,7 @@ def alarms(run: Evidence) -> list[Caution]:
 
 
 def _about_steps(run: Evidence) -> list[Caution]:
-    """Return warnings on steps against eigenvalues, where steps may be too long."""
+    """Return warnings on steps that eigenvalues show to be too long."""
     plan, trajectory, monitor = run.plan, run.trajectory, run.monitor
     steps = trajectory.statistics.steps
     chosen = plan.step is None and plan.formulation != "baumgarte"

@@ -164,7 +164,7 @@ class Curve:
         return float(y[-1] * self._sizes[-1])
 
     def _model_at(self, value: float) -> Any:
-        """Return equations and rest with a value of the parameter."""
+        """Return the equations and the rest's residuals at a value of the parameter."""
         if value not in self._bound:
             if len(self._bound) > 8:
                 self._bound.clear()
@@ -309,7 +309,7 @@ class Curve:
                 step = min(GREATEST, 1.5 * step)
 
     def _leaves(self, first: Place) -> bool:
-        """Whether a curve leaves the range at its first point, at an end."""
+        """Whether the curve leaves the range at once, from a point at its end."""
         value, rate = self.value(first.y), float(first.tangent[-1])
         low, high = self.ends
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
@@ -431,7 +431,7 @@ class Branches:
         return rests
 
     def _both_ways(self, curve: Curve, y: Floats, interrupt: Interrupt | None) -> None:
-        """Follow a curve in both directions from a point, and the others that begin."""
+        """Follow a curve from a point in both directions, and its branches."""
         along = np.eye(len(y))[-1]
         first = curve.place(y, along)
         back = first._replace(tangent=-first.tangent)

@@ -137,13 +137,7 @@ def kind(column: str, columns: Collection[str]) -> str:
 def range_or_size(
     ranges: Floats, sizes: Floats | float, least: float = COMPUTED_ZERO
 ) -> Floats:
-    """Return the ranges, replaced by the sizes where they are below `least` * size.
-
-    Examples
-    --------
-    >>> range_or_size(np.array([0.5, 1e-20]), np.array([2.0, 3.0]))
-    array([0.5, 3. ])
-    """
+    """Return ranges, with `sizes` in place of ranges below `least` times the size."""
     return np.where(ranges > least * sizes, ranges, sizes)
 
 

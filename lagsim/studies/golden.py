@@ -286,7 +286,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 
 
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
-    """Return the least bounds (k, columns): tolerance plus rounding errors."""
+    """Return lower limits (k, columns) of the bounds: tolerance plus rounding."""
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations)
     alone = scales(base.columns, rows.T, of)
@@ -342,7 +342,7 @@ def _rest(case: Case, base: Motion, rows: Floats) -> _Rest:
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
-    """Raise an InputError for columns with values or bounds that are not finite."""
+    """Raise an InputError if columns have values or bounds that are not finite."""
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
         # Where a row has no value, bounds may have none anywhere.
@@ -484,7 +484,7 @@ MOST_DIGITS = 17
 
 
 def table(golden: Golden) -> bytes:
-    """Return the rows as CSV, each value with its certain digits."""
+    """Return the golden's rows as CSV, with as many digits as the bounds justify."""
     columns = []
     for name, values in zip(golden.columns, golden.rows.T.tolist(), strict=True):
         bounds = golden.bounds(name).tolist()
@@ -495,7 +495,7 @@ def table(golden: Golden) -> bytes:
 
 
 def certain(value: float, bound: float) -> str:
-    """Return the shortest text that represents a value to a tenth of its bound."""
+    """Return the shortest decimal within a tenth of `bound` of a value."""
     if not (bound > 0.0 and math.isfinite(value)):
         return repr(value)
     last = math.floor(math.log10(DIGITS * bound))
@@ -703,7 +703,7 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
 
 
 def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
-    """Return the places of inputs with the names of the columns that differ."""
+    """Return the places in the file of inputs named like columns that differ."""
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}
     found = []
@@ -748,7 +748,7 @@ def _faults(motion: Motion, about: Document) -> Iterator[str]:
 def _notes(
     case: Case, motion: Motion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
-    """Return notes on changes other than changes of the motion."""
+    """Yield notes on changes of file, method, versions or end, not of the motion."""
     if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:

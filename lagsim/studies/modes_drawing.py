@@ -164,7 +164,7 @@ def _label_peaks(
 
 
 def _stands_out(values: Floats, k: int) -> float:
-    """Return the height of a maximum over the higher of its two valleys."""
+    """Return the height of maximum k above the higher of its neighbouring minima."""
     higher = np.flatnonzero(values > values[k])
     left = higher[higher < k].max(initial=0)
     right = higher[higher > k].min(initial=len(values) - 1)

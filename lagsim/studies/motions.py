@@ -290,7 +290,7 @@ def kept_rows(
 
 
 def _count_within(t: Floats, times: Floats, reach: Floats) -> NDArray[np.intp]:
-    """Return the number of events near each row (k,), by `pairs_within`."""
+    """Return how many events are near each row (k,), see `pairs_within`."""
     first = np.searchsorted(t, times - reach)
     after = np.searchsorted(t, times + reach, side="right")
     size = len(t) + 1

@@ -224,7 +224,12 @@ class _Changes:
         return self._response(changed, OF_TABLE)
 
     def _response(self, changed: Callable[[float], Model], by: float) -> Response:
-        """Return the response to a change, or to the opposite of an invalid change."""
+        """Return the response to a change.
+
+        To the opposite one if the change is invalid.
+
+        changed : amount -> changed model. by : the amount.
+        """
         found = self._of(changed, by)
         return self._of(changed, -by) if found.refused else found
 
@@ -244,7 +249,7 @@ class _Changes:
     # Runs with rounding errors alone
 
     def _against_rounding(self, case: Case) -> float:
-        """Return the largest change of the motion relative to rounding errors."""
+        """Return the largest change of the motion in units of its rounding errors."""
         if self._exact is None:
             self._exact = self._rounding()
         exact, noise = self._exact

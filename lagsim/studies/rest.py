@@ -132,7 +132,7 @@ def setting_of(model: Model) -> Setting:
 
 
 def _standing(model: Model, time: float) -> Model:
-    """Return the model with the relations of its constraints at one time."""
+    """Return the model with the moving constraints fixed as they are at a time."""
     g = model.graph
     nodes = [c.relation.node for c in model.constraints]
     if "t" not in g.depends(nodes):
@@ -546,7 +546,7 @@ class Search:
         yield from self.others(starts)
 
     def _remaining(self, starts: int) -> str:
-        """Return the text of what was tried, with the accelerations at the start."""
+        """Return the text that no rest was found, with the searches that were made."""
         verdicts = judge_rest(self._point, judge_laws(self._point, self.setting.off))
         left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
         text = "no position of rest was found, from the start"
@@ -626,7 +626,7 @@ def stability(x: Steady) -> tuple[bool | None, str]:
 
 
 def _is_rough(e: Equations) -> bool:
-    """Whether a force is not of first degree in the velocities."""
+    """Whether some force is not linear in the velocities, as dry friction."""
     velocities = e.flow.velocities
     degrees = [e.graph.degree(x.node, velocities) for x in e.model.forces]
     return any(x is None or x.most > 1 for x in degrees)

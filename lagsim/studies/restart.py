@@ -284,7 +284,10 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
 
 
 def _prefix(path: Path, size: int) -> Any:
-    """Return the sha256 object of the first `size` bytes; None if there are fewer."""
+    """Return the sha256 object of the first `size` bytes of a file.
+
+    None if the file is shorter.
+    """
     found = hashlib.sha256()
     try:
         with files.opened(path) as file:
@@ -336,7 +339,10 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
 
 
 def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
-    """Return the observers of rows, and the records of events and sections."""
+    """Return the objects whose state a checkpoint has to contain.
+
+    Observers and records.
+    """
     noted = getattr(run, "corners", None), getattr(run, "sections", None)
     return [*relay.others, *(x for x in noted if x is not None)]
 
@@ -353,7 +359,7 @@ _OF_APART = ("system", "settings", "runner", "progress")
 
 
 def _regenerated(run: Run | Apart, session: Session, relay: Relay) -> dict[str, Any]:
-    """Return by name the objects that are equal in all runs of a session."""
+    """Return the objects that a resumed run creates anew, by name."""
     case = session.case
     found = {"session": session, "relay": relay, **_parts(run, "")}
     found |= {"case": case, "equations": case.equations, "plan": session.plan}

@@ -219,7 +219,10 @@ def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
 
 
 def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
-    """Return the modes, and the component of y' = (v, a, s') in each mode."""
+    """Return the modes of a linearised motion, with their energies.
+
+    v, a : velocities and accelerations at the state. h : the step.
+    """
     modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
     first = linear.first_order

@@ -284,7 +284,7 @@ _PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
 
 
 def _joined(arrays: dict[str, Any]) -> Table:
-    """Return a table of columns, which must be numbers of equal count."""
+    """Return arrays of columns as a table; they must be numbers of equal length."""
     if "t" not in arrays:
         raise _FaultError("there is no column `t`, the time")
     many = np.shape(arrays["t"])

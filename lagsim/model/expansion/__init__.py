@@ -489,9 +489,7 @@ class Expansion:
             one.family.resolved = True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
-        """Return the names of the components of an entry, `('x', 'y')`.
-
-        () for a number.
+        """Return the names of an entry's components, `('x', 'y')`, or () for a number.
 
         They follow from the value of its first member.
         """

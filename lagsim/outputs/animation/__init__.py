@@ -263,7 +263,10 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
 def _tracks(
     e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
 ) -> dict[str, Track]:
-    """Evaluate the points and their rates; components that a point lacks are 0."""
+    """Return position and velocity of each point of a scene, in `count` frames.
+
+    Components that a point lacks are 0.
+    """
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
     accelerations = map(g.variable, e.accelerations)
@@ -283,7 +286,7 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Mark frames in which rates are too large for interpolation (frames,)."""
+    """Mark frames (frames,) after which interpolation by rates would overshoot."""
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = extent(tracks)
     found = np.zeros(len(t), dtype=bool)
@@ -367,7 +370,11 @@ class Carriers:
         return found
 
     def _carrier(self, A: Mapping[int, int]) -> tuple[tuple[str, ...], bool]:
-        """Return the fewest points that carry a row, and whether forces are unique."""
+        """Return points, as few as possible, at which forces can replace a row.
+
+        A : the row's elements, index of a coordinate -> node. The second value: whether
+        the forces are unique.
+        """
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
         several: tuple[str, ...] = ()
@@ -430,7 +437,11 @@ class Carriers:
     def _shares(
         self, A: Mapping[int, int], name: str, points: Sequence[str]
     ) -> Iterator[tuple[str, Floats]]:
-        """Yield each point that carries a row, and its force (count, components)."""
+        """Yield each of `points` with its force (count, components) by a multiplier.
+
+        name : the multiplier's column. nan in frames in which the forces are not
+        unique.
+        """
         multiplier = self._values.get(name)
         if not isinstance(multiplier, np.ndarray) or not multiplier.any():
             return
@@ -450,7 +461,7 @@ class Carriers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Yield the output reactions, on points whose components they act on."""
+    """Yield reactions of the output that act on a component of a point, as forces."""
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
@@ -598,12 +609,18 @@ def record(film: Film) -> dict[str, Any]:
 
 
 def _packed(values: Floats, kind: str = "<f4") -> str:
-    """Return numbers as base64 text, row by row."""
+    """Return an array as base64 text, row by row.
+
+    kind : numpy's dtype, such as `<f4`.
+    """
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def _usual(force: Floats) -> float:
-    """Return the size of a force that few frames exceed, to ignore spikes."""
+    """Return a high percentile of the sizes of a force (frames, components).
+
+    The scale of arrows, insensitive to spikes.
+    """
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
@@ -635,7 +652,10 @@ def _box(every: Floats) -> list[list[float]]:
 
 
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
-    """Return a shape as JSON data; its last axis follows from the others."""
+    """Return a shape as JSON data.
+
+    names : of the points. The script of the page computes the last axis.
+    """
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
     parts = {"at": body.at, "axes": axes, "corners": body.corners}

@@ -110,7 +110,10 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
 
 
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Return the mean cost of a curve relative to the front (geometric mean)."""
+    """Return the mean ratio (geometric) of a curve's costs to those of the front.
+
+    entries : rows of the curve. rows : of all curves.
+    """
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []
     for row in entries:
@@ -189,7 +192,7 @@ def look(colour: int, turn: int = 0, kind: int = 0) -> Look:
 
 
 def seen(errors: Iterable[float]) -> Array:
-    """Return errors for a logarithmic axis: errors of 0 are replaced by LEAST."""
+    """Return errors for a logarithmic axis, at least LEAST."""
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
@@ -393,7 +396,7 @@ def stability(document: Document, form: str = "png") -> bytes:
 
 
 def _round(planes: Sequence[Axes]) -> None:
-    """Set the horizontal limits of complex planes for equal scales of both axes."""
+    """Set the horizontal limits of complex planes so that circles are round."""
     for axes in planes:
         low, high = axes.get_ylim()
         width, height = size_of(axes)
@@ -540,7 +543,7 @@ class Region(NamedTuple):
 
 
 def region(document: Document, name: str) -> Region:
-    """Return the part of the plane to show for a method."""
+    """Return the part of the complex plane to show for the method `name`."""
     step, meaning = _step_shown(document, name)
     start, motion = (
         np.array([step * complex(*pair) for pair in document["eigenvalues"][key]])

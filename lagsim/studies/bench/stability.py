@@ -162,7 +162,7 @@ class Subject:
             self._linearise(motion)
 
     def _trusted(self) -> Floats:
-        """Return rows (t, q, q', s) of the motion, by the method that `auto` takes."""
+        """Return rows (t, q, q', s) of the motion by a method chosen by `auto`."""
         trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
         session = self.compiled.session(trusted)._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
@@ -173,7 +173,7 @@ class Subject:
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
-        """Compute eigenvalues along the motion, and excite every mode at the start."""
+        """Compute eigenvalues along a motion, and excite each mode at the start."""
         n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)
         states = max(10, min(STATES, MOST_NODES // linearisation.nodes))
@@ -231,7 +231,7 @@ class Subject:
         )  # fmt: skip
 
     def _verdict(self, trial: Trial) -> tuple[str, float | None]:
-        """Return the verdict on a run, and the growth rate of its balance of energy."""
+        """Return the verdict on a run, and the growth rate of unexplained energy."""
         columns, rows = trial.columns, trial.rows
         works = "work" in columns
         t, energy = rows[:, 0], rows[:, columns.index("energy")]
@@ -503,7 +503,7 @@ class _Map:
         return Subject(case, self.interrupt, self.subject.compiled)
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
-        """Return the least and the largest number of steps, for `count` runs."""
+        """Return least and greatest number of steps per run, for `count` runs."""
         subject, steps = self.subject, self.steps
         pilot = subject.run(name, steps[len(steps) // 2], PILOT)
         evaluations = (pilot.evaluations or PILOT) / PILOT
@@ -565,7 +565,10 @@ class _Map:
         strip: Mapping[float, Cell],
         trial: Callable[[float], Cell],
     ) -> Document:
-        """Return the stability border of a method, by runs and by eigenvalues."""
+        """Return the entry of the stability border of a method.
+
+        By runs at the steps of `strip` and further ones by `trial`, and by eigenvalues.
+        """
         start = along = found = None
         if isinstance(subject, str):
             note = subject

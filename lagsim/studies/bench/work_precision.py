@@ -333,7 +333,10 @@ def make_reference(
 
 
 def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
-    """Return a solution as a reference, with ranges that include further rows."""
+    """Return a solution as a reference that no second solution has confirmed.
+
+    between : rows beside those of the solution, for the ranges of columns.
+    """
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
     scales = _scales(e, np.concatenate((first.rows, between)), state, multipliers)
@@ -533,7 +536,10 @@ def _curves(
     chosen: Mapping[Key, list[float]],
     refused: list[Row],
 ) -> Iterator[Curve]:
-    """Return the solvers of a bench with their settings; `refused` lists the others."""
+    """Yield the curves of a bench: a solver and its settings.
+
+    refused : receives the solvers that cannot handle the model.
+    """
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
@@ -583,7 +589,7 @@ class Curve:
                 yield done / len(self.values), self._row(value, patience)
 
     def _is_over(self, patience: Patience) -> bool:
-        """Whether tighter settings would only show rounding, or take too long."""
+        """Whether to skip tighter settings: rounding, or too long a time."""
         enough = 1 if self.errors or patience.over else GIVE_UPS
         if self.given_up >= enough:
             return True

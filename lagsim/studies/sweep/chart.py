@@ -103,7 +103,7 @@ def values_of(found: Found, column: str) -> Array:
 
 
 def _along(found: Found, axis: Axis) -> tuple[NDArray[np.int64], Column]:
-    """Return the sorting order of the values of an axis, and the sorted values."""
+    """Return the order in which an axis' values ascend, and its sorted values."""
     values = np.array(axis.values)
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
@@ -176,7 +176,10 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
 
 
 def numbers_of(found: Found) -> NDArray[np.int64]:
-    """Return indices of runs over the first two axes, at the middle of others."""
+    """Return indices of runs as a grid over the first two axes.
+
+    Other axes are at the middle of their values.
+    """
     counts = [len(axis.texts) for axis in found.grid.axes]
     whole = np.arange(found.grid.runs).reshape(*counts[:2], -1)
     middle = 0

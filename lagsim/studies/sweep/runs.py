@@ -242,7 +242,7 @@ def parsed(model: Model, arguments: Iterable[str]) -> Grid:
 
 
 def _values(model: Model, name: str, text: str) -> list[str]:
-    """Parse the values of a name."""
+    """Parse the values of a swept name, `a:b:n` or `v1,v2,...`, into texts."""
     if ":" not in text:
         return [part.strip() for part in _COMMA.split(text)]
     first, _, rest = text.partition(":")
@@ -651,7 +651,7 @@ class Batch:
         return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Mark runs (runs,) whose first and last row have equal energy less work."""
+        """Mark runs (runs,) in which energy less work is equal at both ends."""
         names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}

@@ -376,7 +376,10 @@ def _uniform(seed: int, place: int, count: int) -> Floats:
 
 
 def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
-    """Transform uniform random numbers (count,) to a distribution."""
+    """Transform uniform random numbers (count,) to the distribution named in `text`.
+
+    Such as `normal(4, 0.1)`.
+    """
     found = _DRAWN.fullmatch(text)
     if found is None:
         wrong = f"{name}={text}: normal(mean, deviation) or uniform(low, high) expected"
