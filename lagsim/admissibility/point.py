@@ -435,7 +435,11 @@ class Lengths:
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:
-        """Return the size of each form by its lengths (m,); inf if unknown."""
+        """Return the size of each condition (m,) by its lengths; inf if unknown.
+
+        It is the slope times the length: unlike the terms, it does not grow with the
+        distance from the origin.
+        """
         values = self.point.array([x.node for x in self.asked])
         missed = values - np.array([x.target for x in self.asked])
         pairs = zip(self.forms, missed, strict=True)

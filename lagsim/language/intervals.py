@@ -212,7 +212,7 @@ def div(x: Interval, y: Interval) -> Interval:
 
 
 def over_argument(rule: Callable[[Interval], Interval]) -> Callable[..., Interval]:
-    """Return the rule of f(x)/x from that of f."""
+    """Return the rule that encloses f(x)/x, from the rule that encloses f(x)."""
     return lambda x: div(rule(x), x)
 
 
@@ -419,7 +419,7 @@ def atan2(y: Interval, x: Interval) -> Interval:
 
 
 def step(f: Any) -> Callable[[Interval], Interval]:
-    """Return the rule of an increasing step function."""
+    """Return the rule that encloses an increasing step function f."""
 
     def rule(x: Interval) -> Interval:
         lo, hi = f(x.lo), f(x.hi)

@@ -46,7 +46,10 @@ def rated(name: str) -> tuple[str, int]:
 
 
 def member_hint(name: str, columns: Collection[str]) -> str:
-    """Return a hint for a name with columns, `q(3)` or `q`; else an empty text."""
+    """Return a hint for the name of a family or vector, whose members are columns.
+
+    Else an empty text.
+    """
     for column in columns:
         if name == in_file(column):
             return f"its name outside of the file is `{column}`"

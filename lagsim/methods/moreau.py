@@ -511,7 +511,7 @@ def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> flo
 def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
     """Return the largest |impulse| with which active row i rests.
 
-    Inf for an equality.
+    inf for an equality.
     """
     k = int(p.acting[i])
     return limit(p, k, h, v, 0.0) if p.row_kind[k] == LIMITED else inf

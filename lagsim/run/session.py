@@ -209,9 +209,9 @@ class Session(NamedTuple):
         return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
-        """Return the session with another plan for the functions of its system.
+        """Return the session with another plan, as by other tolerances.
 
-        Such as with other tolerances.
+        The plan's functions must be those that are compiled.
         """
         return self._replace(plan=plan)
 

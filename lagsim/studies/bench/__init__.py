@@ -62,7 +62,7 @@ def asking(
 ) -> Case:
     """Return the case set to a method, a formulation and rtol.
 
-    Atol and step by default.
+    atol and step by default.
     """
     return case.asking(
         method=method, formulation=formulation, rtol=rtol, atol=None, step=None
