@@ -123,3 +123,19 @@ def test_the_page_on_the_layout_has_every_room():
         )
     )
     assert told == there
+
+
+def test_the_page_on_adding_names_what_exists():
+    page = text_of("docs/adding.md")
+    rooms = [ROOT / x for x in (".", "lagsim", "lagsim/methods", "tests")]
+    for path in re.findall(r"`([\w./-]+/[\w.-]+)`", page):
+        assert any((room / path).exists() for room in rooms), path
+    found = re.findall(
+        r"`(\w+)`(?: (?:and|or) `(\w+)`)? (?:of|in)\s+`([\w/]+\.py)`", page
+    )
+    assert len(found) > 25
+    for *parts, path in found:
+        file = next(room / path for room in rooms if (room / path).exists())
+        text = file.read_text(encoding="utf-8")
+        for name in filter(None, parts):
+            assert re.search(rf"\b{name}\b", text), f"{name} of {path}"

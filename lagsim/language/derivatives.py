@@ -14,7 +14,7 @@ from lagsim.language.functions import OPERATIONS, SMOOTH
 from lagsim.language.graph import memoized
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -68,25 +68,43 @@ def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
 
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
     """Return the slopes of the sum of nodes times `weights`, taken as constant."""
-    return _Reverse(g, weights, variables).gradient(weights)
+    return _Reverse(g, g.cone(weights), variables).gradient(weights)
+
+
+def pulled_within(
+    g: Graph, node: int, weight: int, variables: Collection[int]
+) -> Gradient:
+    """Return the slopes of `node` times `weight` in the variables below the node.
+
+    The node itself may be one of the variables. Nodes below variables are not visited:
+    the time is that of the expression of `node` in the variables.
+    """
+    below = g.cone(g.args[node], variables)
+    return _Reverse(g, [*below, node], variables, node).gradient({node: weight})
 
 
 class _Reverse:
     def __init__(
-        self, g: Graph, nodes: Iterable[int], variables: frozenset[int]
+        self,
+        g: Graph,
+        cone: Sequence[int],
+        variables: Collection[int],
+        own: int | None = None,
     ) -> None:
         self.g = g
-        self.variables = variables
+        self.variables, self.own = variables, own
         self.active: set[int] = set()
-        cone = g.cone(nodes)
         for n in cone:
-            if n in self.variables or not self.active.isdisjoint(g.args[n]):
+            if self._is_variable(n) or not self.active.isdisjoint(g.args[n]):
                 self.active.add(n)
         # Inner selections come first, so none needs recursion.
         self.selections: dict[int, Gradient] = {}
         for n in cone:
             if n in self.active and g.args[n] and OPERATIONS[g.ops[n]].branches:
                 self.selections[n] = self._selection(n)
+
+    def _is_variable(self, n: int) -> bool:
+        return n in self.variables and n != self.own
 
     def _selection(self, n: int) -> Gradient:
         g = self.g
@@ -110,7 +128,7 @@ class _Reverse:
             weight = adjoint.pop(n, g.zero)
             if weight == g.zero:
                 continue
-            if n in self.variables:
+            if self._is_variable(n):
                 add(result, n, weight)
             elif n in self.selections:
                 for v, slope in self.selections[n].items():

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from lagsim import limits
 from lagsim.language.columns import MULTIPLIER
-from lagsim.language.derivatives import pulled, tangent
+from lagsim.language.derivatives import pulled, pulled_within, tangent
 from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
@@ -208,7 +208,7 @@ class Separation:
             name = self._variable(Name(word.base, word.order, kind))
             made[str(g.payload(name))] = node
             node = name
-        for v, slope in pulled(g, {n: node}, variables - {n}).items():
+        for v, slope in pulled_within(g, n, node, variables).items():
             found[v] = g.call("add", found.get(v, g.zero), slope)
         return made
 
@@ -278,8 +278,9 @@ class Separation:
             name = stack.pop()
             if name not in found and name in of:
                 n = of[name]
-                seed = {k: rate for k, rate in self._seed.items() if k != n}
-                found[name] = tangent(g, [values.get(n, n)], seed)[0]
+                own = self._seed.pop(n)  # a copy without it takes time for each name
+                found[name] = tangent(g, [values.get(n, n)], self._seed)[0]
+                self._seed[n] = own
                 stack += sorted(g.depends([found[name]]) & self.names.keys())
         needs = {
             name: sorted(g.depends([node]) & found.keys())

@@ -270,9 +270,13 @@ class Translation:
         rates = (self.known[n] for n, name in kept.items() if name.order)
         moving = {*self.v, *self.a, *self.multipliers, *rates}
         moving_names = {*self.q, *moving, *self.states, self.t}
-        still = [s for s, e in self.kept.items() if not self.free(e) & moving_names]
-        constants = frozenset((*parameters, *still))
-        self.tidy = Tidier(constants, frozenset(moving))
+        constants = {*parameters}
+        for s, e in self.kept.items():  # each depends on earlier ones only
+            if e.free_symbols & moving_names:
+                moving_names.add(s)
+            else:
+                constants.add(s)
+        self.tidy = Tidier(frozenset(constants), frozenset(moving))
         self._extents = dict.fromkeys(named or (), Extent(1, 1))
         self._operations = 0
 
@@ -322,7 +326,7 @@ class Translation:
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
         model = self.equations.model
         named = {self.known[n]: name for n, name in sorted(kept.items())}
-        values = [s for s, name in named.items() if not name.order]
+        values = {s: name for s, name in named.items() if not name.order}
         names = {s: Name(s.name) for s in parameters} | named
         names |= {s: Name(s.name) for s in (*self.states, *self.speeds, self.t)}
         for order, group in enumerate((self.q, self.v, self.a)):
