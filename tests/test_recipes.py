@@ -2,10 +2,12 @@
 
 import contextlib
 import io
+import itertools
 import re
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.special import ellipj, roots_laguerre
 
 import lagsim
@@ -152,3 +154,22 @@ def test_one_problem_in_several_tools():
     assert abs(result["theta"][-1] - float(printed.getvalue())) < 1e-9
     assert f"it is {result['theta'][-1]:.9f}." in page
     assert len([e for e in result.events if e.kind == "impact"]) == 2
+
+
+@of("frame-of-one-storey")
+def test_a_frame_answers_a_record(result):
+    # Exactly between the points: x = (u, u', a, a') has constant coefficients.
+    w, zeta, t = 10.0, 0.05, result.t
+    points = [(0.0, 0.0), (0.1, 1.5), (0.3, -2.0), (0.4, 0.0), (4.0, 0.0)]
+    rates = np.zeros((4, 4))
+    rates[0, 1] = rates[2, 3] = 1.0
+    rates[1, :3] = -w * w, -2 * zeta * w, -1.0
+    x, u = np.zeros(2), np.zeros_like(t)
+    for (a, begun), (b, ended) in itertools.pairwise(points):
+        state = np.array([*x, begun, (ended - begun) / (b - a)])
+        inside = np.flatnonzero((t >= a - 1e-12) & (t <= b + 1e-12))
+        u[inside] = [(expm(rates * (t[k] - a)) @ state)[0] for k in inside]
+        x = (expm(rates * (b - a)) @ state)[:2]
+    assert np.allclose(result["u"], u, **CLOSE)
+    felt = -(w**2) * result["u"] - 2 * zeta * w * result["u_dot"]
+    assert np.allclose(result["felt"], felt, **CLOSE)
