@@ -185,4 +185,5 @@ def page(small: Small) -> bytes:
         film = film_at(model, moved, len(t), t, titled(number, mode))
         if film is not None:
             films.append(record(film))
-    return written(films, f"{model.name}: modes")
+    title = f"{model.name}: modes, each at one cycle in {SECONDS:g} s"
+    return written(films, title)
