@@ -16,7 +16,7 @@ import math
 import sys
 from pathlib import Path
 
-FILE = Path(__file__).parents[1] / "models" / "synthetic-ground-motion.csv"
+FILE = Path(__file__).parents[1] / "models" / "synthetic_ground_motion.csv"
 # Duration and spacing in s; peak in m/s^2.
 DURATION, STEP, PEAK = 20.0, 0.02, 3.0
 # Frequency (rad/s) and damping of the ground, as of firm soil.

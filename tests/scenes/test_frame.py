@@ -56,7 +56,7 @@ def exact():
 
 
 def test_the_record_is_that_of_its_program():
-    text = (MODELS / "synthetic-ground-motion.csv").read_text(encoding="utf-8")
+    text = (MODELS / "synthetic_ground_motion.csv").read_text(encoding="utf-8")
     assert text == made().text()
     assert made().text(1) != text
 
