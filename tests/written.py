@@ -75,6 +75,12 @@ def _written(key, node):
 def _section(name, node):
     found = {}
     for key, below in entries_of(node):
+        if name == "tables":  # apart from points, words
+            found[key.text] = {
+                k.text: _written("", x) if k.text == "points" else x.text
+                for k, x in entries_of(below)
+            }
+            continue
         # What stands for a whole entry is what its main key has.
         alone = "relation" if name == "constraints" else key.text
         found[flat(key.text)] = _written(
