@@ -9,6 +9,7 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
+from tests.choosing import tonight, turn
 from tests.support import MODELS, SHIPPED, has_laws, ready, shipped
 from tests.sympy_oracle import Oracle, random_values, reads
 
@@ -195,15 +196,10 @@ class Native:
         return rates, np.array(accelerations), np.array(multipliers)
 
 
-@functools.cache
-def native_of(name, loops):
-    return Native(name, loops=loops)
-
-
-@pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 @pytest.mark.parametrize("name", derived_again(SOLVED))
-def test_native_motion_satisfies_the_equations(name, loops):
-    native = native_of(name, loops)
+def test_native_motion_satisfies_the_equations(name):
+    """Solved straight or by loops, in turn as commits go by."""
+    native = Native(name, loops=turn(name, tonight(), (False, True)))
     for seed in SEEDS:
         values, x = state_of(name, seed)
         rates, q_ddot, lam = native.motion(values)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.choosing import tonight, turn
 from tests.support import MODELS, SHIPPED, run
 
 VAN_DER_POL = """
@@ -116,14 +117,13 @@ def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(me
 QUICKLY_RUN = [x for x in SHIPPED if "chain" not in x and x != "quadruped"]
 
 
-@pytest.mark.parametrize("rtol", ["1e-3", "1e-8"])
 @pytest.mark.parametrize(
     "name",
     [*QUICKLY_RUN,
      pytest.param("quadruped", marks=pytest.mark.slow)],
 )  # fmt: skip
-def test_no_shipped_model_is_stiff(name, rtol):
-    found = run(name, rtol=rtol)
+def test_no_shipped_model_is_stiff(name):
+    found = run(name, rtol=turn(name, tonight(), ("1e-3", "1e-8")))
     assert not found.trajectory.choices
     assert "step-at-stability-bound" not in codes(found)
 
