@@ -168,58 +168,6 @@ def test_gap_and_its_rate(relation, start, gap, rate):
     assert found.scleronomic is (relation == "y >= 0")
 
 
-def test_contact_beside_an_equality():
-    """A bead of a vertical rod at rest: the other end is pressed to the floor."""
-    text = """
-coordinates: {x: {}, y: {}, u: {}, v: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2)/2, potential: 9.81*(y + v)}
-constraints:
-  rod: (x - u)^2 + (y - v)^2 = 1
-  floor: {relation: y >= 0, restitution: 0}
-initial: {x: 0, y: 0, u: 0, v: 1}
-"""
-    found = looked_at(text)
-    assert [v.name for v in found.verdicts] == ["rod", "floor"]
-    assert found.verdicts[1].mode == "closed"
-    assert found.degrees_of_freedom == 3
-
-
-def test_four_legs_all_touch():
-    legs = {"one": "a + b", "two": "a - b", "three": "b - a", "four": "- a - b"}
-    given = "".join(
-        f"  {k}: {{relation: z + {leg} >= 0, restitution: 0}}\n".replace("+ -", "-")
-        for k, leg in legs.items()
-    )
-    text = f"""
-coordinates: {{z: {{}}, a: {{}}, b: {{}}}}
-energy: {{kinetic: (z_dot^2 + a_dot^2 + b_dot^2)/2, potential: 9.81*z}}
-constraints:
-{given}initial: {{z: 0, a: 0, b: 0}}
-"""
-    assert {v.mode for v in looked_at(text).verdicts} == {"closed"}
-
-
-@pytest.mark.parametrize(
-    ("mu", "speed", "jams"), [(1.3, -1, False), (1.4, -1, True), (1.4, 1, False)]
-)
-def test_the_paradox_is_told(mu, speed, jams):
-    """A rod that slides on its end: where tan(q) = 1/2, no solution past mu = 4/3.
-
-    Its centre is at distance 1 above the end, its J is 1/3: pressing on the end,
-    with friction, pushes it away at 1 + 3 sin(q)^2 -+ 3 mu sin(q) cos(q).
-    """
-    text = """
-parameters: {mu: MU, angle: atan(0.5)}
-coordinates: {x: {}, y: {}, q: {}}
-definitions: {end: x - sin(q)}
-energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2/3)/2, potential: 9.81*y}
-constraints:
-  tip: {relation: y >= cos(q), restitution: 0, friction: mu, slip: end_dot}
-initial: {x: 0, y: cos(angle), q: angle, x_dot: SPEED}
-"""
-    assert ("painleve" in codes(looked_at(text, MU=mu, SPEED=speed))) == jams
-
-
 def test_a_gap_within_the_bound_is_closed_exactly():
     text = BLOCK.replace("y >= 0,", "y >= 1,")
     start = looked_at(text, START="{x: 0, y: 0.9999999}")

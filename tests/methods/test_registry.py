@@ -10,10 +10,8 @@ from lagsim.mechanics.equations import derive
 from lagsim.methods import method, names, options, options_of, page
 from lagsim.model.reader import read
 from lagsim.plan.plan import structure
-from tests.small_scenes import angle, held_pendulum, oscillator, pendulum, swing
-from tests.support import refused, run
+from tests.small_scenes import held_pendulum
 
-SIMULATION = "simulation: {duration: 5, output_step: 0.05, method: METHOD, step: STEP}"
 DAMPED = """
 coordinates: {x: {}}
 energy: {kinetic: x_dot^2/2, potential: x^2/2, dissipation: 0.1*x_dot^2}
@@ -21,30 +19,9 @@ initial: {x: 1}
 """
 
 
-def damped(t):
-    """Give x of x'' + 0.2 x' + x = 0 from rest at 1."""
-    w = math.sqrt(0.99)
-    return np.exp(-0.1 * t) * (np.cos(w * t) + 0.1 / w * np.sin(w * t))
-
-
-# Text, what is compared, and its closed form.
-SCENES = {
-    "pendulum": (pendulum(), angle, swing),
-    "held": (held_pendulum(), angle, swing),
-    "oscillator": (oscillator(), lambda found: found["x"], np.cos),
-    "damped": (DAMPED, lambda found: found["x"], damped),
-}
-PAIRS = [(name, scene) for name in names() for scene in SCENES]
-
-
 def refusal_of(name, text):
     model = read(f"{text}simulation: {{duration: 1}}", "model.yaml")
     return method(name).refusal(structure(derive(model)))
-
-
-def run_with(name, text, step=0.005):
-    options = SIMULATION.replace("METHOD", name).replace("STEP", str(step))
-    return run(text + options)
 
 
 def test_the_methods_are_the_files():
@@ -75,42 +52,6 @@ def test_options_are_told_apart_by_their_names():
     for name, x in options().values():
         assert x.least <= x.default <= x.most
         assert x.about in " ".join(page(name).split())
-
-
-@pytest.mark.parametrize("name", names())
-def test_every_method_has_a_scene_here(name):
-    assert any(not refusal_of(name, text) for text, _, _ in SCENES.values())
-
-
-@pytest.mark.parametrize(("name", "scene"), PAIRS)
-def test_a_method_behaves_or_refuses(name, scene):
-    module = method(name)
-    text, shown, exact = SCENES[scene]
-    refusal = refusal_of(name, text)
-    if refusal:
-        with refused("method-refused", refusal):
-            run_with(name, text)
-        return
-    found = run_with(name, text)
-    assert found.trajectory.outcome.word == "done"
-    assert len(found.rows) == 101
-    # A fixed step h of order p has an error of h^p times a constant of the order of one
-    # per unit of time, of which there are 5; rounding adds up over 1000 steps. The
-    # default tolerance is 1e-11, and the motion makes up to 500 of it.
-    bound = 5e-9 if module.ADAPTIVE else max(5.0 * 0.005**module.ORDER, 1e-12)
-    assert np.max(np.abs(shown(found) - exact(found["t"]))) < bound
-    assert found.drift < bound
-    statistics = found.trajectory.statistics
-    assert statistics.evaluations > 0
-    assert statistics.steps > 4  # a series of order 15 goes far
-
-
-@pytest.mark.parametrize("name", names())
-def test_a_method_is_repeatable(name):
-    texts = [text for text, _, _ in SCENES.values() if not refusal_of(name, text)]
-    first, second = (run_with(name, texts[-1]) for _ in range(2))
-    assert first.rows.tobytes() == second.rows.tobytes()
-    assert first.trajectory.statistics == second.trajectory.statistics
 
 
 @pytest.mark.parametrize("name", names())
@@ -158,7 +99,7 @@ energy: {kinetic: a_dot^2 + b_dot^2 + c_dot^2, potential: 0}
 constraints: {edge: a_dot*sin(c) = b_dot*cos(c)}
 initial: {a: 1, b: 0, c: 0}
 """
-HELD = SCENES["held"][0]
+HELD = held_pendulum()
 REFUSED = [
     ("verlet", BENDY, "mass matrix varies with positions"),
     ("verlet", DRAG, "forces depend on the velocities"),
