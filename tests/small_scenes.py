@@ -14,6 +14,37 @@ energy: {{kinetic: x_dot^2/2, potential: x^2/2}}
 initial: {{x: {x}, x_dot: {v}}}
 {simulation}
 """
+_SPRING = """\
+parameters: {{{parameters}}}
+coordinates: {{x: {{{unit}}}}}
+energy: {{kinetic: x_dot^2/2, potential: k*x^2/2}}
+initial: {{x: {x}}}
+{simulation}
+"""
+# A power is a form: what is localized in it, and whether the motion is linear.
+_POWER = """\
+parameters: {{n: 2}}
+coordinates: {{x: }}
+energy: {{kinetic: x_dot^2/2, potential: abs(x)^n/n}}
+initial: {{x: 1}}
+{simulation}
+"""
+_ORBIT = """\
+parameters: {{mu: 1}}
+coordinates: {{r: , phi: }}
+energy: {{kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}}
+initial: {{r: 1, phi: 0, phi_dot: 1}}
+{simulation}
+"""
+_ELASTIC = """
+parameters: {{l: 1, g: 9.8, K: {K}}}
+coordinates: {{theta: {{}}, u: {{}}}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {{{initial}}}
+{simulation}
+"""
 # Length and gravity 1, let go at rest: in its angle, and on a rod.
 _PENDULUM = """
 coordinates: {{a: {{}}}}
@@ -102,6 +133,27 @@ def oscillator(simulation=None, *, x=1, v=0, force=None):
     """x'' = -x: x cos(t) + v sin(t)."""
     forces = f'forces: {{x: "{force}"}}' if force else ""
     return _OSCILLATOR.format(simulation=line(simulation), x=x, v=v, forces=forces)
+
+
+def spring(simulation=None, *, parameters="k: 4", unit="", x=1):
+    """x'' = -k x from rest: x cos(sqrt(k) t)."""
+    return _SPRING.format(
+        simulation=line(simulation), parameters=parameters, unit=unit, x=x
+    )
+
+
+def elastic_pendulum(initial, simulation=None, *, K=25.6):
+    """Pendulum in its angle theta and the stretch u of its spring of stiffness K."""
+    return _ELASTIC.format(initial=initial, simulation=line(simulation), K=K)
+
+
+def power(simulation):
+    return _POWER.format(simulation=line(simulation))
+
+
+def orbit(simulation):
+    """Kepler's problem in polar coordinates."""
+    return _ORBIT.format(simulation=line(simulation))
 
 
 def pendulum(amplitude=1, simulation=None):

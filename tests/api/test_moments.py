@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 
 import lagsim
+from tests.small_scenes import spring
 from tests.support import MODELS
 
-SPRING = """
-parameters: {k: 4}
-coordinates: {x: {unit: m}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: 1}
-simulation: {duration: 6, output_step: 3}
-"""
+SPRING = spring("duration: 6, output_step: 3", unit="unit: m")
 PENDULUM = """
 coordinates: {x: {}, y: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 10*y}

@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 import lagsim
+from tests.small_scenes import spring
 from tests.support import refused
 
-SPRING = """
-parameters: {k: 4}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: 1}
-simulation: {duration: 1}
-"""
+SPRING = spring("duration: 1")
 NUMBERS = [
     "duration", "output_step", "rtol", "atol", "step", "gain", "spectral_radius",
 ]  # fmt: skip

@@ -10,20 +10,22 @@ import pytest
 from lagsim.codes import errors
 from lagsim.studies.sweep.runs import MOST_RUNS
 from tests.cli._results import names
-from tests.small_scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM, TIMELESS
+from tests.small_scenes import (
+    CAPTION,
+    CONTACT,
+    ON_THE_CURVE,
+    PENDULUM,
+    TIMELESS,
+    spring,
+)
 
-OSCILLATOR = """\
-parameters: {k: 4, step: 1, reason: 1}
-coordinates: {x: }
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2DAMPED}
-initial: {x: 1}
-simulation: {duration: 10, output_step: 0.1}
-"""
+OSCILLATOR = spring(
+    "duration: 10, output_step: 0.1", parameters="k: 4, step: 1, reason: 1"
+)
 FILES = {
-    "swing.yaml": PENDULUM, "spring.yaml": OSCILLATOR.replace("DAMPED", ""),
-    "springs.yaml": OSCILLATOR.replace("DAMPED", "")
-    .replace("{k: 4", "{k: 4, n: 2, m(1..n): 1"),
-    "damped.yaml": OSCILLATOR.replace("DAMPED", ", dissipation: x_dot^2/2"),
+    "swing.yaml": PENDULUM, "spring.yaml": OSCILLATOR,
+    "springs.yaml": OSCILLATOR.replace("{k: 4", "{k: 4, n: 2, m(1..n): 1"),
+    "damped.yaml": OSCILLATOR.replace("x^2/2}", "x^2/2, dissipation: x_dot^2/2}"),
     "timeless.yaml": TIMELESS, "contact.yaml": CONTACT, "wrong.yaml": CAPTION,
     "good.csv": "t,x\n0,1\n1,2\n", "torn.json": "{", "list.json": "[]",
     "rows.json": '{"rows": []}', "none.json": "{}",

@@ -10,14 +10,9 @@ import pytest
 
 from tests.cli._results import document as read
 from tests.cli._results import names
+from tests.small_scenes import spring
 
-OSCILLATOR = """\
-parameters: {k: 4, step: 1}
-coordinates: {x: }
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: 1}
-simulation: {duration: 10, output_step: 0.1}
-"""
+OSCILLATOR = spring("duration: 10, output_step: 0.1", parameters="k: 4, step: 1")
 FILES = ["stability.csv", "stability.json", "stability.png"]
 SOME = ("--methods", "rk4,verlet", "--steps", "0.5:2")
 

@@ -20,7 +20,7 @@ from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import document, manifest, names, started, table, waited
 from tests.patience import finished
-from tests.small_scenes import CURVE, FALL, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CURVE, FALL, ON_THE_CURVE, PENDULUM, orbit, power
 from tests.support import ROOT
 
 SPRING = """\
@@ -31,14 +31,7 @@ energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*(l + y) + K*u^2/2}
 initial: {theta: 1, u: 0.1}
 simulation: {duration: 1, output_step: 0.05}
 """
-# A power is a form: what sleeps in it, and whether the motion is linear.
-POWER = """\
-parameters: {n: 2}
-coordinates: {x: }
-energy: {kinetic: x_dot^2/2, potential: abs(x)^n/n}
-initial: {x: 1}
-simulation: {duration: 2, output_step: 0.1}
-"""
+POWER = power("duration: 2, output_step: 0.1")
 FALL_FROM = "parameters: {R: 1}\n" + FALL.replace("{r: 1}", "{r: R}")
 QUICK = ("--no-plots", "--error-bar", "never")
 
@@ -384,13 +377,7 @@ def test_a_folder_where_a_folder_has_the_place_of_rows(lagsim, write):
 # --- `--ends`: last values alone, the same as those of whole runs
 
 # An orbit with next to no angular momentum falls into the centre, by steps of no size.
-CENTRE = """\
-parameters: {mu: 1}
-coordinates: {r: , phi: }
-energy: {kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}
-initial: {r: 1, phi: 0, phi_dot: 1}
-simulation: {duration: 3, output_step: 0.1, rtol: 1e-9, formulation: full}
-"""
+CENTRE = orbit("duration: 3, output_step: 0.1, rtol: 1e-9, formulation: full")
 
 
 @pytest.mark.slow

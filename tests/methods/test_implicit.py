@@ -8,17 +8,13 @@ import pytest
 from lagsim.methods import generalized_alpha, method
 from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
+from tests.small_scenes import elastic_pendulum
 from tests.support import run
 
-ELASTIC = """
-parameters: {l: 1, g: 9.8, K: 25.6}
-coordinates: {theta: {}, u: {}}
-energy:
-  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
-  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
-initial: {theta: 1, u: 0.2, theta_dot: 0.5}
-simulation: {duration: 200, output_step: 0.1, method: METHOD, step: 0.02}
-"""
+ELASTIC = elastic_pendulum(
+    "theta: 1, u: 0.2, theta_dot: 0.5",
+    "duration: 200, output_step: 0.1, method: METHOD, step: 0.02",
+)
 DOUBLE = """
 coordinates: {a: {}, b: {}}
 energy:

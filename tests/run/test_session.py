@@ -5,15 +5,12 @@ import time
 
 from lagsim.model.reader import read
 from lagsim.run.session import LAPS, Clock, StartError, check, open_case
+from tests.small_scenes import spring
 from tests.support import case_of, refused
 
-SPRING = """
-parameters: {k: 4, a: 1}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: a}
-simulation: {duration: 3, output_step: 0.1, method: dop853}
-"""
+SPRING = spring(
+    "duration: 3, output_step: 0.1, method: dop853", parameters="k: 4, a: 1", x="a"
+)
 ROD = """
 parameters: {l: 1}
 coordinates: {x: {}, y: {}}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.choosing import tonight, turn
+from tests.small_scenes import elastic_pendulum
 from tests.support import MODELS, SHIPPED, run
 
 VAN_DER_POL = """
@@ -22,15 +23,9 @@ forces: {x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)}
 initial: {x: sin(1), y: 1}
 simulation: {duration: 1, output_step: 0.05, rtol: 1e-7}
 """
-SPRING = """
-parameters: {K: 1e8, l: 1, g: 9.8}
-coordinates: {theta: {}, u: {}}
-energy:
-  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
-  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
-initial: {theta: 1, u: STRETCHED}
-simulation: {duration: 3, output_step: 0.05, rtol: TOLERANCE}
-"""
+SPRING = elastic_pendulum(
+    "theta: 1, u: STRETCHED", "duration: 3, output_step: 0.05, rtol: TOLERANCE", K=1e8
+)
 QUIET = SPRING.replace("STRETCHED", "g*cos(1)/K")
 EXCITED = SPRING.replace("STRETCHED", "1e-4")
 HELD = """

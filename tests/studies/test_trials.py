@@ -19,15 +19,9 @@ from lagsim.studies.trials import (
     Variant,
 )
 from lagsim.studies.workers import spread, standing
-from tests.small_scenes import CONTACT, PENDULUM
+from tests.small_scenes import CONTACT, PENDULUM, spring
 
-SPRING = """
-parameters: {k: 4, w: sqrt(k)}
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: 1}
-simulation: {duration: 3, output_step: 0.5}
-"""
+SPRING = spring("duration: 3, output_step: 0.5", parameters="k: 4, w: sqrt(k)")
 ROD = """
 parameters: {l: 1}
 coordinates: {x: {}, y: {}}

@@ -20,6 +20,15 @@ def after(masses, rows, before, found):
     return before + np.asarray(rows).T @ found.impulses / np.asarray(masses)
 
 
+def test_a_rod_that_falls_flat_without_rebound_is_not_open():
+    # Its ends rest both, whichever comes first.
+    rows = [[1.0, -0.5], [1.0, 0.5]]
+    for e, is_open in ((0.0, False), (0.5, True)):
+        found = impact(touching([1.0, 1 / 12], rows, e=e), np.full(2, -1.0), none(2))
+        assert found.impulses == pytest.approx([0.5 * (1 + e)] * 2, abs=ROUNDING)
+        assert found.open is is_open
+
+
 @pytest.mark.parametrize("speed", [40.0, 1.0, -1e-3])
 @pytest.mark.parametrize("turn", [None, 0.0, 0.6])
 def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):

@@ -9,7 +9,14 @@ import pytest
 from lagsim.methods import method, names
 from tests.methods.test_registry import refusal_of
 from tests.methods.test_symplectic import reversed_error
-from tests.small_scenes import angle, held_pendulum, pendulum, swing, swing_rate
+from tests.small_scenes import (
+    angle,
+    elastic_pendulum,
+    held_pendulum,
+    pendulum,
+    swing,
+    swing_rate,
+)
 from tests.support import run
 
 
@@ -150,15 +157,7 @@ simulation: {{duration: 1, output_step: 1/64, method: {name}, rtol: 1e-2}}
     assert np.max(np.abs(found["x_dot"] - p * t ** (p - 1))) < 1e-13
 
 
-FREE = """
-parameters: {l: 1, g: 9.8, K: 25.6}
-coordinates: {theta: {}, u: {}}
-energy:
-  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
-  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
-initial: {theta: 1, u: 0}
-simulation: {duration: 5}
-"""
+FREE = elastic_pendulum("theta: 1, u: 0", "duration: 5")
 CURVE = FREE.replace("initial:", 'constraints: {path: "u = l - l*theta^2"}\ninitial:')
 STEERED = FREE.replace(
     "initial: {theta: 1, u: 0}",

@@ -23,6 +23,7 @@ from lagsim.studies.bench.chart import (
 )
 from lagsim.studies.bench.stability import VERDICTS, Wish, measure
 from tests.outputs.drawn import assert_legible, drawn
+from tests.small_scenes import spring
 
 FRONT_SECONDS = 1e-3
 
@@ -224,13 +225,10 @@ def test_errors_below_the_floor_are_shaded():
 
 # Maps of stability
 
-SPRING = """
-parameters: {k: {value: 4, unit: N/m}}
-coordinates: {x: {unit: m}}
-energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
-initial: {x: 1}
-simulation: {duration: 10, output_step: 0.1}
-"""
+SPRING = spring(
+    "duration: 10, output_step: 0.1", parameters="k: {value: 4, unit: N/m}",
+    unit="unit: m",
+)  # fmt: skip
 
 
 def found(**wish):

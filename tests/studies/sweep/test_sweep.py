@@ -16,7 +16,7 @@ from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.runs import Found, Runs, grid_of, parsed
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
-from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM, orbit, power
 from tests.support import MODELS
 
 GRID = """\
@@ -89,24 +89,11 @@ constraints: {rod: (x - a*sin(w*t))^2 + y^2 = l^2}
 initial: {x: l*sin(0.4), y: {guess: -l}, x_dot: 0.1, y_dot: {guess: 0}}
 simulation: {until: y >= 0}
 """
-# A power is a form: what is localized in it, and whether the motion is linear.
-POWER = """
-parameters: {n: 2}
-coordinates: {x: }
-energy: {kinetic: x_dot^2/2, potential: abs(x)^n/n}
-initial: {x: 1}
-simulation: {}
-"""
+POWER = power("duration: 2")
 BOUNCE = "parameters: {e: 0.5}\n" + CONTACT.replace(
     "restitution: 0.5", "restitution: e"
 )
-CENTRE = """
-parameters: {mu: 1}
-coordinates: {r: , phi: }
-energy: {kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}
-initial: {r: 1, phi: 0, phi_dot: 1}
-simulation: {output_step: 0.1, rtol: 1e-9, formulation: full}
-"""
+CENTRE = orbit("output_step: 0.1, rtol: 1e-9, formulation: full")
 # Integrated apart, sparse, with contacts, by impulses, with limits, held velocities.
 SCENES = [
     ("coupled-oscillators", {}),
