@@ -436,8 +436,10 @@ class Run:
             if ending is not None:
                 return ending
         source, decision = self._decision(code)
+        if code in LOCATED:
+            decision = self._with_breaks(decision)
         if due != NOTHING and (decision is None or decision.turn is not Turn.NONE):
-            source, decision = None, (decision or Decision())._replace(turn=Turn.MODES)
+            decision = (decision or Decision())._replace(turn=Turn.MODES)
         if decision is not None:
             return self._act_and_show(source, decision, before, corner)
         return self._end_of(code)
@@ -449,6 +451,24 @@ class Run:
             if decision is not None:
                 return source, decision
         return None, None
+
+    def _with_breaks(self, decision: Decision | None) -> Decision | None:
+        """Return a decision at a located event, joined with that of a break then.
+
+        All modes are then selected with the branches of t after the break: with the
+        former branches of some switches, and the new ones of t, an expression could
+        have a value that it has on neither side.
+        """
+        for source in self.timed:
+            passed = source.decide(self.arc, at.DONE)
+            if passed is not None:
+                own = decision or GO_ON
+                decision = own._replace(
+                    events=own.events + passed.events,
+                    ending=own.ending or passed.ending,
+                    turn=passed.turn,
+                )
+        return decision
 
     def _end_of(self, code: int) -> Ending | None:
         """Return the ending that a kernel's return code means.
