@@ -163,7 +163,8 @@ class Contacts(Source):
             # Ends the regularized beginning of this slip, and of slips begun with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
             p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
-        joint = arc.system.surfaces > 0  # modes are selected with those of surfaces
+        # Where surfaces or a break may change sides, modes are selected after these.
+        joint = arc.system.surfaces > 0 or arc.t >= arc.end
         found = self._through(arc, k, select=not joint)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
@@ -247,7 +248,8 @@ class Contacts(Source):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.name)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
-        if wrong := here.out_of_range(some, met):
+        # Whether the bound of a law falls depends on sides that are decided later.
+        if wrong := here.out_of_range(some, self.also if select else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
         some = [k for k in some if closed[k] and self.laws[k].kind.strikes]

@@ -211,7 +211,7 @@ class Kinematics:
             return np.array([law.restitution for law in self.laws])
         return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
 
-    def out_of_range(self, closed: Collection[int], met: int | None) -> str:
+    def out_of_range(self, closed: Collection[int], met: Collection[int]) -> str:
         """Return a message about a coefficient out of its range, or an empty string.
 
         Bounds must not be negative, static bounds not less than dynamic ones, and
@@ -222,7 +222,7 @@ class Kinematics:
         closed
             The numbers of the closed laws.
         met
-            The law whose event function was located at this time, if any.
+            The laws whose event functions were located at this time.
         """
         e, mu = self.restitutions.tolist(), self.bounds.tolist()
         for k in closed:
@@ -238,11 +238,11 @@ class Kinematics:
                 return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
         return ""
 
-    def _is_weaker_at_rest(self, k: int, met: int | None) -> bool:
+    def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
         """Whether the static bound of a law at slip 0 is less than its dynamic bound.
 
-        The bounds of the law that was located (`met`) are equal within rounding: there
-        it counts whether the static bound falls to the dynamic one.
+        The bounds of a law that was located (`met`) are equal within rounding: there it
+        counts whether the static bound falls to the dynamic one.
         """
         law, own = self.laws[k], [k]
         if law.static == law.bound:
@@ -252,7 +252,7 @@ class Kinematics:
         if (np.abs(self.rates[own]) > self.still[own]).any():
             return False
         left, least = self.statics[k] - self.bounds[k], COMPUTED_ZERO * self.bounds[k]
-        falls = k == met and self.arc.system.p.law_weakens[k] > 0.0
+        falls = k in met and self.arc.system.p.law_weakens[k] > 0.0
         if left < -least or left > least or not falls:
             return bool(left < -least)
         before = self._free_before()
@@ -263,17 +263,13 @@ class Kinematics:
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
-    def _goes_below(self, k: int, met: int | None) -> bool:
-        """Whether the bound of law k, which is 0 or less, is or becomes negative.
+    def _goes_below(self, k: int, met: Collection[int]) -> bool:
+        """Whether a bound of 0 or less is negative by more than rounding, or falls.
 
-        Negative by more than rounding.
-
-        The bound of the law that was located (`met`) is 0 within rounding. At the end
-        of an arc a switch may keep it from falling, as in `max(0, sin(t))`: the test is
-        repeated in the next arc.
+        The bound of a law that was located (`met`) is 0 within rounding.
         """
         before = float(self._free_before()[2][k])
-        falls = k == met and before > 0.0 and self.t < self.arc.end
+        falls = k in met and before > 0.0 and self.t < self.arc.settings.end
         return falls or (before < 0.0 and self.bounds[k] < 0.0)
 
     @cached_property
