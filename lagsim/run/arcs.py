@@ -234,8 +234,12 @@ class Run:
     ) -> None:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
-        found = (x for x in self.sources if isinstance(x, Transitions))
-        self.transitions = next(found, None)
+        self.transitions = self.switching = None
+        for source in self.sources:
+            if isinstance(source, Transitions):
+                self.transitions = source
+            elif isinstance(source, Switching):
+                self.switching = source
         # Sources with event times known in advance.
         self.timed = [x for x in self.sources if type(x).times is not Source.times]
         self.recorder = Recorder(observers)
@@ -429,6 +433,8 @@ class Run:
             arc.runner.meet_instant(arc.state)
         before = self._before(code)
         corner = self._corner(code)
+        if code == at.SWITCH_FOUND and self.switching is not None:
+            self.switching.locate(arc)
         due = NOTHING
         if code in INSTANTS and self.transitions is not None:
             due = self.transitions.due(arc)
@@ -631,10 +637,10 @@ class Run:
         """Apply the impact on constraints whose rates jump at the current time."""
         if before is None:
             return None
-        switching = next((x for x in self.sources if isinstance(x, Switching)), None)
-        struck = impact(self.arc, before, switching)
+        struck = impact(self.arc, before, self.switching)
         self._take(struck)
-        if struck.ending is None and struck.y is not None and switching is not None:
+        moved = struck.ending is None and struck.y is not None
+        if moved and self.switching is not None:
             return self._set_modes()  # by the velocities after the impact
         return struck.ending
 

@@ -108,6 +108,24 @@ class Switching(Source):
         self.passed_at = float(state.cross_times[count - 1])
         return Decision(events=tuple(events))
 
+    def locate(self, arc: Arc) -> None:
+        """Store the distance to its level of the surface that the kernel has located.
+
+        Events of the file that act at the same instant may then change the expression.
+        """
+        hit = int(arc.state.switched) - 1
+        if hit < self.modes.count:
+            self._reach_surface(arc, hit)
+
+    def _reach_surface(self, arc: Arc, k: int) -> None:
+        """Store the time at which surface k is reached, with its distance then."""
+        modes, off = self.modes, 0.0
+        modes.arc = arc
+        if k not in modes.carried:  # a carried surface has another value above
+            value = float(modes.values(arc.t, arc.y)[k])
+            off = abs(value - modes.level(k, value))
+        self.met = arc.t, k, TWICE * off
+
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision at a located switch, or ahead of one that is near.
 
@@ -150,10 +168,9 @@ class Switching(Source):
         if self.stopped[0] == arc.t:
             at_rest = {*at_rest, *self.stopped[1]}
         before, held = self.slides, modes.holds
-        carried = hit in modes.carried
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
-        known = self._known(hit, carried=carried) | dict.fromkeys(at_rest, math.inf)
+        known = self._known() | dict.fromkeys(at_rest, math.inf)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
         left = max(0.0, time - arc.t) if at_rest else 0.0
@@ -269,19 +286,18 @@ class Switching(Source):
                 return None
         return y
 
-    def _known(self, hit: int | None, *, carried: bool) -> dict[int, float]:
-        """Return the surfaces known to be at their levels: index -> largest distance.
+    def _known(self) -> dict[int, float]:
+        """Return the surfaces known to be at their levels, with largest distances.
 
         These are the surface reached last, with its distance then, and the surfaces at
         whose levels constraints hold the motion, with the rounding of the constraints.
         A surface whose expression has jumped since is farther off and not included.
         """
-        modes, arc = self.modes, self.modes.arc
-        values = modes.values(arc.t, arc.y)
-        off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
-        if hit is not None:  # a carried surface has another value above
-            self.met = arc.t, hit, 0.0 if carried else TWICE * off[hit]
-        held = {k: most for k, most in self.resting.items() if off[k] <= most}
+        modes, arc, held = self.modes, self.modes.arc, dict[int, float]()
+        if self.resting:
+            values = modes.values(arc.t, arc.y)
+            off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
+            held = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.held()
         held |= self.resting
         if self.met[0] == arc.t:
@@ -408,7 +424,10 @@ class Switching(Source):
         if found is None:
             return Decision(turn=Turn.ARC) if short else None
         k, time = found
-        return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
+        if k is None:
+            return Decision(turn=Turn.ARC, ahead=time)
+        self._reach_surface(arc, k)
+        return self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
         """Return the next surface, if it is reached already, and a time just before it.
@@ -437,6 +456,7 @@ class Switching(Source):
         """
         k, ahead = self._next(arc)
         if ahead < math.inf and self._is_on(arc, k):
+            self._reach_surface(arc, k)
             return self._meet(arc, k)
         on = any(self._is_on(arc, k) for k in range(self.modes.count))
         if not on or arc.runner.method.NAME != SERIES:
