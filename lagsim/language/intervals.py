@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import OPERATIONS, STEPS
 from lagsim.language.tables import FIRST, Data, table_power
 from lagsim.tolerances import TERM_ROUNDOFF
 
@@ -475,7 +475,7 @@ def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
     """
     smooth, period = axis.numbers[1:3]
     if piece is not None and not smooth > 0.0:
-        return np.floor([piece.lo, piece.hi])
+        return np.floor(np.nan_to_num([piece.lo, piece.hi]))
     found = np.floor(np.nan_to_num(_each("table.knot", axis, x)))
     if piece is not None and not period:
         m = axis.numbers[0]
@@ -575,6 +575,39 @@ RULES = {name: _rule(row) for name, row in OPERATIONS.items() if row.native}
 SQUARE = _strict(_square)
 
 
+def _of_steps(op: str) -> Callable[..., Interval]:
+    """Return the rule of a function whose arguments depend on t by steps alone.
+
+    Where all its arguments are single it has one value in double precision throughout
+    the interval, which is computed as such: in an enclosure of its rounding error,
+    `mod(floor(t), 1.5)` would seem to jump wherever it is 0.
+    """
+    rule, value = RULES[op], OPERATIONS[op]
+
+    def whole(*args: Any) -> Interval:
+        found = rule(*args)
+        numbers = [x for x in args if not isinstance(x, Data)]
+        single = np.zeros(found.lo.shape, bool)
+        single[:] = math.prod((x.lo == x.hi) & ~x.partial & ~x.jumps for x in numbers)
+        if not single.any():
+            return found
+        table = np.stack([np.broadcast_to(x.lo, single.shape) for x in numbers], 1)
+        each, which = np.unique(table[single], axis=0, return_inverse=True)
+        values = np.empty(len(each))
+        for k, row in enumerate(each.tolist()):
+            given = iter(row)
+            values[k] = value(
+                *(x if isinstance(x, Data) else next(given) for x in args)
+            )
+        lo, hi = found.lo.copy(), found.hi.copy()
+        partial, jumps = found.partial.copy(), found.jumps.copy()
+        lo[single] = hi[single] = values[which.ravel()]
+        partial[single] = jumps[single] = False
+        return Interval(lo, hi, partial, jumps)
+
+    return whole
+
+
 class Enclosures:
     """Enclosures of nodes over intervals of one variable, with the others fixed.
 
@@ -600,12 +633,18 @@ class Enclosures:
             for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
         }
         self.program: list[tuple[int, Callable[..., Interval], tuple[int, ...]]] = []
+        stepped = set(fixed)
         for n in sorted(moving.difference(self.running)):
             op, args = g.ops[n], g.args[n]
-            if op == "mul" and args[0] == args[1]:  # x*x is never negative
+            if stepped.issuperset(args):
+                stepped.add(n)
+                self.program.append((n, _of_steps(op), args))
+            elif op == "mul" and args[0] == args[1]:  # x*x is never negative
                 self.program.append((n, SQUARE, args[:1]))
             else:
                 self.program.append((n, RULES[op], args))
+            if op in STEPS or OPERATIONS[op].condition:
+                stepped.add(n)
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
         """Return the enclosure of each node over the intervals from `lo` to `hi`.

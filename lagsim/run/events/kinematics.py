@@ -197,12 +197,17 @@ class Kinematics:
     @cached_property
     def roundoff(self) -> Floats:
         """Bounds (L,) of the errors of `accelerations` by rounding."""
-        # Each component changes by another part: equal parts could cancel.
-        parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
-        free, b, *_ = self._free(self.t, self.y + np.array(parts) * self._known())
+        free, b, *_ = self._beside
         a = self.rows @ free[self.levels[1]] - b
         stirred = np.abs(a - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
+
+    @cached_property
+    def _beside(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return `_free` at a state changed by a part PROBE of its sizes."""
+        # Each component changes by another part: equal parts could cancel.
+        parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
+        return self._free(self.t, self.y + np.array(parts) * self._known())
 
     @cached_property
     def restitutions(self) -> Floats:
@@ -266,11 +271,20 @@ class Kinematics:
     def _goes_below(self, k: int, met: Collection[int]) -> bool:
         """Whether a bound of 0 or less is negative by more than rounding, or falls.
 
-        The bound of a law that was located (`met`) is 0 within rounding.
+        The bound of a law that was located (`met`) is 0 within rounding: it falls if it
+        is negative shortly after, on the sides that are selected now.
         """
-        before = float(self._free_before()[2][k])
-        falls = k in met and before > 0.0 and self.t < self.arc.settings.end
-        return falls or (before < 0.0 and self.bounds[k] < 0.0)
+        least, arc = self._bound_roundoff[k], self.arc
+        if self.bounds[k] < -least or k not in met or not self.t < arc.settings.end:
+            return bool(self.bounds[k] < -least)
+        soon = arc.later(self.y, self.free, arc.moment)
+        return bool(self._free(self.t + arc.moment, soon)[2][k] < -least)
+
+    @cached_property
+    def _bound_roundoff(self) -> Floats:
+        """Bounds (L,) of the rounding errors of `bounds`."""
+        bounds = self._beside[2]
+        return np.asarray(SUM_ROUNDOFF / PROBE * np.abs(bounds - self.bounds))
 
     @cached_property
     def present(self) -> Floats:
