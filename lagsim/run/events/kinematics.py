@@ -197,17 +197,16 @@ class Kinematics:
     @cached_property
     def roundoff(self) -> Floats:
         """Bounds (L,) of the errors of `accelerations` by rounding."""
-        free, b, *_ = self._beside
+        free, b, *_ = self._beside(self.t)
         a = self.rows @ free[self.levels[1]] - b
         stirred = np.abs(a - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
-    @cached_property
-    def _beside(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at a state changed by a part PROBE of its sizes."""
+    def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return `_free` at time t, and a state changed by a part PROBE of its sizes."""
         # Each component changes by another part: equal parts could cancel.
         parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
-        return self._free(self.t, self.y + np.array(parts) * self._known())
+        return self._free(t, self.y + np.array(parts) * self._known())
 
     @cached_property
     def restitutions(self) -> Floats:
@@ -283,7 +282,7 @@ class Kinematics:
     @cached_property
     def _bound_roundoff(self) -> Floats:
         """Bounds (L,) of the rounding errors of `bounds`."""
-        bounds = self._beside[2]
+        bounds = self._beside(self.t * (1.0 + PROBE))[2]
         return np.asarray(SUM_ROUNDOFF / PROBE * np.abs(bounds - self.bounds))
 
     @cached_property

@@ -227,7 +227,7 @@ class TimeBreaks(_Ahead):
     def begin(self, arc: Arc) -> Decision:
         """Set the branches of time switches for the interval up to the next break."""
         if self._is_other(arc):
-            self._next = self._following(inf)
+            self._discrete, self._next = None, self._following(inf)
         if self._own:
             if self._discrete is None:
                 nodes = self._nodes(arc)[: len(self._own)]
