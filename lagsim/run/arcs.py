@@ -405,15 +405,16 @@ class Run:
         over |= arc.state.cut > 0.0  # the state is that of the step as it was
         return not over
 
-    def _meet(self) -> None:
-        """Replace the arc's time by the time of its instant, see `instants`."""
+    def _meet(self, code: int) -> None:
+        """Replace a located time by the time of the instant to which it belongs."""
         arc, settings = self.arc, self.arc.settings
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant
             return
         known = [time for source in self.timed for time in source.times(arc)]
         soon, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
-        if soon < ahead <= SAME_STEP * settings.duration:
+        near = soon < ahead <= SAME_STEP * settings.duration
+        if near and code == at.EVENT_FOUND:
             soon = max(soon, located_within(arc))
         arc.state.t = instant(
             settings, [t for t in known if t <= arc.t + soon] or [arc.t]
@@ -428,7 +429,7 @@ class Run:
         if code == at.EVENT_FOUND and len(arc.state.orientation) > 1 and wait(arc):
             return None
         if code in LOCATED:
-            self._meet()
+            self._meet(code)
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
             arc.runner.meet_instant(arc.state)
         before = self._before(code)

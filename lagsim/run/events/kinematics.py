@@ -282,7 +282,8 @@ class Kinematics:
     @cached_property
     def _bound_roundoff(self) -> Floats:
         """Bounds (L,) of the rounding errors of `bounds`."""
-        bounds = self._beside(self.t * (1.0 + PROBE))[2]
+        span = max(abs(self.t), self.arc.settings.duration)
+        bounds = self._beside(self.t + PROBE * span)[2]
         return np.asarray(SUM_ROUNDOFF / PROBE * np.abs(bounds - self.bounds))
 
     @cached_property

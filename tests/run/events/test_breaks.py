@@ -8,6 +8,7 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+import yaml
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
@@ -20,6 +21,7 @@ from lagsim.run.events import times
 from lagsim.run.events.breaks import break_times
 from lagsim.run.trajectory import Outcome
 from tests.patience import PATIENCE
+from tests.support import simulate
 
 
 def search(text, start, end, **values):
@@ -327,3 +329,30 @@ def test_breaks_toward_a_pole_end_a_run(monkeypatch, of):
 )
 def test_breaks_that_come_faster_and_have_no_end_do_not(monkeypatch, of):
     assert last_of(monkeypatch, of(K).tolist()) == (of(K[-1]), None)
+
+
+@pytest.mark.parametrize(
+    ("text", "pieces"),
+    [
+        ("sign(mod(floor(2*t + 0.625), 1.5))", {0.1875: 1, 1.1875: 0, 1.6875: 1}),
+        ("heaviside(0.1 - mod(floor(t)/3, 1/3))", {}),
+        ("if(mod(3*floor(t), 2) > 0, 1, 0)", {1.0: 1, 2.0: 0}),
+        ("sign(floor(floor(t)*0.5) - floor(t)*0.5)", {1.0: -1, 2.0: 0}),
+    ],
+)
+def test_steps_that_stay_at_a_level_of_other_steps_have_breaks(text, pieces):
+    model = {
+        "coordinates": {"x": {}},
+        "energy": {"kinetic": "x_dot^2/2", "potential": "0"},
+        "forces": {"x": text},
+        "initial": {"x": 0, "x_dot": 0},
+        "simulation": {"duration": 2.5, "output_step": 0.5},
+    }
+    found = simulate(yaml.safe_dump(model))
+    assert [e.time for e in found.events if e.kind == "switch"] == pytest.approx(
+        list(pieces), abs=1e-12
+    )
+    first = {"heaviside(0.1 - mod(floor(t)/3, 1/3))": 1}.get(text, 0)
+    times, values = [0.0, *pieces, 2.5], [first, *pieces.values()]
+    speed = sum(v * (b - a) for v, a, b in zip(values, times, times[1:], strict=False))
+    assert found["x_dot"][-1] == pytest.approx(speed, abs=1e-12)
