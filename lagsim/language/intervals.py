@@ -475,7 +475,7 @@ def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
     """
     smooth, period = axis.numbers[1:3]
     if piece is not None and not smooth > 0.0:
-        return np.floor(np.nan_to_num([piece.lo, piece.hi]))
+        return np.asarray(np.floor(np.nan_to_num([piece.lo, piece.hi])))
     found = np.floor(np.nan_to_num(_each("table.knot", axis, x)))
     if piece is not None and not period:
         m = axis.numbers[0]

@@ -203,7 +203,7 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at time t, and a state changed by a part PROBE of its sizes."""
+        """Return `_free` at t and at a state changed by a part PROBE of its sizes."""
         # Each component changes by another part: equal parts could cancel.
         parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
         return self._free(t, self.y + np.array(parts) * self._known())

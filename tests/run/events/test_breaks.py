@@ -354,5 +354,6 @@ def test_steps_that_stay_at_a_level_of_other_steps_have_breaks(text, pieces):
     )
     first = {"heaviside(0.1 - mod(floor(t)/3, 1/3))": 1}.get(text, 0)
     times, values = [0.0, *pieces, 2.5], [first, *pieces.values()]
-    speed = sum(v * (b - a) for v, a, b in zip(values, times, times[1:], strict=False))
+    spans = (b - a for a, b in itertools.pairwise(times))
+    speed = sum(v * span for v, span in zip(values, spans, strict=True))
     assert found["x_dot"][-1] == pytest.approx(speed, abs=1e-12)

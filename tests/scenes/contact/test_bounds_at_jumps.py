@@ -1,8 +1,10 @@
 """Bounds of laws whose arguments jump: limits, friction, static and dynamic.
 
 A body slides at 64 and is slowed by its bound b(t) alone: its speed is 64 less the
-integral of b, of which all pieces are linear in t. The clock c moves at a constant rate.
+integral of b, of which all pieces are linear in t. The clock c moves steadily.
 """
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,8 +14,12 @@ from tests.support import simulate
 
 LAWS = {
     "limit": {"relation": "v_dot = 0", "limit": "{0}"},
-    "static": {"relation": "v_dot = 0", "limit": {"static": "{0} + 1", "dynamic": "{0}"}},
-    "friction": {"relation": "z >= 0", "restitution": 0, "friction": "{0}", "slip": "v_dot"},
+    "static": {
+        "relation": "v_dot = 0", "limit": {"static": "{0} + 1", "dynamic": "{0}"},
+    },
+    "friction": {
+        "relation": "z >= 0", "restitution": 0, "friction": "{0}", "slip": "v_dot",
+    },
     "disc": {
         "relation": "z >= 0", "restitution": 0, "friction": "{0}",
         "slip": ["v_dot", "w_dot"],
@@ -91,14 +97,12 @@ def test_a_bound_is_judged_after_a_break_at_the_time_at_which_its_argument_jumps
     assert found.outcome == "done"
     slope, jumps = 1 - 2 * 1.90625, [k / 2 - 1 / 32 for k in range(1, 5)]
     edges = [0.0, *jumps, 2.0]
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in pairwise(edges):
         first = low - 1.90625 * ((2 * low + 1.0625) % 1)
         zeros = (low + (1.5 * k - first) / slope for k in range(-3, 3))
         edges += [t for t in zeros if low < t < high]
     edges = sorted(edges)
-    total = sum(
-        (b - a) * bound((a + b) / 2) for a, b in zip(edges, edges[1:], strict=False)
-    )
+    total = sum((b - a) * bound((a + b) / 2) for a, b in pairwise(edges))
     assert found["v_dot"][-1] == pytest.approx(64 - total, abs=1e-9)
 
 
