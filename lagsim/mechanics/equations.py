@@ -1005,8 +1005,10 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
         rows = zip(model.located, before, after, strict=True)
         true = [k for k, (x, a, b) in enumerate(rows) if _comes(x.equality, a, b)]
         is_over |= len(located) in true
+        # An event's own act does not make its condition true.
+        spared = spent.union(due)
         due = [located[k] for k in true if k < len(located)]
-        due = [k for k in due if k not in spent]
+        due = [k for k in due if k not in spared]
     return Begun(tuple(acts), is_over=is_over)
 
 

@@ -230,10 +230,10 @@ class Run:
                  if true and not self._was[k] and k != "until"}  # fmt: skip
         at = self.flights.reading(arc.series, {}, _at_point)
         for e in self.m.events:
-            if e.equal is not None and self._crossed(e.name, now, arc) is not None:
-                why = "an event's own act crosses its relation"
-                if e.name in now.acted and self.flights.fork((e.name, "own"), 2, why):
-                    continue
+            # An event's own act does not make its condition true; that of an event
+            # after it does.
+            counts = e.equal is not None and e.name not in now.round
+            if counts and self._crossed(e.name, now, arc) is not None:
                 found.add(e.name)
             if e.at is None or e.name in now.acted:
                 continue
@@ -274,6 +274,7 @@ class Run:
             They restore modes of this instant, by events that may act again.
         """
         before, single = modes, False
+        now.round = set(fired)
         for e in self.m.events:
             if e.name in fired:
                 series = arc.series | {u: constant(x) for u, x in modes.items()}
@@ -425,6 +426,7 @@ class Instant:
         self.t, self.y, self.before, self.keys, self.start = t, y, before, keys, start
         self.struck = self.jumped = False
         self.acted: list[str] = []
+        self.round: set[str] = set()  # the events that acted together last
         self.seen: list[dict[str, float]] = []  # modes before acts of located events
 
 
