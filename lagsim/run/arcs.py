@@ -406,7 +406,7 @@ class Run:
         return not over
 
     def _meet(self, code: int) -> None:
-        """Replace a located time by the time of the instant to which it belongs."""
+        """Replace the arc's time by the time of its instant, see `instants`."""
         arc, settings = self.arc, self.arc.settings
         if is_same(settings, arc.t, self.instant):
             arc.state.t = self.instant

@@ -287,7 +287,7 @@ class Switching(Source):
         return y
 
     def _known(self) -> dict[int, float]:
-        """Return the surfaces known to be at their levels, with largest distances.
+        """Return the surfaces known to be at their levels: index -> largest distance.
 
         These are the surface reached last, with its distance then, and the surfaces at
         whose levels constraints hold the motion, with the rounding of the constraints.
