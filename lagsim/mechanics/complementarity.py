@@ -180,23 +180,20 @@ def solve(problem: Problem) -> Solution:
     r = len(problem.c)
     if not (np.isfinite(problem.c).all() and np.isfinite(problem.D).all()):
         raise FloatingPointError("forces that are not finite")
-    groups = _decoupled(problem) if r > 1 else []
-    if len(groups) <= 1:
+    parts = groups(problem)
+    if len(parts) <= 1:
         return _solved(problem)
     p, w, found = np.zeros(r), np.zeros(r), True
-    for rows in groups:
+    for rows in parts:
         p[rows], w[rows], own = _solved(problem.part(rows))
         found = found and own
     return Solution(p, w, found)
 
 
-def _decoupled(problem: Problem) -> list[list[int]]:
-    """Return the groups of rows that are coupled by entries of D, bounds or discs.
-
-    The list is empty where D has no zero entry: all rows are coupled.
-    """
+def groups(problem: Problem) -> list[list[int]]:
+    """Return the groups of rows that are coupled by entries of D, bounds or discs."""
     if problem.D.all():
-        return []
+        return [list(range(len(problem.c)))]
     sets = DisjointSets(len(problem.c))
     for i, j in np.argwhere(problem.D).tolist():
         sets.merge(i, j)

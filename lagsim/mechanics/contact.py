@@ -42,6 +42,8 @@ from lagsim.mechanics.algebra import Metric, Span, least_squares, null_space, sc
 from lagsim.mechanics.complementarity import (
     RATES_ROUNDOFF,
     Problem,
+    Solution,
+    groups,
     least_parts,
     rates_at,
     solve,
@@ -61,7 +63,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Flags, Floats, Ints
-    from lagsim.mechanics.complementarity import Solution
     from lagsim.mechanics.constraints import Law
 
 
@@ -507,11 +508,11 @@ def modes(
     while True:
         sizes = np.where(given | begun, closed.bounds, closed.statics)
         problem = _problem(closed, accelerations, sizes, directions, given=given)
-        solution = solve(problem)
+        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
+        solution = _solution(rows)
         if not solution.found:
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
-        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
         if problem.discs:
             solution = _eased(rows, _supported(rows, solution))
         found, directions_found = rows.edges(solution)
@@ -590,6 +591,43 @@ class _Rows:
         on_discs = (problem.pairs >= 0) | coupled
         parts = np.where(on_discs, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
         return np.asarray(np.maximum(self.roundoff, parts * terms))
+
+    def part(self, p: Floats, some: Flags) -> float:
+        """Return the largest friction of `some` rows (r,) in parts of its bound."""
+        limits, most = self.problem.limits(p), 0.0
+        for k in np.flatnonzero(some & (limits > 0.0)).tolist():
+            most = max(most, float(np.linalg.norm(p[self.disc(k)])) / limits.item(k))
+        return most
+
+    @cached_property
+    def forces(self) -> Floats:
+        """Forces (k,) with c = factor^T forces: those without any multiplier."""
+        Y = self.closed.factor
+        lengths = np.linalg.norm(Y, axis=0)
+        own = lengths > 0.0
+        return least_squares(
+            (Y[:, own] / lengths[own]).T, self.problem.c[own] / lengths[own]
+        )
+
+    def unbalanced(self, p: Floats, rests: Flags, K: Floats) -> Floats:
+        """Return the least x (j,) such that K x balances all forces on rows at rest.
+
+        Parameters
+        ----------
+        p : ndarray, shape (r,)
+            Multipliers.
+        rests : ndarray of bool, shape (r,)
+            The rows at rest.
+        K : ndarray, shape (k, j)
+            Directions in the space of the factor.
+        """
+        Y = self.closed.factor[:, rests]
+        lengths = np.linalg.norm(Y, axis=0)
+        U, s, _ = np.linalg.svd(
+            Y / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False
+        )
+        Q = U[:, s > DEPENDENT_ROWS * s[0]].T
+        return least_squares(Q @ K, Q @ (self.closed.columns @ p + self.forces))
 
     def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:
         """Return the modes (r,) and directions (r,) of all rows, with ties decided.
@@ -811,6 +849,33 @@ class _Independent(Span):
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 
+def _solution(rows: _Rows) -> Solution:
+    """Return multipliers of all rows with their accelerations.
+
+    Whether limits hold bodies at rest is a question of forces alone. It is decided
+    without the accelerations that inertias of different sizes would give.
+    """
+    problem = rows.problem
+    if not problem.discs:
+        return solve(problem)
+    found = Solution(np.zeros(len(problem.c)), problem.c.copy(), found=True)
+    free = (problem.normals < 0) & ~rows.given
+    free[rows.one_sided] = False
+    left = list[int]()
+    for group in groups(problem):
+        rests = np.zeros(len(free), dtype=bool)
+        rests[group] = free[group].all()
+        rests &= rows.closed.columns.any(axis=0)
+        held = _spread(rows, found, rests, balanced=False) if rests.any() else None
+        left += [] if held else group
+        found = held or found
+    if left:
+        left.sort()
+        found.p[left], found.w[left], solved = solve(problem.part(left))
+        found = found._replace(found=solved)
+    return found
+
+
 def _supported(rows: _Rows, solution: Solution) -> Solution:
     """Return a solution in which contacts with a force are independent, if possible.
 
@@ -858,46 +923,88 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
 def _eased(rows: _Rows, solution: Solution) -> Solution:
     """Return a solution whose static friction is as far inside its bounds as possible.
 
-    The solution is changed only where the multipliers are not unique and some friction
-    is at its bound: a slip begins only where no choice of multipliers prevents it.
+    A slip begins only where no choice of multipliers prevents it. Whether bodies at
+    rest stay at rest is a question of forces alone, whatever the inertias are: where
+    rows that are coupled with a disc are all at rest, it is decided first whether they
+    stay. Otherwise the rows without acceleration stay at rest.
     """
-    p, closed, kinds = solution.p, rows.closed, rows.closed.kinds
-    limits = rows.problem.limits(p)
-    rounding = rows.rounding(p, limits, coupled=True)
-    rests = np.abs(solution.w) <= rounding
-    for disc in rows.problem.discs:  # both of its rows rest, or neither
-        rests[disc] = np.linalg.norm(solution.w[disc]) <= rounding[disc].max()
-    rests &= ~rows.given
-    rests &= closed.columns.any(axis=0)
-    rubs, pushes = rests & (limits > 0.0), rests & (p > 0.0)
-    pushes &= np.array([kind.one_sided for kind in kinds])
-    timed = rests & np.array([kind is Kind.TIMED for kind in kinds])
+    for group in groups(rows.problem):
+        discs = [disc for disc in rows.problem.discs if disc[0] in group]
+        if not discs:
+            continue
+        limits = rows.problem.limits(solution.p)
+        rounding = rows.rounding(solution.p, limits, coupled=True)
+        still = np.abs(solution.w) <= rounding
+        for disc in discs:  # both of its rows rest, or neither
+            still[disc] = np.linalg.norm(solution.w[disc]) <= rounding[disc].max()
+        rests = np.zeros(len(still), dtype=bool)
+        rests[group] = True
+        slides = bool((rests & rows.given).any())
+        rests &= ~rows.given & rows.closed.columns.any(axis=0)
+        moves = bool((rests & ~still).any())
+        if not moves and rows.part(solution.p, rests) < 1.0 - RATES_ROUNDOFF:
+            continue
+        found = _spread(rows, solution, rests, balanced=False) if not slides else None
+        if found is None and (slides or moves):
+            found = _spread(rows, solution, rests & still, balanced=True)
+        solution = found or solution
+    return solution
+
+
+def _spread(
+    rows: _Rows, solution: Solution, rests: Flags, *, balanced: bool
+) -> Solution | None:
+    """Return a solution in which some rows rest, with the least parts of their bounds.
+
+    None where no multipliers hold these rows, or better ones are not found.
+
+    Parameters
+    ----------
+    rows : _Rows
+    solution : Solution
+        The multipliers of all other rows are kept.
+    rests : ndarray of bool, shape (r,)
+        The rows that rest.
+    balanced : bool
+        Whether the accelerations of these rows are 0 in `solution`.
+    """
+    closed, p = rows.closed, solution.p.copy()
+    sided, timed = (
+        rests & np.array(kinds)
+        for kinds in zip(*((k.one_sided, k is Kind.TIMED) for k in closed.kinds))
+    )
+    pushes = sided & (p > 0.0)
+    rubs = rests & (rows.problem.limits(p) > 0.0)
     some = np.flatnonzero(rubs | pushes | timed)
+    if not len(some):
+        return None
+    lengths = np.linalg.norm(closed.columns[:, some], axis=0)
+    K = closed.columns[:, some] / lengths
+    if not balanced:
+        for _ in range(2):
+            p[some] -= rows.unbalanced(p, rests, K) / lengths
+        if not (p[pushes] > 0.0).all():
+            return None
     discs, radii = np.zeros((2, len(p), len(p)))
     for k in np.flatnonzero(rubs).tolist():
         first = rows.disc(k)[0]
         discs[first, k], radii[first, closed.normals[k]] = 1.0, closed.normals[k] >= 0
     own = discs.any(axis=1)
     discs, radii = discs[own][:, some], radii[own][:, some]
-
-    def largest(p: Floats) -> float:
-        parts = p / np.where(rubs, rows.problem.limits(p), 1.0)
-        return float((discs @ parts[some] ** 2).max(initial=0.0))
-
-    if largest(p) < 1.0 - RATES_ROUNDOFF:
-        return solution
-    lengths = np.linalg.norm(closed.columns, axis=0)
-    bounds = np.where(rubs, limits, np.where(pushes, p, 1.0))
-    bounds[timed] = (limits * lengths).max() / lengths[timed]
-    bounds, lengths = bounds[some], lengths[some]
-    free = null_space(closed.columns[:, some] / lengths) / (lengths * bounds)[:, None]
-    if not free.size:
-        return solution
-    eased, free = p.copy(), np.linalg.qr(free)[0]
-    parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
-    eased[some] = parts * bounds
-    if not largest(eased) < min(1.0, largest(p)):
-        return solution
+    limits = rows.problem.limits(p)
+    bounds = np.where(rubs, limits, np.where(pushes, p, 1.0))[some]
+    most = (limits[some] * lengths).max()
+    bounds = np.where(timed[some], most / lengths, bounds)
+    free = null_space(K) / (lengths * bounds)[:, None]
+    eased = p.copy()
+    if free.size and (balanced or rows.part(p, rests) > 1.0 - RATES_ROUNDOFF):
+        free = np.linalg.qr(free)[0]
+        parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
+        eased[some] = parts * bounds
+    part = rows.part(eased, rests)
+    most = min(1.0, rows.part(p, rests)) if balanced else 1.0 + SETTLED_IMPULSE
+    if not part < most:
+        return None
     return solution._replace(p=eased, w=np.where(rests, 0.0, solution.w))
 
 
