@@ -542,6 +542,9 @@ EDGE = 1e-8
 # At the bound, the force of a disc is known to the square root of rounding only: it
 # counts as being along a direction within this angle.
 ALONG = 1e-3
+# Friction up to this part of its bound is shared well enough. Close to its bound each
+# small growth of a load would end a mode, and begin another one.
+INSIDE = 0.5
 
 
 @dataclass(frozen=True)
@@ -942,7 +945,7 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
         slides = bool((rests & rows.given).any())
         rests &= ~rows.given & rows.closed.columns.any(axis=0)
         moves = bool((rests & ~still).any())
-        if not moves and rows.part(solution.p, rests) < 1.0 - RATES_ROUNDOFF:
+        if not moves and rows.part(solution.p, rests) < INSIDE:
             continue
         found = _spread(rows, solution, rests, balanced=False) if not slides else None
         if found is None and (slides or moves):
@@ -968,11 +971,9 @@ def _spread(
     balanced : bool
         Whether the accelerations of these rows are 0 in `solution`.
     """
-    closed, p = rows.closed, solution.p.copy()
-    sided, timed = (
-        rests & np.array(kinds)
-        for kinds in zip(*((k.one_sided, k is Kind.TIMED) for k in closed.kinds))
-    )
+    closed, p, kinds = rows.closed, solution.p.copy(), rows.closed.kinds
+    sided = rests & np.array([kind.one_sided for kind in kinds])
+    timed = rests & np.array([kind is Kind.TIMED for kind in kinds])
     pushes = sided & (p > 0.0)
     rubs = rests & (rows.problem.limits(p) > 0.0)
     some = np.flatnonzero(rubs | pushes | timed)
@@ -997,7 +998,7 @@ def _spread(
     bounds = np.where(timed[some], most / lengths, bounds)
     free = null_space(K) / (lengths * bounds)[:, None]
     eased = p.copy()
-    if free.size and (balanced or rows.part(p, rests) > 1.0 - RATES_ROUNDOFF):
+    if free.size and (balanced or rows.part(p, rests) > INSIDE):
         free = np.linalg.qr(free)[0]
         parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
         eased[some] = parts * bounds
