@@ -864,10 +864,11 @@ def _solution(rows: _Rows) -> Solution:
     found = Solution(np.zeros(len(problem.c)), problem.c.copy(), found=True)
     free = (problem.normals < 0) & ~rows.given
     free[rows.one_sided] = False
+    on_discs = problem.pairs >= 0
     left = list[int]()
     for group in groups(problem):
         rests = np.zeros(len(free), dtype=bool)
-        rests[group] = free[group].all()
+        rests[group] = free[group].all() and on_discs[group].any()
         rests &= rows.closed.columns.any(axis=0)
         held = _spread(rows, found, rests, balanced=False) if rests.any() else None
         left += [] if held else group

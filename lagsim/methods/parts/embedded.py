@@ -370,7 +370,8 @@ def prepare_dense(s: Embedded, p: Parameters) -> None:
     s.uncertain = 0.0
     if PAIR.most_last < inf:
         s.first[:] = k[:size]
-        s.uncertain = 1.0 if last_term(s) > PAIR.most_last else 0.0
+        # Also nan, where a stage beyond an event has overflowed, is uncertain.
+        s.uncertain = 0.0 if last_term(s) <= PAIR.most_last else 1.0
     if CONSTRAINED and s.passes > 0.0:
         s.uncertain = 0.0  # a loss of rank is passed by one step and no other
 

@@ -578,8 +578,11 @@ def test_redundant_discs_slip_where_no_multipliers_hold_them(rows, force, order,
     # Multipliers beside discs are known to 1e-10 of their bounds.
     assert found.times("slip")[0] == pytest.approx(end, rel=1e-9)
     before = found.t < end * (1.0 - 1e-8)
-    # Rounding of the forces in balance moves a light body more.
-    assert np.max(np.abs(found["x"][before])) < 1e-12 / min(1.0, mass) ** 0.5
+    # The sum of forces in balance is rounded once a row. If all errors had one sign,
+    # they would accelerate the body by their sum over its inertia.
+    rounding = len(rows) * np.finfo(float).eps * sum(L for _, L in rows)
+    moved = rounding / min(1.0, mass) * end**2 / 2.0
+    assert np.max(np.abs(found["x"][before])) < moved
 
 
 STRIBECK = {
@@ -590,9 +593,8 @@ STRIBECK = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "slow"), [(law, 1e-6) for law in STRIBECK] + [(min(STRIBECK), 1e-8)]
-)
+@pytest.mark.parametrize("law", STRIBECK)
+@pytest.mark.parametrize("slow", [1e-6, 1e-8])
 @pytest.mark.parametrize("as_limit", [True, False])
 def test_a_bound_that_falls_within_a_tiny_speed(law, slow, as_limit):
     """Against LSODA between slips and stops.
