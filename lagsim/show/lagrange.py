@@ -475,6 +475,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
         )
     }  # fmt: skip
     found["equations"] = lines = []
+    x.operations(n for line in s.equations for n in line)  # refused before the first
     sides = [x.sympy(line) for line in s.equations]
     for q, (momentum, left, Q) in zip(e.q, sides, strict=True):
         about = {"coordinate": q, "momentum": momentum}

@@ -368,16 +368,26 @@ class Translation:
             If the expressions requested so far, written out, exceed the limit.
         """
         nodes = list(nodes)
-        present = (n for n in nodes if n is not None)
-        extents = written_out(self.g, present, self._extents)
-        self._operations += together(extents).operations
-        if self._operations > limits.DERIVED_OPERATIONS:
-            most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
-            raise too_long(f"the equations, written out, have more than {most}")
+        self._operations = self.operations(n for n in nodes if n is not None)
         return [
             None if n is None else self.tidy(self._value(n), written=written)
             for n in nodes
         ]
+
+    def operations(self, nodes: Iterable[int]) -> int:
+        """Return the operations of nodes and of the expressions requested so far.
+
+        Raises
+        ------
+        InputError
+            If this number exceeds the limit.
+        """
+        extents = written_out(self.g, nodes, self._extents)
+        found = self._operations + together(extents).operations
+        if found > limits.DERIVED_OPERATIONS:
+            most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
+            raise too_long(f"the equations, written out, have more than {most}")
+        return found
 
     def node(self, e: Any, original: int) -> int:
         """Return a node for `e`, the simplified form of the node `original`.

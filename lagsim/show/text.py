@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     Row = tuple[str, Any] | tuple[str, Any, str]
     Rows = Sequence[Sequence[str]]  # of a matrix, written
     Part = dict[str, Any]  # of the document
+    Named = tuple[Name, tuple[Any, ...]]  # the parts of a row
     from collections.abc import Iterable, Sequence
 
     from lagsim.show.symbols import Translation
@@ -632,26 +633,27 @@ class Families:
 
     def rows(self, rows: Iterable[tuple[Name, Sequence[Any]]]) -> list[Members]:
         """Return the rows, merged by family at the place of the first member."""
-        found: dict[Any, list[tuple[int, Name, tuple[Any, ...]]]] = {}
+        found: dict[Any, list[tuple[int, Named, Named]]] = {}
         for place, (name, parts) in enumerate(rows):
             k = self.member_of(name)
+            own = common = name, tuple(parts)
             key: Any = place
             if k is not None:
-                common = (self._counted(e, k, self.letter) for e in parts)
+                counted = (self._counted(e, k, self.letter) for e in parts)
+                common = self._name(name, k, self.letter), tuple(counted)
                 # Signs of sums within depend on the order of the names.
-                whole = (e if _terms(e) > MOST_TERMS else sp.expand(e) for e in common)
-                key = self._name(name, k, self.letter), tuple(whole)
-            found.setdefault(key, []).append((k or 0, name, tuple(parts)))
+                whole = (
+                    e if _terms(e) > MOST_TERMS else sp.expand(e) for e in common[1]
+                )
+                key = common[0], tuple(whole)
+            found.setdefault(key, []).append((k or 0, own, common))
         result = []
         for members in found.values():
+            _, own, common = members[0]
             numbers = tuple(sorted(k for k, *_ in members))
-            k, name, parts = members[0]
-            if len(members) > 1:
-                name = self._name(name, k, self.letter)
-                parts = tuple(self._counted(e, k, self.letter) for e in parts)
-            else:
-                numbers = ()
-            result.append(Members(name, tuple(map(self.sums, parts)), numbers))
+            name, alike = common if len(members) > 1 else own
+            numbers = numbers if len(members) > 1 else ()
+            result.append(Members(name, tuple(map(self.sums, alike)), numbers))
         return result
 
     def _name(self, name: Name, k: int, letter: str) -> Name:
