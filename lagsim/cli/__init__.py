@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 
 COMMANDS = (
-    "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
-    "golden", "bench", "stability", "equilibrium", "modes", "fit", "methods",
-    "explain", "schema",
+    "new", "explore", "run", "sweep", "check", "derive", "compare", "overlay",
+    "spectrum", "golden", "bench", "stability", "equilibrium", "modes", "fit",
+    "methods", "explain", "schema",
 )  # fmt: skip
 
 

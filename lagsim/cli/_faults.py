@@ -105,6 +105,18 @@ def reported(
     return error.exit_code
 
 
+def text_of(error: LagsimError) -> str:
+    """Return the text of an error as `reported` prints it, without colours."""
+    if isinstance(error, StartError):
+        from lagsim.cli._verdict import report
+
+        return report(error.equations, error.examined)
+    problems = [Problem(error.code, str(error)).whole]
+    if isinstance(error, InputError):
+        problems = list(error.problems)
+    return "\n\n".join(map(str, problems))
+
+
 def plain(error: LagsimError) -> str:
     """Return the text of an error without colours, as printed to a file or pipe."""
     if isinstance(error, StartError):

@@ -108,7 +108,8 @@ class Parameter(NamedTuple):
     """Parameter of the model; an input of every compiled function.
 
     `follows`: its expression in the file uses other parameters. Events set a `mode`,
-    whose value here is that at the start. `uncertainty` is one standard deviation.
+    whose value here is that at the start. `uncertainty` is one standard deviation,
+    `range` the least and the greatest value of its slider.
     """
 
     name: str
@@ -118,6 +119,7 @@ class Parameter(NamedTuple):
     follows: bool = False
     mode: bool = False
     uncertainty: float = 0.0
+    range: tuple[float, float] | None = None
 
 
 class Coordinate(NamedTuple):

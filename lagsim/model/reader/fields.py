@@ -388,7 +388,7 @@ def _keys_below(section: str) -> dict[str, Form]:
 
 
 COORDINATE, VALUE = _keys_below("coordinates"), _keys_below("parameters")
-DEFINITION = {key: VALUE[key] for key in VALUE if key != "uncertainty"}
+DEFINITION = {key: VALUE[key] for key in VALUE if key not in ("uncertainty", "range")}
 START, CONSTRAINT = _keys_below("initial"), _keys_below("constraints")
 STATE, EVENT = _keys_below("states"), _keys_below("events")
 FRAME, BODY = _keys_below("frames"), _keys_below("bodies")

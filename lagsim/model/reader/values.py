@@ -79,6 +79,7 @@ class _Entry(NamedTuple):
     unit: str = ""
     about: str = ""
     uncertainty: Node | None = None
+    range: Node | None = None
 
 
 def _value_entry(
@@ -94,7 +95,7 @@ def _value_entry(
     found.needs("value", belongs(key.text) or "write {value: ..., unit: ...}")
     value = found.value("value") or Broken(key.place)
     about = found.text("unit"), found.text("description")
-    return _Entry(value, *about, found.value("uncertainty"))
+    return _Entry(value, *about, found.value("uncertainty"), found.value("range"))
 
 
 class Definitions:
@@ -282,6 +283,7 @@ class Parameters(_Numbers):
             rule = partial(self._rule, name, what, below)
             read = self._read(expression, what, rule, beside=expression is node)
             deviation = self._deviation(entry.uncertainty, what, rule)
+            between = self._range(entry.range, what, rule)
             below.discard(name)
             if read is not None:
                 _, parsed, value = read
@@ -290,7 +292,7 @@ class Parameters(_Numbers):
                 (self.x.modes if mode else self.known)[name] = value
                 about = entry.unit, entry.about
                 found.append(
-                    Parameter(name, value[0], *about, follows, mode, deviation)
+                    Parameter(name, value[0], *about, follows, mode, deviation, between)
                 )
         return tuple(found)
 
@@ -307,6 +309,27 @@ class Parameters(_Numbers):
             text = f"{what} is {value:g}, a standard deviation is 0 or larger"
             self.x.faults.add("out-of-range", text, scalar)
         return value
+
+    def _range(
+        self, node: Node | None, what: str, rule: Rule
+    ) -> tuple[float, float] | None:
+        """Return the least and the greatest value of a slider, None without a range."""
+        if node is None:
+            return None
+        what, faults = f"`range` of {what}", self.x.faults
+        if not isinstance(node, Sequence) or len(node.items) != 2:
+            text = f"{what} is a list of two numbers, the least and the greatest value"
+            faults.add("wrong-count", text, node.place, "write range: [0, 10]")
+            return None
+        ends = [self._read(end, what, rule) for end in node.items]
+        low, high = (None if end is None else end[2][0] for end in ends)
+        if low is None or high is None:
+            return None
+        if not low < high:
+            text = f"{what} goes from {low:g} to {high:g}: the second must be larger"
+            faults.add("out-of-range", text, node.place)
+            return None
+        return low, high
 
     def _check_names(self) -> None:
         names, faults = self.x.names, self.x.faults

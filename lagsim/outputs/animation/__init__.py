@@ -132,7 +132,9 @@ class Film(NamedTuple):
 
     @property
     def dimension(self) -> int:
-        """Number of components of a place."""
+        """Number of components of a place; 2 where nothing is drawn."""
+        if not self.tracks and not self.shapes:
+            return 2
         places = [track.place for track in self.tracks.values()]
         return int([*places, *(body.at for body in self.shapes)][0].shape[1])
 
@@ -532,10 +534,28 @@ def _slopes(t: Floats, place: Floats) -> Floats:
     return rate
 
 
+def unseen(name: str, columns: Mapping[str, Floats], events: Sequence[Event]) -> Film:
+    """Return the film of a model that has nothing to draw: its energies and events.
+
+    Parameters
+    ----------
+    name : str
+    columns : mapping of str to ndarray, shape (rows,)
+    events : sequence of Event
+    """
+    t = columns["t"]
+    energies = {k: columns[k] for k in ENERGIES if k in columns}
+    nothing = np.zeros(len(t), dtype=bool)
+    return Film(name, "", t, nothing, {}, energies=energies, events=events)
+
+
 # --- The page
 
 # In this order: each script uses the ones before it.
-SCRIPTS = ("motion.js", "view.js", "draw.js", "panel.js", "page.js")
+COMMON = ("motion.js", "view.js", "draw.js", "panel.js", "player.js")
+SCRIPTS = (*COMMON, "page.js")
+# A page of its own takes nothing from anywhere.
+CLOSED = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
 # The data of a page, for `recorded`.
 _DATA = re.compile(
     r'<script type="application/json" id="runs">(.*?)</script>', re.DOTALL
@@ -558,7 +578,8 @@ def record(film: Film) -> dict[str, Any]:
     size = extent(film.tracks)
     names = list(film.tracks)
     places = [track.place for track in film.tracks.values()]
-    every = reached(places, film.shapes)
+    drawn = places or film.shapes
+    every = reached(places, film.shapes) if drawn else np.empty((0, film.dimension))
     looks = film.looks or ("",) * len(film.links)
     strings = film.lengths or (None,) * len(film.links)
     points: list[dict[str, Any]] = []
@@ -702,18 +723,56 @@ def _link(
 
 def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
     """Return the HTML page on which runs play side by side, on one clock."""
-    here = Path(__file__).parent
-    text = (here / "page.html").read_text("utf-8")
     data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     # Nothing in it may end the element that it stands in.
     data = data.replace("<", "\\u003c")
+    return filled(
+        title, kind="plays", scripts=SCRIPTS, policy=CLOSED + "img-src data:",
+        data=f'<script type="application/json" id="runs">{data}</script>\n',
+    )  # fmt: skip
+
+
+def part(name: str) -> str:
+    """Return the text of a file that pages consist of."""
+    return (Path(__file__).parent / name).read_text("utf-8")
+
+
+def filled(
+    title: str,
+    *,
+    kind: str,
+    scripts: Sequence[str],
+    policy: str,
+    styles: Sequence[str] = ("page.css",),
+    more: str = "",
+    data: str = "",
+) -> bytes:
+    """Return an HTML page from its parts.
+
+    Parameters
+    ----------
+    title : str
+    kind : str
+        The class of its body.
+    scripts, styles : sequence of str
+        Names of files.
+    policy : str
+        The Content-Security-Policy within the page.
+    more, data : str
+        Elements before the controls, and before the script.
+    """
     parts = {
         "TITLE": html.escape(title),
-        "STYLE": (here / "page.css").read_text("utf-8"),
+        "POLICY": policy,
+        "KIND": kind,
+        "MORE": more,
+        "STYLE": "\n".join(map(part, styles)),
         "DATA": data,
-        "SCRIPT": "\n".join((here / name).read_text("utf-8") for name in SCRIPTS),
+        "SCRIPT": "\n".join(map(part, scripts)),
     }
-    whole = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], text)
+    whole = re.sub(
+        r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], part("page.html")
+    )
     return whole.encode(errors="replace")
 
 

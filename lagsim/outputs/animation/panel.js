@@ -109,20 +109,9 @@ function within(pen, text, x, width) {
 }
 
 class TimeLine {
-  constructor(canvas, runs, seek) {
-    Object.assign(this, {canvas, runs, seek});
+  constructor(canvas, seek) {
+    Object.assign(this, {canvas, runs: [], start: 0, end: 0});
     this.pen = canvas.getContext("2d");
-    this.start = Math.min(...runs.map((run) => run.start));
-    this.end = Math.max(...runs.map((run) => run.end));
-    const horizons = runs.map((run) => run.horizon).filter((t) => t !== null);
-    this.horizon = horizons.length ? Math.min(...horizons) : null;
-    this.marks = Object.keys(EVENTS).concat("").flatMap((kind) => {
-      const found = runs.flatMap((run) => run.events)
-        .filter((e) => kind ? e.kind === kind : !(e.kind in EVENTS));
-      return found.length ? [{kind: kind || found[0].kind, times: found.map((e) => e.t).sort((a, b) => a - b)}] : [];
-    });
-    canvas.setAttribute("aria-valuemin", this.start);
-    canvas.setAttribute("aria-valuemax", this.end);
     const follow = (event) => seek(this.time(event.offsetX));
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -132,6 +121,21 @@ class TimeLine {
       if (event.buttons) follow(event);
       canvas.title = this.about(event.offsetX);
     });
+  }
+
+  load(runs) {
+    this.runs = runs;
+    this.start = Math.min(...runs.map((run) => run.start));
+    this.end = Math.max(...runs.map((run) => run.end));
+    const horizons = runs.map((run) => run.horizon).filter((t) => t !== null);
+    this.horizon = horizons.length ? Math.min(...horizons) : null;
+    this.marks = Object.keys(EVENTS).concat("").flatMap((kind) => {
+      const found = runs.flatMap((run) => run.events)
+        .filter((e) => kind ? e.kind === kind : !(e.kind in EVENTS));
+      return found.length ? [{kind: kind || found[0].kind, times: found.map((e) => e.t).sort((a, b) => a - b)}] : [];
+    });
+    this.canvas.setAttribute("aria-valuemin", this.start);
+    this.canvas.setAttribute("aria-valuemax", this.end);
     this.times = [...new Set(runs.flatMap((run) => run.events.map((e) => e.t)))].sort((a, b) => a - b);
   }
 
@@ -271,9 +275,11 @@ class TimeLine {
   }
 }
 
-// Drag moves the plane and turns the space; wheel and two fingers zoom.
-function follow(canvas, view, redraw) {
+// Drag moves the plane and turns the space; wheel and two fingers zoom. `grab` returns
+// what follows a pointer that has taken something, else null.
+function follow(canvas, view, redraw, grab = () => null) {
   const fingers = new Map();
+  let taken = null;
   const spread = () => {
     const [a, b] = [...fingers.values()];
     return {apart: Math.hypot(a[0] - b[0], a[1] - b[1]), x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2};
@@ -281,8 +287,10 @@ function follow(canvas, view, redraw) {
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    taken = fingers.size === 1 ? grab(event.offsetX, event.offsetY) : null;
   });
   canvas.addEventListener("pointermove", (event) => {
+    if (taken && fingers.has(event.pointerId)) { taken(event.offsetX, event.offsetY, false); return; }
     const before = fingers.get(event.pointerId);
     if (!before) return;
     const was = fingers.size === 2 ? spread() : null;
@@ -299,7 +307,11 @@ function follow(canvas, view, redraw) {
     redraw();
   });
   for (const name of ["pointerup", "pointercancel"])
-    canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
+    canvas.addEventListener(name, (event) => {
+      if (taken && fingers.delete(event.pointerId)) taken(event.offsetX, event.offsetY, true);
+      fingers.delete(event.pointerId);
+      taken = null;
+    });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     view.enlarge(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);

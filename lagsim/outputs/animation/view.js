@@ -2,9 +2,15 @@
 
 class View {
   constructor(run) {
+    this.width = this.height = 1;
+    this.load(run);
+    this.reset();
+  }
+
+  // Another run, seen as the one before.
+  load(run) {
     this.run = run;
     this.space = run.dimension === 3;
-    this.width = this.height = 1;
     const spans = run.box.map(([low, high]) => high - low);
     const size = Math.max(0, ...spans);
     const far = Math.max(0, ...run.box.flat().map(Math.abs));
@@ -22,7 +28,6 @@ class View {
         this.step * Math.ceil((this.middle[k] + this.spans[k] / 2) / this.step - 1e-9),
       ]);
     }
-    this.reset();
   }
 
   reset() {

@@ -1,0 +1,68 @@
+"""`lagsim explore`: a page on which values are set and the motion follows."""
+
+from __future__ import annotations
+
+import gc
+import webbrowser
+
+import typer
+
+from lagsim.cli._faults import text_of
+from lagsim.cli._shared import SETS, assignments, complain, flag, numbers, option, put
+from lagsim.errors import Problems, unusable
+from lagsim.model.loading import STANDARD_INPUT
+
+
+def command(
+    model: str = typer.Argument(metavar="MODEL", help="Model file."),
+    sets: list[str] | None = SETS,
+    vary: list[str] | None = option(
+        "NAME[=A:B]",
+        "A parameter or start value with a slider from A to B; may be repeated. "
+        "Default: all plain parameters and all start values.",
+        "--vary",
+    ),
+    port: int = typer.Option(0, "--port", min=0, max=65535, help="0: a free one."),
+    no_browser: bool = flag("--no-browser", "Print the address, open no browser."),
+) -> int:  # fmt: skip
+    """Set values on a page and watch the motion follow, until Ctrl-C."""
+    from lagsim.studies.explore.engine import Engine
+    from lagsim.studies.explore.server import HOST, Server
+
+    if model == STANDARD_INPUT:
+        text = "explore needs a file, which it reads again when it has been saved"
+        raise unusable("usage", text)
+    engine = Engine(model, assignments(sets), _ranges(vary), text_of)
+    try:
+        server = Server(engine, port)
+    except OSError as error:
+        text = f"--port {port}: {HOST} does not offer this port: {error.strerror}"
+        raise unusable("usage", text) from None
+    # At once, also into a pipe.
+    put(lambda: print(f"{engine.model.name}: {server.address}", flush=True))
+    if not no_browser and not webbrowser.open(server.address):
+        complain("no browser was found: open the address above in one")
+    complain("Ctrl-C ends")
+    # A command collects no garbage, since it ends soon. This one goes on.
+    gc.freeze()
+    gc.enable()
+    try:
+        server.serve()
+    except KeyboardInterrupt:
+        server.end()
+    return 0
+
+
+def _ranges(vary: list[str] | None) -> dict[str, tuple[float, float] | None]:
+    """Parse the names to vary and the ends of their sliders."""
+    problems, found = Problems(), dict[str, tuple[float, float] | None]()
+    for text in vary or ():
+        name, equals, after = (part.strip() for part in text.partition("="))
+        found[name] = None
+        if equals:
+            found[name] = numbers(
+                problems, f"--vary {name}", after, what="A below B",
+                example="--vary K=5:50", allowed=lambda a, b: a < b,
+            )  # fmt: skip
+    problems.refuse()
+    return found

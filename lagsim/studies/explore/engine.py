@@ -1,0 +1,510 @@
+"""Motions of a model file at any values of its parameters and of its start.
+
+The model is read and derived once, its functions are compiled once (see
+`lagsim.studies.trials`), and each motion binds new values. When the file has changed it
+is read again. Faults of the file or of the values are texts, as the commands print
+them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import pickle
+import struct
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.errors import (
+    InputError,
+    LagsimError,
+    Problem,
+    Problems,
+    did_you_mean,
+    unusable,
+)
+from lagsim.model.reader import read_file
+from lagsim.outputs.animation import film, frames_of, record, unseen
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.units import units
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers.thinning import Frames
+from lagsim.run.trajectory import Outcome
+from lagsim.studies.explore.dragging import dragged
+from lagsim.studies.rest import turning
+from lagsim.studies.trials import Forms, tried
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.codes.known import ErrorCode
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model, Parameter
+    from lagsim.run.session import Session
+
+    Values = Mapping[str, float | str]
+    Document = dict[str, Any]
+
+WHO = "explore"
+# Rows of a motion that a page receives: a screen has no more columns of pixels.
+MOST_ROWS = 2048
+# A slider of a parameter covers this multiple of its value, of a start value this
+# multiple of the extent of the motion about the start.
+TIMES, ABOUT = 3.0, 2.0
+# Letters of an expression.
+LONGEST = 1000
+
+
+class Slider(NamedTuple):
+    """A value that the page changes.
+
+    Attributes
+    ----------
+    name, unit, description : str
+    value : float
+        The value in the file.
+    low, high : float
+        The ends of the slider; nan for a start value until a motion is known.
+    start : bool
+        Whether it is a start value, and not a parameter.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+    description: str = ""
+    start: bool = False
+
+
+class SupersededError(Exception):
+    """A motion was interrupted, because a later one is wanted."""
+
+
+class Engine:
+    """Motions of one model file.
+
+    Methods may be called by several threads; one computation runs at a time.
+
+    Parameters
+    ----------
+    file : str
+        Path of the model file.
+    overrides : mapping of str to str
+        Values of `--set`.
+    vary : mapping of str to (float, float) or None
+        The names on the page with the ends of their sliders, if stated; all plain
+        parameters and all start values if the mapping is empty.
+    shown : callable
+        Text of an error, as a command prints it.
+
+    Attributes
+    ----------
+    fault : str
+        The fault of the file as it is now, or "". The last sound model stays in use.
+    version : int
+        Number of sound models read so far.
+
+    Raises
+    ------
+    LagsimError
+        If the file has faults when the engine is created, or a name is unknown.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        overrides: Mapping[str, str],
+        vary: Mapping[str, tuple[float, float] | None],
+        shown: Callable[[LagsimError], str],
+    ) -> None:
+        self.file, self._overrides, self._vary = file, dict(overrides), dict(vary)
+        self._shown = shown
+        self._lock = threading.Lock()
+        self._asked: dict[str, Interrupt] = {}
+        self.fault, self.version = "", 0
+        self._stamps: dict[Path, tuple[int, int]] = {}
+        self._digest = self._read()
+        self._use(read_file(file, self._overrides))
+
+    # --- The file
+
+    def _use(self, model: Model) -> None:
+        """Take a model as the one that moves."""
+        sliders, content = _sliders(model, self._vary), pickle.dumps(model)
+        self.model, self._sliders, self._content = model, sliders, content
+        self._forms = Forms(content, {}, WHO)
+        self._around: dict[str, list[float]] = {}
+        self.version += 1
+
+    def files(self) -> list[Path]:
+        """Return the paths of the model file and of the files of its tables."""
+        model = getattr(self, "model", None)
+        tables = {t.file for t in model.tables if t.file} if model else set()
+        file = Path(self.file)
+        return [file, *(file.parent / name for name in sorted(tables))]
+
+    def _read(self) -> str:
+        """Return a digest of all files; unreadable ones count as empty."""
+        found = hashlib.sha256()
+        for path in self.files():
+            try:
+                content = path.read_bytes()
+            except OSError:
+                content = b""
+            found.update(b"%d\n" % len(content) + content)
+        return found.hexdigest()
+
+    def changed(self) -> bool:
+        """Read the file again if it, or a table of it, has been saved since.
+
+        Returns
+        -------
+        bool
+            Whether the content has changed; then `version` or `fault` is new.
+        """
+        stamps = {}
+        for path in self.files():
+            try:
+                status = path.stat()
+            except OSError:
+                continue
+            stamps[path] = status.st_mtime_ns, status.st_size
+        if stamps == self._stamps:
+            return False
+        self._stamps = stamps
+        digest = self._read()
+        if digest == self._digest:
+            return False
+        self._digest = digest
+        try:
+            model = read_file(self.file, self._overrides)
+            with self._lock:
+                self._use(model)
+            self.fault = ""
+        except LagsimError as error:
+            self.fault = self._shown(error)
+        return True
+
+    @property
+    def document(self) -> Document:
+        """The model, for the page: name, description, sliders, version, fault."""
+        return {
+            "name": self.model.name,
+            "description": self.model.description,
+            "sliders": [x._asdict() for x in self._sliders],
+            "version": self.version,
+            "fault": self.fault,
+        }
+
+    def equations(self) -> str:
+        """Return the equations of motion as MathML."""
+        from lagsim.mechanics.equations import derive
+        from lagsim.show import has_many_rows
+        from lagsim.show.lagrange import content
+        from lagsim.show.mathml import as_mathml
+
+        # Of its own, for motions are computed meanwhile.
+        model = pickle.loads(self._content)
+        equations = derive(model, chained=has_many_rows(model))
+        return as_mathml(content(equations, matrices=False))
+
+    def text(self, values: Values) -> str:
+        """Return the text of the model file with other values, comments kept.
+
+        Raises
+        ------
+        LagsimError
+            If a value cannot be used, or the file has no place for it.
+        """
+        with self._lock:
+            given = self._texts(values)
+            bound = self.model.bind(**given)
+            known = bound.parameter_values
+            known |= {x.name: x.value for x in bound.initial}
+            wanted = self._overrides | given
+            return self.model.stated.rewritten({name: known[name] for name in wanted})
+
+    # --- Motions
+
+    def motion(self, values: Values, page: str) -> bytes:
+        """Return the motion at some values, in the format of `packed`.
+
+        Parameters
+        ----------
+        values : mapping of str to float or str
+            Numbers and expressions that replace those of the file.
+        page : str
+            Identifies the page. A later call for the same page ends this one.
+
+        Raises
+        ------
+        SupersededError
+        LagsimError
+            If a value cannot be used, or the start is not admissible.
+        """
+        with self._alone(page) as interrupt:
+            session = self._session(values)
+            names = session.columns.names
+            shown = frames_of(session.equations, names).names
+            table = names[: session.columns.table]
+            wanted = tuple(dict.fromkeys((*table, *shown)))
+            frames = Frames(names, wanted, MOST_ROWS)
+            ended = session.run([frames], interrupt=interrupt)
+            if interrupt.asked:
+                raise SupersededError
+            notes = [] if ended.outcome.complete else [f"incomplete: {ended.reason}"]
+            columns = dict(zip(wanted, frames.table.T, strict=True))
+            about = units(session.equations, session.columns.of_table)
+            made = film(
+                session.equations, frames, ended.events, units=about, notes=notes
+            )
+            model = session.case.model
+            header = {
+                "version": self.version,
+                "film": record(made or unseen(model.name, columns, ended.events)),
+                "columns": list(table),
+                "units": about,
+                "state": self._state_names(session),
+                "ends": self._ends(session, columns),
+                "values": _values_of(session),
+                "error": self._ended(ended.outcome, ended.reason),
+            }
+            return packed(header, [columns[name] for name in table])
+
+    def state(self, values: Values, t: float) -> dict[str, float]:
+        """Return time, coordinates, rates and first-order states at a time of the run.
+
+        Parameters
+        ----------
+        t : float
+            Replaced by the nearest time of the run.
+
+        Raises
+        ------
+        LagsimError
+            If a value cannot be used, or the run fails before t.
+        """
+        with self._lock:
+            session = self._session(values)
+            settings = session.case.settings
+            first, last = sorted((settings.start, settings.start + settings.duration))
+            found = tried(session, np.array([min(max(t, first), last)]))
+            row = found.rows[0] if len(found.rows) else np.full(1, math.nan)
+            if not math.isfinite(row[0]):
+                if found.outcome == Outcome.UNTIL.word and found.end < t:
+                    found = tried(session, np.array([found.end]))
+                    row = found.rows[0]
+                else:
+                    raise _failure(found.code, found.reason)
+            known = dict(zip(found.columns, row.tolist(), strict=True))
+            return {name: known[name] for name in self._state_names(session)}
+
+    def drag(
+        self, values: Values, t: float, point: str, target: Sequence[float]
+    ) -> dict[str, float]:
+        """Return start values with a point of the scene at a target, or near it.
+
+        Parameters
+        ----------
+        values
+            The values of the motion that the page shows.
+        t : float
+            Time of the configuration from which the point is dragged.
+        point : str
+            Name of a point of the scene.
+        target : sequence of float
+            The place of the point, (2,) or (3,).
+
+        Raises
+        ------
+        LagsimError
+            If a value cannot be used.
+        """
+        state = self.state(values, t)
+        with self._lock:
+            session = self._session(values)
+            return dragged(session.case, state, point, np.array(target, float))
+
+    def _alone(self, page: str) -> _Alone:
+        return _Alone(self._lock, self._asked, page)
+
+    def _texts(self, values: Values) -> dict[str, str]:
+        """Return the expressions of values; refuse what is no number or text."""
+        found = {}
+        for name, value in values.items():
+            text = value if isinstance(value, str) else _digits(value)
+            if len(text) > LONGEST or not text.strip():
+                shown = f"{text[:20]}..." if text.strip() else "empty"
+                raise unusable(
+                    "usage", f"the value of `{name}` is no expression: {shown}"
+                )
+            if not isinstance(value, str) and not math.isfinite(value):
+                raise unusable(
+                    "usage", f"the value of `{name}` is {value}, not a finite number"
+                )
+            found[name] = text
+        return found
+
+    def _session(self, values: Values) -> Session:
+        return self._forms.session(self._texts(values))
+
+    def _state_names(self, session: Session) -> list[str]:
+        return ["t", *session.equations.state]
+
+    def _ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
+        """Return the ends of the sliders by name, those of start values by a motion."""
+        if not self._around:
+            periodic = turning(Point(session.equations, session.case.start))
+            angles = dict(zip(session.equations.q, periodic.tolist(), strict=True))
+            for x in self._sliders:
+                if math.isnan(x.low):
+                    ends = _around(x, columns[x.name], angle=angles.get(x.name, False))
+                else:
+                    ends = x.low, x.high
+                self._around[x.name] = [*ends]
+        return self._around
+
+    def _ended(self, outcome: Outcome, reason: str) -> str:
+        """Return the text of a failure, or "" for a complete run."""
+        if outcome.complete:
+            return ""
+        code = str(outcome.value) if outcome.failed else ""
+        return self._shown(_failure(code, reason))
+
+    def told(self, error: LagsimError) -> str:
+        """Return the text of an error, as a command prints it."""
+        return self._shown(error)
+
+
+class _Alone:
+    """Context of one computation; the page's earlier one is interrupted.
+
+    Raises
+    ------
+    SupersededError
+        On entry, if a later computation of the page is waiting.
+    """
+
+    def __init__(
+        self, lock: threading.Lock, asked: dict[str, Interrupt], page: str
+    ) -> None:
+        self._lock, self._asked, self._page = lock, asked, page
+        self._own = Interrupt()
+
+    def __enter__(self) -> Interrupt:
+        before = self._asked.get(self._page)
+        self._asked[self._page] = self._own
+        if before is not None:
+            before.stop()
+        self._lock.acquire()
+        if self._own.asked:
+            self._lock.release()
+            raise SupersededError
+        return self._own
+
+    def __exit__(self, *_: object) -> None:
+        if self._asked.get(self._page) is self._own:
+            del self._asked[self._page]
+        self._lock.release()
+
+
+def packed(header: Document, columns: Sequence[Floats]) -> bytes:
+    """Return a motion as bytes: header and columns.
+
+    The length of the header as 32 bits, the header in JSON filled with spaces to a
+    multiple of 8 bytes with its length, then each column as float64; all little-endian.
+    """
+    rows = len(columns[0])
+    content = encode(header | {"rows": rows}).rstrip()
+    content += b" " * (-(4 + len(content)) % 8)
+    numbers = np.stack(columns).astype("<f8").tobytes()
+    return struct.pack("<I", len(content)) + content + numbers
+
+
+def _values_of(session: Session) -> dict[str, float]:
+    """Return the values of parameters and the start, by name."""
+    model, equations = session.case.model, session.equations
+    start = session.case.start
+    state = np.concatenate([start.q, start.v, start.s]).tolist()
+    return model.parameter_values | dict(zip(equations.state, state, strict=True))
+
+
+def _failure(code: str, reason: str) -> LagsimError:
+    return InputError([Problem(cast("ErrorCode", code or "failed"), reason)])
+
+
+def _sliders(
+    model: Model, vary: Mapping[str, tuple[float, float] | None]
+) -> list[Slider]:
+    """Return the sliders of a model: the names of `vary`, or all that have numbers.
+
+    Raises
+    ------
+    InputError
+        If the model has no value of a name.
+    """
+    every = [
+        _of_parameter(p) for p in model.parameters if vary or not (p.follows or p.mode)
+    ]
+    variables = {x.name: x for x in model.variables}
+    every += [
+        Slider(
+            x.name, x.value, math.nan, math.nan,
+            variables[x.name].unit if x.name in variables else "", start=True,
+        )
+        for x in model.initial
+        if x.node is None
+    ]  # fmt: skip
+    if not vary:
+        return every
+    known, problems, found = {x.name: x for x in every}, Problems(), []
+    for name, ends in vary.items():
+        if name not in known:
+            hint = did_you_mean(name, known) or f"one of {', '.join(known)}"
+            text = f"there is no parameter or start value `{name}`"
+            problems.add("unknown-name", text, hint=hint)
+            continue
+        x = known[name]
+        if ends is not None:
+            x = x._replace(low=ends[0], high=ends[1])
+        found.append(x)
+    problems.refuse()
+    return found
+
+
+def _of_parameter(p: Parameter) -> Slider:
+    low, high = p.range or sorted((0.0, TIMES * p.value))
+    if low == high:
+        low, high = -1.0, 1.0
+    return Slider(p.name, p.value, low, high, p.unit, p.description)
+
+
+def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
+    """Return the ends of the slider of a start value.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows,)
+        The values in a motion from this start.
+    angle : bool
+        Whether the motion is the same a whole turn later.
+    """
+    middle, reach = x.value, math.pi
+    if angle:
+        middle = 0.0 if abs(x.value) <= math.pi else x.value
+    else:
+        values = values[np.isfinite(values)]
+        extent = float(np.ptp(values)) if len(values) else 0.0
+        reach = ABOUT / 2.0 * extent or abs(x.value) or 1.0
+    return middle - reach, middle + reach
+
+
+def _digits(value: float) -> str:
+    """Return a number in all its digits; a whole one without a point."""
+    return repr(float(value)).removesuffix(".0")
