@@ -21,6 +21,11 @@ class Called:
     out: str
     err: str
 
+    def reports(self, number, *names):
+        """Tell whether stderr has a message of this number, with these names in it."""
+        found = f"[{number}]" in self.err
+        return found and all(name in self.err for name in names)
+
     @property
     def json(self) -> Any:
         """The document on stdout: one, and nothing else."""

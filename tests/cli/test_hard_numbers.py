@@ -17,7 +17,7 @@ def test_a_run_too_short_to_be_divided(lagsim, write):
     model = write(FREE.replace("duration: 1", "duration: 5e-324"))
     for command in ("run", "check", "golden"):
         called = lagsim(command, model, code=2)
-        assert "model.yaml:4:24: the run is 4.94066e-324 long" in called.err
+        assert called.reports("E129", "model.yaml:4:24:", "4.94066e-324")
 
 
 # NumPy's warnings are silent in the process of the command, which says it in words.
@@ -44,7 +44,7 @@ def test_a_start_that_doubles_do_not_hold(lagsim, write, inertia, rows):
 def test_a_contact_whose_multiplier_doubles_do_not_hold(lagsim, write):
     text = FREE + "constraints: {c: {relation: 1e-160*x >= 0, restitution: 0}}\n"
     called = lagsim("run", write(text.replace("n: 1", "n: 3")), "--no-plots", code=3)
-    assert "values that are not finite at t = 2.0" in called.err
+    assert called.reports("E503", "t = 2.0")
 
 
 def test_a_point_of_the_scene_that_is_nowhere(lagsim, write):
@@ -119,4 +119,4 @@ def test_a_guess_whose_square_is_no_number(lagsim, write):
     start = "x: {guess: 1e200}, y: {guess: 1e180}"
     text = scene(start, constraints="c: x^2 + y^2 = 1e300")
     called = lagsim("check", write(text), code=2)
-    assert "`x^2` in the constraint `c` is inf at the start" in called.err
+    assert called.reports("E221", "`x^2`", "`c`", " inf ")

@@ -51,7 +51,7 @@ def test_the_default_is_the_pendulum(lagsim, tmp_path):
 def test_nothing_is_overwritten(lagsim, tmp_path):
     (tmp_path / "mine.yaml").write_text("years of work")
     called = lagsim("new", "mine", code=2, out="")
-    assert "mine.yaml is there already" in called.err
+    assert called.reports("E703", "mine.yaml")
     assert (tmp_path / "mine.yaml").read_text() == "years of work"
 
 

@@ -64,4 +64,4 @@ def test_what_cannot_be_is_refused(lagsim, result, words, told):
 
 def test_a_file_that_cannot_be_written(lagsim, result):
     called = lagsim("spectrum", result, "x", "-o", "nowhere/x.csv", code=3)
-    assert "nowhere cannot be written" in called.err
+    assert called.reports("E705", "nowhere")

@@ -74,4 +74,4 @@ def test_without_an_error_bar_nothing_is_repeated(lagsim, write):
     path = write(HILL.replace("STEP", "5"))
     called = lagsim("run", path, "-o", "out", "--error-bar", "never", code=3)
     assert not anew(manifest("out"))
-    assert "from t = 5 on the rows are not valid" in called.err
+    assert called.reports("E508", "t = 5 ")
