@@ -54,8 +54,7 @@ def _modes(folder, turns):
     run, modes = times.values()
     rows = [_row(key, x) for key, x in times.items()]
     notes = [
-        f"modes takes {modes.least / run.least:.3g} times as long as the run; "
-        f"at most {MODES} are expected"
+        f"modes / run: {modes.least / run.least:.3g}; at most {MODES} are expected"
     ]
     head = ["command", "s, least", "s, median"]
     return Table("Modes of a chain of 100 masses, whole commands", head, rows, notes)
@@ -75,8 +74,8 @@ def _sensitivities(folder, turns):
     counts = {name: x["runs"] for name, x in found["sensitivities"].items()}
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())
     notes = [
-        f"{sum(counts.values()) + 1} runs, at most {RUNS} expected: {listed}, and the "
-        "run itself; 41 where the first step serves"
+        f"{sum(counts.values()) + 1} runs, the middle one included: {listed}",
+        f"at most {RUNS} are expected, and 41 where the first step serves",
     ]
     head = ["command", "s, least", "s, median"]
     rows = [_row(key, x) for key, x in times.items()]
@@ -90,7 +89,7 @@ def _fit(folder, turns):
     process([LAGSIM, "run", model, *step, "--no-plots", "-q", "-o", data])
     varied = [x for name in ("l", "K", "g") for x in ("--vary", name)]
     command = [
-        LAGSIM, "fit", model, data / "trajectory.csv", *varied, "--match", "theta=theta",
+        LAGSIM, "fit", model, data / "trajectory.csv", *varied,
         "--set", "l=1.01", "--set", "K=26", "--no-plots", "-q", "-o", folder / "fit",
     ]  # fmt: skip
     times = alternate({"fit": _called(command)}, turns)

@@ -37,6 +37,7 @@ from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.run.session import StartError, begun
+from lagsim.studies.continuum import Continuum
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
@@ -487,7 +488,7 @@ class Search:
             verdict = stability(steady)
         except (ValueError, np.linalg.LinAlgError):
             return None
-        far = self.distance(moved.q)
+        far = self.distance(steady.state.q)
         return Equilibrium(steady, far, from_start, *verdict)
 
     def steady(self, found: AtRest) -> Steady:
@@ -495,6 +496,21 @@ class Search:
         still = np.flatnonzero(~self._moves).tolist()
         free = [self._point.e.q[j] for j in still]
         return steady_rest(self.setting, found._replace(undetermined=free))
+
+    def _nearest_held(self, steady: Steady) -> Steady:
+        """Return the nearest rest of the continuum that friction holds, if it does."""
+        if not steady.sticks or self.distance(steady.state.q) <= SAME_RESULT:
+            return steady
+        q0 = self._point.q
+        sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
+        region = Continuum(self.setting.equations, steady, q0, sizes, self.unknowns)
+        found = region.nearest()
+        if found is None:
+            return steady
+        try:
+            return _steady(self.setting, found, region.held, steady.free, sticks=True)
+        except (ValueError, np.linalg.LinAlgError):
+            return steady
 
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
@@ -509,7 +525,7 @@ class Search:
         """
         found = self.nearby(Way.CONTRACTED)
         if found is not None:
-            return self.steady(found)
+            return self._nearest_held(self.steady(found))
         return self.all(starts)[0].steady
 
     def all(
@@ -539,7 +555,16 @@ class Search:
                 break
         if not kept:
             raise NoRestError(self._remaining(self.tried))
-        return sorted(kept, key=lambda x: x.distance)
+        nearest = (self._nearer(x) for x in kept)
+        return sorted(nearest, key=lambda x: x.distance)
+
+    def _nearer(self, one: Equilibrium) -> Equilibrium:
+        """Return the nearest rest of the continuum around a rest, or the rest."""
+        steady = self._nearest_held(one.steady)
+        if steady is one.steady:
+            return one
+        far = self.distance(steady.state.q)
+        return Equilibrium(steady, far, one.from_start, *stability(steady))
 
     def _each(self, starts: int) -> Iterator[AtRest | None]:
         yield self.nearby()

@@ -62,8 +62,9 @@ ENOUGH = 1e-10
 # Difference of two orders, relative to the largest value of a derivative, above which a
 # row is not differentiable.
 NOT_DIFFERENTIABLE = 1e-6
-# Number of runs of the first step, and of all steps of a name on average.
-FIRST_RUNS, MOST_RUNS = 8, 14
+# Number of runs of the first step, of each further one at most, and of all steps of a
+# name on average.
+FIRST_RUNS, MORE_RUNS, MOST_RUNS = 8, 6, 14
 # Weights of (f(jh) - f(-jh))/(2h), j = 1, 2, ..., by order.
 CENTRAL = {
     8: (8 / 5, -2 / 5, 8 / 105, -1 / 140),
@@ -365,7 +366,7 @@ class Sensitivities:
 
         found, power = at(0), 0
         for step in (-1, 1):
-            while len(runs.known) + 2 <= spare and found.score > (0, ENOUGH):
+            while len(runs.known) + MORE_RUNS <= spare and found.score > (0, ENOUGH):
                 wanted = -1 if found.lost.any() or _truncated(found) else 1
                 if wanted != step:
                     break

@@ -11,7 +11,7 @@ import lagsim
 from lagsim.model.reader import read
 from lagsim.studies.sensitivities import Sensitivities
 from lagsim.studies.trials import Trials
-from tests.support import refused
+from tests.support import MODELS, refused
 
 OSCILLATOR = """
 parameters: {k: 4, z: 0}
@@ -197,6 +197,15 @@ def test_five_names_cost_seventy_runs_at_most():
     times = np.linspace(0.0, 10.0, 11)
     found = [*study(ELASTIC, times).by_each(["K", "theta", "r", "m", "g"])]
     assert 40 < sum(x.runs for x in found) < 70
+
+
+@pytest.mark.slow
+def test_names_that_all_need_further_steps_cost_70_runs_at_most():
+    model = read((MODELS / "elastic-pendulum.yaml").read_text(), "<model>")
+    found = Sensitivities(model, times=np.linspace(0.0, 36.0, 19))
+    each = [x.runs for x in found.by_each(["l", "g", "K", "theta", "u"])]
+    assert each[0] == 14
+    assert 1 + sum(each) <= 70
 
 
 def test_five_names_cost_41_runs_where_the_first_step_serves(monkeypatch):

@@ -1,0 +1,176 @@
+"""Nearest point of a continuum of rests that sticking friction holds.
+
+Where friction or a limit sticks, positions of rest fill a region, bounded by the limits
+of the multipliers. Its point nearest to the start minimises the squared changes of the
+coordinates, relative to their sizes, under the equations of rest and these limits; the
+unknowns are positions, first-order states and multipliers.
+
+Source: D. Kraft, A software package for sequential quadratic programming, DFVLR-FB
+88-28 (1988): the method SLSQP of scipy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import Rest
+from lagsim.admissibility.verdict import judge_laws
+from lagsim.mechanics.constraints import Kind
+from lagsim.tolerances import COMPUTED_ZERO
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.studies.rest import Steady
+
+# Iterations of the minimisation, and of the projection onto active limits.
+ITERATIONS, PROJECTIONS = 200, 8
+# Distance from a limit, as a part of the squared forces, at which it is active; the
+# step of central differences of limits, which are squares.
+ACTIVE, STEP = 1e-5, 1e-4
+
+
+class Continuum:
+    """Rests with given rows in force, as points of a region.
+
+    Parameters
+    ----------
+    equations : Equations
+        With the laws of the model.
+    steady : Steady
+        A rest of the region, with all rows that hold there.
+    goal, sizes : ndarray, shape (n,)
+        The coordinates of the start, and the sizes to which changes are relative.
+    unknowns : tuple of sequence of int
+        The positions and the first-order states that may change.
+
+    Attributes
+    ----------
+    held : list of Row
+        The rows in force, of laws.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        steady: Steady,
+        goal: Floats,
+        sizes: Floats,
+        unknowns: tuple[Sequence[int], Sequence[int]],
+    ) -> None:
+        laws, names = equations.laws, {row.name for row in steady.equations.rows}
+        at = Point(equations, steady.state)
+        self._laws = [law for law in laws if law.row.name in names]
+        self._all = laws
+        self.held = [law.row for law in self._laws]
+        self._rest = rest = Rest(at, (), self.held, unknowns)
+        free, states = (list(x) for x in unknowns)
+        lam = np.array([steady.values[f"lambda_{row.name}"] for row in rest.rows])
+        limited = [law for law in self._laws if law.kind is Kind.LIMITED]
+        limits = at.array([law.static or law.bound for law in limited])
+        forces = np.abs(np.concatenate([lam, limits]))
+        self._force = float(np.max(forces, initial=0.0)) or 1.0
+        self._sizes = np.concatenate([
+            sizes[free], np.maximum(1.0, np.abs(at.state.s[states])),
+            np.full(len(lam), self._force),
+        ])  # fmt: skip
+        self._start = np.concatenate([at.q[free], at.state.s[states], lam])
+        self._start /= self._sizes
+        self._goal, self._count = goal[free] / sizes[free], len(free)
+        self._first = len(self._start) - len(self.held)
+        lengths = np.linalg.norm(self._slopes(self._start), axis=1)
+        self._rows = np.flatnonzero(lengths > COMPUTED_ZERO * np.max(lengths))
+        self._weights = 1.0 / lengths[self._rows]
+
+    def _slopes(self, z: Floats) -> Floats:
+        """Return the slopes of the equations of rest (m, k) at scaled unknowns (k,)."""
+        return np.asarray(self._rest.looked_at(z * self._sizes)[1] * self._sizes)
+
+    def _equations(self, z: Floats) -> Floats:
+        """Return the scaled residuals of the equations of rest."""
+        r = self._rest.looked_at(z * self._sizes)[0]
+        return np.asarray(r[self._rows] * self._weights)
+
+    def _limits(self, z: Floats) -> Floats:
+        """Return what is left to the limit of each multiplier, not negative inside."""
+        point, own = self._rest.at(z * self._sizes), z[self._first :]
+        pushes = dict(zip([law.row.name for law in self._laws], own, strict=True))
+        bounds = point.array([law.static or law.bound for law in self._laws])
+        found = []
+        for law, bound in zip(self._laws, bounds.tolist(), strict=True):
+            push = pushes[law.row.name]
+            if law.kind.one_sided:
+                found.append(push)
+            if not law.kind.bounded or 0 <= law.pair < self._all.index(law):
+                continue  # the first of a pair stands for both
+            most = bound / self._force
+            if law.kind is Kind.SLIP:
+                most = bound * pushes.get(self._all[law.normal].row.name, 0.0)
+            other = pushes.get(self._all[law.pair].row.name, 0.0)
+            other = other if law.pair >= 0 else 0.0
+            found.append(most * abs(most) - push**2 - other**2)
+        return np.array(found)
+
+    def _limit_slopes(self, z: Floats) -> Floats:
+        steps = STEP * np.eye(len(z))
+        sides = [self._limits(z + h) - self._limits(z - h) for h in steps]
+        return np.array(sides).T / (2.0 * STEP)
+
+    def _far(self, z: Floats) -> float:
+        away = z[: self._count] - self._goal
+        return float(away @ away)
+
+    def nearest(self) -> Instant | None:
+        """Return the nearest state to the start; None if none is nearer."""
+        from scipy.optimize import minimize
+
+        z = self._start
+        with np.errstate(all="ignore"):
+            try:
+                end = minimize(
+                    self._far, z, method="SLSQP",
+                    jac=lambda z: np.pad(
+                        2.0 * (z[: self._count] - self._goal),
+                        (0, len(z) - self._count),
+                    ),
+                    constraints=[
+                        {"type": "eq", "fun": self._equations, "jac": self._eq_slopes},
+                        {
+                            "type": "ineq",
+                            "fun": self._limits,
+                            "jac": self._limit_slopes,
+                        },
+                    ],
+                    options={"maxiter": ITERATIONS, "ftol": COMPUTED_ZERO**2},
+                )  # fmt: skip
+                found = self._projected(end.x)
+            except (ValueError, np.linalg.LinAlgError):
+                return None
+        if found is None or self._far(found) >= self._far(z):
+            return None
+        x = found * self._sizes
+        there = self._rest.at(x).at(errors=self._rest.errors(x))
+        satisfied = all(v.satisfied for v in judge_laws(there, ()))
+        return there.state if satisfied else None
+
+    def _eq_slopes(self, z: Floats) -> Floats:
+        return np.asarray(self._slopes(z)[self._rows] * self._weights[:, None])
+
+    def _projected(self, z: Floats) -> Floats | None:
+        """Return the nearest unknowns that meet equations and active limits exactly."""
+        active = np.flatnonzero(np.abs(self._limits(z)) <= ACTIVE)
+        for _ in range(PROJECTIONS):
+            r = np.concatenate([self._equations(z), self._limits(z)[active]])
+            J = np.vstack([self._eq_slopes(z), self._limit_slopes(z)[active]])
+            if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+                return None
+            z = z - np.linalg.lstsq(J, r, rcond=COMPUTED_ZERO)[0]
+        left = np.max(np.abs(self._equations(z)), initial=0.0)
+        return (
+            z if left <= COMPUTED_ZERO and np.all(self._limits(z) >= -ACTIVE) else None
+        )

@@ -1,0 +1,97 @@
+"""Continua of rests that friction holds: the point nearest to the start."""
+
+import math
+
+import pytest
+
+import lagsim
+from tests.studies.test_rest import BLOCK
+
+pytestmark = pytest.mark.slow  # some seconds each
+
+# mu m g / k
+REACH = 0.4 * 2 * 9.81 / 50
+PLANE = """
+parameters: {m: 2, k: 50, g: 9.81, mu: 0.4}
+coordinates: {x: {}, y: {}, z: {}}
+energy:
+  kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2
+  potential: k*(x^2 + y^2)/2 + m*g*z
+constraints:
+  floor: {relation: z >= 0, restitution: 0, friction: mu, slip: [x_dot, y_dot]}
+initial: {x: 0.3, y: -0.4, z: 0}
+"""
+HINGE = """
+parameters: {L: 2}
+coordinates: {a: {unit: rad}}
+energy: {kinetic: a_dot^2/2, potential: -4*cos(a)}
+constraints: {hinge: {relation: a_dot = 0, limit: L}}
+initial: {a: 1.2}
+"""
+TWO = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + 3*y_dot^2)/2, potential: 5*x^2 + 8*y^2}
+constraints:
+  one: {relation: x_dot = 0, limit: 2}
+  other: {relation: y_dot = 0, limit: 4}
+initial: {x: 0.7, y: -0.1}
+"""
+
+
+def only(text, **options):
+    found = lagsim.equilibrium(text, starts=4, **options)
+    assert found.continuum
+    [x] = found.equilibria
+    return x
+
+
+@pytest.mark.parametrize("start", [0.3, -0.5, 2.0])
+def test_a_block_rests_where_friction_just_holds_it(start):
+    x = only(BLOCK.replace("x: 0.1,", f"x: {start},"))
+    assert x["coordinates"]["x"] == pytest.approx(math.copysign(REACH, start), rel=1e-9)
+    far = (abs(start) - REACH) / max(1.0, abs(start))
+    assert x["distance"] == pytest.approx(far, rel=1e-9)
+    assert x["lambda"]["floor"] == pytest.approx(2 * 9.81)
+    friction = math.copysign(0.4 * 2 * 9.81, start)
+    assert x["friction"]["friction.floor"] == pytest.approx(friction)
+
+
+def test_a_start_that_friction_holds_is_the_nearest():
+    x = only(BLOCK.replace("x: 0.1,", "x: 0.1569,"))
+    assert x["coordinates"]["x"] == 0.1569
+    assert x["distance"] == 0
+
+
+@pytest.mark.parametrize(("unit", "shift"), [(1.0, 0.0), (1e3, 0.0), (1.0, 1e4)])
+def test_far_from_the_origin_and_in_other_units(unit, shift):
+    text = BLOCK.replace("k*x^2/2", f"k*(x - {shift})^2/2")
+    text = text.replace("g: 9.81", f"g: {9.81 * unit}")
+    text = text.replace("x: 0.1,", f"x: {0.3 * unit + shift},")
+    found = only(text)["coordinates"]["x"] - shift
+    assert found == pytest.approx(REACH * unit, rel=1e-9 + 1e-13 * shift)
+
+
+def test_on_a_plane_the_region_is_a_disc():
+    x = only(PLANE)
+    where = x["coordinates"]
+    assert where["x"] == pytest.approx(0.6 * REACH, rel=1e-7)
+    assert where["y"] == pytest.approx(-0.8 * REACH, rel=1e-7)
+    assert math.hypot(where["x"], where["y"]) == pytest.approx(REACH, rel=1e-10)
+
+
+@pytest.mark.parametrize(("start", "expected"), [(1.2, math.pi / 6), (-2, -5 / 6)])
+def test_a_hinge_holds_around_both_rests(start, expected):
+    x = only(HINGE.replace("a: 1.2", f"a: {start}"))
+    angle = expected if expected > 0 else expected * math.pi
+    assert x["coordinates"]["a"] == pytest.approx(angle, rel=1e-9)
+
+
+def test_of_two_limits_one_may_not_be_reached():
+    x = only(TWO)
+    assert x["coordinates"]["x"] == pytest.approx(0.2, rel=1e-9)
+    assert x["coordinates"]["y"] == pytest.approx(-0.1, rel=1e-7)
+
+
+def test_modes_are_about_this_point():
+    small = lagsim.modes(BLOCK.replace("x: 0.1,", "x: 0.3,"))
+    assert small.about["x"] == pytest.approx(REACH, rel=1e-9)
