@@ -22,11 +22,10 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
-    from lagsim.studies.rest import Steady
 
 # Iterations of the minimisation, and of the projection onto active limits.
 ITERATIONS, PROJECTIONS = 200, 8
@@ -42,8 +41,10 @@ class Continuum:
     ----------
     equations : Equations
         With the laws of the model.
-    steady : Steady
-        A rest of the region, with all rows that hold there.
+    state : Instant
+        A rest of the region.
+    multipliers : mapping of str to float
+        The multiplier of each row that holds there, by the name of the row.
     goal, sizes : ndarray, shape (n,)
         The coordinates of the start, and the sizes to which changes are relative.
     unknowns : tuple of sequence of int
@@ -58,19 +59,19 @@ class Continuum:
     def __init__(
         self,
         equations: Equations,
-        steady: Steady,
+        state: Instant,
+        multipliers: Mapping[str, float],
         goal: Floats,
         sizes: Floats,
         unknowns: tuple[Sequence[int], Sequence[int]],
     ) -> None:
-        laws, names = equations.laws, {row.name for row in steady.equations.rows}
-        at = Point(equations, steady.state)
-        self._laws = [law for law in laws if law.row.name in names]
+        laws, at = equations.laws, Point(equations, state)
+        self._laws = [law for law in laws if law.row.name in multipliers]
         self._all = laws
         self.held = [law.row for law in self._laws]
         self._rest = rest = Rest(at, (), self.held, unknowns)
         free, states = (list(x) for x in unknowns)
-        lam = np.array([steady.values[f"lambda_{row.name}"] for row in rest.rows])
+        lam = np.array([multipliers[row.name] for row in rest.rows])
         limited = [law for law in self._laws if law.kind is Kind.LIMITED]
         limits = at.array([law.static or law.bound for law in limited])
         forces = np.abs(np.concatenate([lam, limits]))

@@ -503,7 +503,13 @@ class Search:
             return steady
         q0 = self._point.q
         sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
-        region = Continuum(self.setting.equations, steady, q0, sizes, self.unknowns)
+        forces = {
+            row.name: steady.values[f"lambda_{row.name}"]
+            for row in steady.equations.rows
+        }
+        region = Continuum(
+            self.setting.equations, steady.state, forces, q0, sizes, self.unknowns
+        )
         found = region.nearest()
         if found is None:
             return steady
