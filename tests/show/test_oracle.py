@@ -20,7 +20,8 @@ SHORT = (
     "elastic-pendulum",
     "elastic-pendulum-curve", "elastic-pendulum-forced", "forced-oscillator",
     "heavy-top", "henon-heiles", "kepler", "moving-pivot", "pendulum-cartesian",
-    "shear-building", "stick-slip", "vibration-absorber", "von-mises-truss",
+    "quarter-car", "shear-building", "stick-slip", "vibration-absorber",
+    "von-mises-truss",
     "ziegler-column",
 )  # fmt: skip
 # Their multipliers are not told: contacts come and go.
