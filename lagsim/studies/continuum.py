@@ -127,7 +127,7 @@ class Continuum:
         return float(away @ away)
 
     def nearest(self) -> Instant | None:
-        """Return the nearest state to the start; None if none is nearer."""
+        """Return the nearest state to the start; None if none is found."""
         from scipy.optimize import minimize
 
         z = self._start
@@ -152,7 +152,7 @@ class Continuum:
                 found = self._projected(end.x)
             except (ValueError, np.linalg.LinAlgError):
                 return None
-        if found is None or self._far(found) >= self._far(z):
+        if found is None or (self._is_inside(z) and self._far(found) >= self._far(z)):
             return None
         x = found * self._sizes
         there = self._rest.at(x).at(errors=self._rest.errors(x))
@@ -171,7 +171,10 @@ class Continuum:
             if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
                 return None
             z = z - np.linalg.lstsq(J, r, rcond=COMPUTED_ZERO)[0]
+        return z if self._is_inside(z) else None
+
+    def _is_inside(self, z: Floats) -> bool:
+        """Whether unknowns satisfy the equations of rest and the limits."""
         left = np.max(np.abs(self._equations(z)), initial=0.0)
-        return (
-            z if left <= COMPUTED_ZERO and np.all(self._limits(z) >= -ACTIVE) else None
-        )
+        kept = np.all(self._limits(z) >= -COMPUTED_ZERO)
+        return bool(left <= COMPUTED_ZERO and kept)

@@ -29,6 +29,7 @@ from lagsim.errors import LagsimError
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.linearisation import Linear, Linearisation, Spectrum, spectrum
 from lagsim.mechanics.pieces import whole
@@ -501,22 +502,49 @@ class Search:
         """Return the nearest rest of the continuum that friction holds, if it does."""
         if not steady.sticks or self.distance(steady.state.q) <= SAME_RESULT:
             return steady
-        q0 = self._point.q
-        sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
         forces = {
             row.name: steady.values[f"lambda_{row.name}"]
             for row in steady.equations.rows
         }
-        region = Continuum(
-            self.setting.equations, steady.state, forces, q0, sizes, self.unknowns
-        )
-        found = region.nearest()
-        if found is None:
-            return steady
+        return self._held(steady.state, forces, steady.free) or steady
+
+    def _held(
+        self, state: Instant, forces: Mapping[str, float], free: Sequence[str]
+    ) -> Steady | None:
+        """Return the nearest rest with rows in force, from their forces by name."""
+        q0 = self._point.q
+        sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
+        e = self.setting.equations
         try:
-            return _steady(self.setting, found, region.held, steady.free, sticks=True)
+            region = Continuum(e, state, forces, q0, sizes, self.unknowns)
+            found = region.nearest()
+            if found is not None:
+                return _steady(self.setting, found, region.held, free, sticks=True)
         except (ValueError, np.linalg.LinAlgError):
-            return steady
+            pass
+        return None
+
+    def _held_at_start(self) -> Equilibrium | None:
+        """Return the nearest rest that contacts and friction of the start hold."""
+        point = self._point
+        active = {v.name for v in judge_laws(point, self.setting.off) if v.active}
+        laws = [
+            law
+            for law in point.e.laws
+            if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
+        ]
+        if not any(law.kind.bounded for law in laws):
+            return None
+        rest = Rest(point, (), [law.row for law in laws], self.unknowns)
+        lam = rest.first(point)[len(rest.x0) - len(rest.rows) :]
+        names = [row.name for row in rest.rows]
+        forces = dict(zip(names, lam.tolist(), strict=True))
+        free = [point.e.q[j] for j in np.flatnonzero(~self._moves).tolist()]
+        steady = self._held(point.state, forces, free)
+        if steady is None:
+            return None
+        far = self.distance(steady.state.q)
+        return Equilibrium(steady, far, False, *stability(steady))
 
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
@@ -559,6 +587,9 @@ class Search:
                 progress((k + 1) / (2 * starts + 1))
             if self._spent or (interrupt is not None and interrupt.asked):
                 break
+        held = self._held_at_start()
+        if held is not None:
+            self._add(kept, held)
         if not kept:
             raise NoRestError(self._remaining(self.tried))
         nearest = (self._nearer(x) for x in kept)

@@ -95,3 +95,55 @@ def test_of_two_limits_one_may_not_be_reached():
 def test_modes_are_about_this_point():
     small = lagsim.modes(BLOCK.replace("x: 0.1,", "x: 0.3,"))
     assert small.about["x"] == pytest.approx(REACH, rel=1e-9)
+
+
+# A ladder on a rough floor, against a smooth wall: it holds where tan(a) >= 1/(2 mu).
+LADDER = """
+parameters: {l: 2, m: 3, g: 9.81, mu: 0.5, A: 0.6}
+coordinates: {x: {}, y: {}, a: {unit: rad}}
+definitions: {fx: x + l*cos(a)/2, fy: y - l*sin(a)/2, wx: x - l*cos(a)/2}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2 + m*l^2*a_dot^2/24, potential: m*g*y}
+constraints:
+  floor: {relation: fy >= 0, restitution: 0, friction: mu, slip: fx_dot}
+  wall: {relation: wx >= 0, restitution: 0}
+initial: {x: l*cos(A)/2, y: l*sin(A)/2, a: A}
+"""
+SLOPE = """
+parameters: {m: 2, k: 40, g: 9.81, b: 0.5}
+coordinates: {s: {}, n: {}}
+energy:
+  kinetic: m*(s_dot^2 + n_dot^2)/2
+  potential: k*s^2/2 + m*g*(n*cos(b) - s*sin(b))
+constraints:
+  plane:
+    {relation: n >= 0, restitution: 0, friction: {static: 0.35, dynamic: 0.3},
+      slip: s_dot}
+initial: {s: 2, n: 0}
+"""
+
+
+@pytest.mark.parametrize("start", [0.6, math.pi / 4 - 0.01, 0.9])
+def test_a_ladder_leans_at_its_least_angle(start):
+    found = lagsim.equilibrium(lagsim.load(LADDER, A=start), starts=4)
+    first = found.equilibria[0]
+    angle = max(start, math.pi / 4)
+    assert first["coordinates"]["a"] == pytest.approx(angle, rel=1e-9)
+    assert first["lambda"]["floor"] == pytest.approx(3 * 9.81, rel=1e-9)
+    push = 3 * 9.81 / (2 * math.tan(angle))
+    assert first["lambda"]["wall"] == pytest.approx(push, rel=1e-9)
+    assert first["distance"] == pytest.approx(angle - start, abs=1e-9)
+    # It also stands upright, beside the wall, where it is.
+    [upright] = [
+        x for x in found.equilibria
+        if x["coordinates"]["a"] == pytest.approx(math.pi / 2)
+    ]  # fmt: skip
+    assert upright["stable"] is False
+    assert upright["coordinates"]["x"] == pytest.approx(math.cos(start), abs=1e-6)
+
+
+@pytest.mark.parametrize(("start", "side"), [(2, 1), (-1, -1)])
+def test_what_sticks_has_the_static_coefficient(start, side):
+    x = only(SLOPE.replace("s: 2,", f"s: {start},"))
+    push, weight = 2 * 9.81 * math.cos(0.5), 2 * 9.81 * math.sin(0.5)
+    expected = (weight + side * 0.35 * push) / 40
+    assert x["coordinates"]["s"] == pytest.approx(expected, rel=1e-9)
