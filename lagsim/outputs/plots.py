@@ -708,6 +708,7 @@ def overlay(
     units: Mapping[str, str],
     notes: Sequence[str] = (),
     order: tuple[str, Sequence[float]] = ("run", ()),
+    bands: Mapping[str, Mapping[str, Band]] | None = None,
 ) -> Picture:
     """Draw each column of `units` against time, with all runs on the same axes.
 
@@ -723,7 +724,10 @@ def overlay(
         Written below the panels.
     order : tuple
         A name, and a number for each run, by which many runs are coloured.
+    bands : mapping of str to mapping, optional
+        Bands of one standard deviation, by run and column.
     """
+    bands = bands or {}
     columns = [name for name in units if name != "t"]
     letters = Letters(columns)
     many = len(runs) > MOST_NAMED
@@ -740,7 +744,10 @@ def overlay(
     found = Picture(
         stack_height(len(columns), height) + (BAR if many else 0.0), title,
         f"{', '.join(letters.name(name) for name in columns)} of {len(runs)} runs",
-        legend=[] if many else list(zip(runs, looks, strict=True)),
+        legend=[
+            *([DEVIATIONS] if any(bands.values()) else []),
+            *([] if many else zip(runs, looks, strict=True)),
+        ],
         notes=notes,
     )  # fmt: skip
     rows = list(runs.values())
@@ -752,8 +759,11 @@ def overlay(
     for axes, name in zip(panels, columns, strict=True):
         drawn = [r.series(name) for r in rows]
         below = ("t", units.get("t", "")) if name == columns[-1] else NOTHING
-        scale = value_scale(*(column for _, column in drawn))
+        around = [bands.get(run, {}).get(name) for run in runs]
+        sides = [side for _, side in sides_of(around)]
+        scale = value_scale(*(column for _, column in drawn), *sides)
         frame(axes, times, scale, below=below, up=(letters.name(name), units[name]))
+        found.when_placed(bands_around, axes, around, looks)
         for (t, column), pen in zip(drawn, looks, strict=True):
             found.when_placed(series, axes, t, column, pen)
     found.align_ylabels()

@@ -14,6 +14,7 @@ import orjson
 
 from lagsim import files
 from lagsim.errors import Problems, did_you_mean, unusable
+from lagsim.language.columns import DEVIATION
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
@@ -25,6 +26,9 @@ from lagsim.studies.tables import Table, of_another_run, read_results, thinned
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
+
+    from lagsim.outputs.record import Band
+    from lagsim.run.observers.thinning import Thinning
 
     Document = dict[str, Any]
 
@@ -207,8 +211,21 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
     remarks = [remark for run in runs for remark in run.table.remarks]
-    drawn = overlay(title(runs), rows, units, remarks, _order(runs))
+    bands = {run.label: _bands(run.table, columns, rows[run.label]) for run in runs}
+    drawn = overlay(title(runs), rows, units, remarks, _order(runs), bands)
     return content(drawn, form)
+
+
+def _bands(table: Table, columns: Sequence[str], rows: Thinning) -> dict[str, Band]:
+    """Return the band of one standard deviation of each column that has one."""
+    found = {}
+    for name in columns:
+        if DEVIATION.of(name) in table.columns:
+            t, values = rows.series(name)
+            # Both rows of an impact are unknown.
+            deviation = table[DEVIATION.of(name)][np.searchsorted(table.t, t)]
+            found[name] = t, values - deviation, values + deviation
+    return found
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:

@@ -6,10 +6,13 @@ import pytest
 from lagsim.model.model import Settings
 from lagsim.outputs.figure import PENS
 from lagsim.run.observers.appended import Appended
+from lagsim.studies import overlay
+from tests.cli.conftest import lagsim  # noqa: F401
 from tests.outputs.drawn import (
     against,
     assert_legible,
     coordinates,
+    drawn,
     plotted,
     scale_of,
 )
@@ -17,6 +20,13 @@ from tests.outputs.drawn import (
 STEP = 0.05
 T = STEP * np.arange(241)
 Q, DEVIATION = np.sin(T), 0.02 * T
+OSCILLATOR = """
+parameters: {k: {value: 4, uncertainty: 0.4}, c: 0}
+coordinates: {x: {unit: m}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2, dissipation: c*x_dot^2/2}
+initial: {x: 1}
+simulation: {duration: 6, output_step: 0.05}
+"""
 LEGEND = "± one standard deviation"
 
 
@@ -105,6 +115,23 @@ def test_a_plot_against_time_has_bands(log):
     if not log:
         [(_, low, high)] = bands(panel)
         assert 0.5 * (high - low) == pytest.approx(0.1 + DEVIATION, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_results_on_common_axes_have_a_band_each(lagsim, tmp_path):  # noqa: F811
+    for name, c in (("one", 0.1), ("other", 0.4)):
+        text = OSCILLATOR.replace("c: 0", f"c: {c}")
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+        lagsim("run", f"{name}.yaml", "--no-plots", "-o", name, "-q", code=0)
+    runs = overlay.read([tmp_path / "one", tmp_path / "other"])
+    seen = drawn(overlay.picture, runs, ["x"])
+    [panel] = seen.panels
+    for run, (t, low, high) in zip(runs, bands(panel), strict=True):
+        place = np.searchsorted(run.table.t, t + 1e-6) - 1
+        deviation = run.table["sd.x"][place]
+        assert 0.5 * (high - low) == pytest.approx(deviation, abs=1e-4)
+    assert LEGEND in seen.written()
+    assert_legible(seen)
 
 
 def test_a_path_has_no_band():
