@@ -83,6 +83,9 @@ ONE_SIDED = {
 # order: the ratio of the norms of their weights. Where the differences of three
 # successive orders do not fall by like factors, the last one is rounding.
 ROUNDING, FALLS = 12.0, 1.5
+# Differences of rounding errors alone deviate from the next lower order by more than
+# this part of their size: 0.09 times, by the norms of the weights.
+NOISE = 0.01
 # Relative error that all runs have in common, which no difference of them shows.
 COMMON = 10.0 * RTOL
 # Kinds of events at which rates jump.
@@ -220,7 +223,8 @@ def _judged(
     e1, e2, e3 = (np.max(x[kept], axis=0, initial=0.0) for x in (first, second, third))
     falls = np.minimum(1.0, np.divide(e2, e3, out=np.ones_like(e2), where=e3 > 0.0))
     beyond = np.maximum(0.0, e1 - FALLS * e2 * falls)
-    size = np.where(scale > floor, scale, np.inf)
+    # Differences that are rounding have a relative error of no meaning.
+    size = np.where((scale > floor) | (e1 < NOISE * scale), scale, np.inf)
     values = np.where(lost[:, np.newaxis], np.nan, best)
     return _Difference(values, lost, e1 * falls / size, ROUNDING * beyond / size)
 
