@@ -11,6 +11,7 @@ Source: D. Kraft, A software package for sequential quadratic programming, DFVLR
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +23,7 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
@@ -72,20 +73,17 @@ class Continuum:
         self._rest = rest = Rest(at, (), self.held, unknowns)
         free, states = (list(x) for x in unknowns)
         lam = np.array([multipliers[row.name] for row in rest.rows])
-        limited = [law for law in self._laws if law.kind is Kind.LIMITED]
-        limits = at.array([law.static or law.bound for law in limited])
-        forces = np.abs(np.concatenate([lam, limits]))
-        self._force = float(np.max(forces, initial=0.0)) or 1.0
+        self._first = len(lam) - len(self.held)
+        self._forces = self._scales(at, lam)
         self._sizes = np.concatenate([
             sizes[free], np.maximum(1.0, np.abs(at.state.s[states])),
-            np.full(len(lam), self._force),
+            self._forces,
         ])  # fmt: skip
         self._start = np.concatenate([at.q[free], at.state.s[states], lam])
         self._start /= self._sizes
         self._goal, self._count = goal[free] / sizes[free], len(free)
-        self._first = len(self._start) - len(self.held)
         lengths = np.linalg.norm(self._slopes(self._start), axis=1)
-        self._rows = np.flatnonzero(lengths > COMPUTED_ZERO * np.max(lengths))
+        self._rows = np.flatnonzero(lengths)
         self._weights = 1.0 / lengths[self._rows]
 
     def _slopes(self, z: Floats) -> Floats:
@@ -97,24 +95,54 @@ class Continuum:
         r = self._rest.looked_at(z * self._sizes)[0]
         return np.asarray(r[self._rows] * self._weights)
 
+    def _scales(self, at: Point, lam: Floats) -> Floats:
+        """Return the scale of each multiplier: it or its limit, else the largest.
+
+        lam : (m,), of all rows.
+        """
+        known = dict(
+            zip([row.name for row in self.held], lam[self._first :], strict=True)
+        )
+        most = [limit for limit, _ in self._pushes(at, known)]
+        scales = np.abs(lam)
+        scales[self._first :] = np.maximum(scales[self._first :], np.abs(most))
+        scales[scales == 0.0] = np.max(scales, initial=0.0) or 1.0
+        return scales
+
+    def _pushes(
+        self, point: Point, known: Mapping[str, float]
+    ) -> Iterator[tuple[float, float]]:
+        """Generate the limit of each multiplier of a law, and its absolute value.
+
+        known : multipliers by name. Of a pair the value is that of both together. A
+        multiplier without a limit has the limit 0.
+        """
+        bounds = point.array([law.static or law.bound for law in self._laws])
+        for law, bound in zip(self._laws, bounds.tolist(), strict=True):
+            push, limit = known[law.row.name], 0.0
+            if law.kind.bounded:
+                limit = bound
+                if law.kind is Kind.SLIP:
+                    limit *= known.get(self._all[law.normal].row.name, 0.0)
+                if law.pair >= 0:
+                    push = math.hypot(
+                        push, known.get(self._all[law.pair].row.name, 0.0)
+                    )
+            yield limit, push
+
     def _limits(self, z: Floats) -> Floats:
         """Return what is left to the limit of each multiplier, not negative inside."""
-        point, own = self._rest.at(z * self._sizes), z[self._first :]
-        pushes = dict(zip([law.row.name for law in self._laws], own, strict=True))
-        bounds = point.array([law.static or law.bound for law in self._laws])
+        x = z * self._sizes
+        own, scales = x[len(x) - len(self.held) :], self._forces[self._first :]
+        known = dict(zip([row.name for row in self.held], own.tolist(), strict=True))
         found = []
-        for law, bound in zip(self._laws, bounds.tolist(), strict=True):
-            push = pushes[law.row.name]
+        pushes = self._pushes(self._rest.at(x), known)
+        for law, size, (limit, push) in zip(self._laws, scales, pushes, strict=True):
             if law.kind.one_sided:
-                found.append(push)
-            if not law.kind.bounded or 0 <= law.pair < self._all.index(law):
-                continue  # the first of a pair stands for both
-            most = bound / self._force
-            if law.kind is Kind.SLIP:
-                most = bound * pushes.get(self._all[law.normal].row.name, 0.0)
-            other = pushes.get(self._all[law.pair].row.name, 0.0)
-            other = other if law.pair >= 0 else 0.0
-            found.append(most * abs(most) - push**2 - other**2)
+                found.append(push / size)
+            if law.kind.bounded and not 0 <= law.pair < self._all.index(law):
+                # The first of a pair stands for both.
+                found.append((limit * abs(limit) - push**2) / size**2)
         return np.array(found)
 
     def _limit_slopes(self, z: Floats) -> Floats:

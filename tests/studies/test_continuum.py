@@ -71,6 +71,17 @@ def test_far_from_the_origin_and_in_other_units(unit, shift):
     assert found == pytest.approx(REACH * unit, rel=1e-9 + 1e-13 * shift)
 
 
+@pytest.mark.parametrize("heavy", [1e-12, 1e18])
+def test_beside_a_heavy_or_a_light_body(heavy):
+    text = BLOCK.replace("{x: {}, y: {}}", "{x: {}, y: {}, s: {}}")
+    text = text.replace("x: 0.1, y: 0}", "x: 0.3, y: 0, s: 0.2}")
+    text = text.replace("m*(x_dot^2", f"{heavy}*s_dot^2/2 + m*(x_dot^2")
+    text = text.replace("k*x^2/2", f"k*x^2/2 + {heavy}*s^2/2")
+    x = only(text)["coordinates"]
+    assert x["x"] == pytest.approx(REACH, rel=1e-9)
+    assert x["s"] == pytest.approx(0, abs=1e-9)
+
+
 def test_on_a_plane_the_region_is_a_disc():
     x = only(PLANE)
     where = x["coordinates"]
