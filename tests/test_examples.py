@@ -22,6 +22,7 @@ import pytest
 import yaml
 
 import lagsim as house
+from lagsim.model.reader import schema
 from tests.cli._results import table
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.pages import PAGES, blocks, commands, indented, text_of, words_of
@@ -71,7 +72,18 @@ def is_model(block):
     return block.kind == "yaml" and "\ncoordinates:" in f"\n{block.text}"
 
 
-SETTINGS = [b for b in BLOCKS if b.kind == "yaml" and not is_model(b)]
+def is_part(block):
+    """Whether a block is a part of a model, to be written into a model file."""
+    if block.kind != "yaml" or is_model(block):
+        return False
+    keys = schema({})["properties"]
+    return all(key in keys for key in yaml.safe_load(block.text))
+
+
+PARTS = [b for b in BLOCKS if is_part(b) and b.page not in ELSEWHERE]
+SETTINGS = [
+    b for b in BLOCKS if b.kind == "yaml" and not is_model(b) and not is_part(b)
+]
 
 
 @pytest.fixture
@@ -247,6 +259,19 @@ def test_the_fault_that_is_shown(page, lagsim):  # noqa: F811
     called = lagsim("check", "pendulum.yaml")
     assert (called.code, called.out) == (2, "")
     assert called.err == only(page, "text", "pendulum.yaml:20:20")
+
+
+@pytest.mark.parametrize("block", PARTS, ids=lambda b: b.name)
+def test_parts_of_models_are_valid_in_the_template(block, lagsim):  # noqa: F811
+    lagsim("new", "pendulum")
+    path = Path("pendulum.yaml")
+    model = yaml.safe_load(path.read_text(encoding="utf-8"))
+    for key, part in yaml.safe_load(block.text).items():
+        assert set(part) <= set(model[key])
+        model[key].update(part)
+    path.write_text(yaml.safe_dump(model, sort_keys=False), encoding="utf-8")
+    called = lagsim("check", "pendulum.yaml")
+    assert called.code == 0, called.err
 
 
 @pytest.mark.slow

@@ -402,6 +402,39 @@ def test_a_jump_just_after_the_start_is_at_its_instant(start, at, jumps):
     assert (ended.t[-1] == 0.0) == jumps
 
 
+# From rest x falls through 0, where each condition jumps and is true from then on,
+# whatever the event sets; beside it a switch jumps by the event, or a body rebounds.
+BEGUN = """
+name: scene
+coordinates: {x: {}, y: {}}
+initial: {x: 0, x_dot: 0, y: 0, y_dot: -1}
+energy: {kinetic: x_dot^2 + y_dot^2/2, potential: 0}
+modes: {u: 0, n: 0}
+"""
+BESIDE = {
+    "nothing": "forces: {x: -0.25}",
+    "switch": "forces: {x: -0.25, y: sign(u - 0.5 - floor(2*y + 0.25))}",
+    "impact": """forces: {x: -0.25}
+constraints: {ground: {relation: y >= 0, restitution: 0.5}}""",
+}
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize(
+    "at", ["floor(x/2) + x <= -0.5", "0.01*n + floor(3*x) <= -0.5"]
+)
+def test_what_acts_at_the_start_acts_once(at, beside):
+    found = simulate(
+        f"""{BEGUN}{BESIDE[beside]}
+events: {{up: {{at: "{at}", set: {{u: 1, n: n + 1}}}}}}
+simulation: {{duration: 1, output_step: 0.1}}
+""",
+        error_bar="never",
+    )
+    assert acts(found) == [("up", 0.0)]
+    assert found["n"][-1] == 1
+
+
 @pytest.mark.parametrize(
     ("at", "acts_there"),
     [("x_dot >= 0.5", True), ("x_dot >= 1", True), ("x_dot >= 1.1", False)],

@@ -82,6 +82,9 @@ class Events(Table):
     worth: Floats = array("conditions")
     trend: Floats = array("conditions")
     condition_slopes: Floats = array(lambda s: s.conditions * (2 + s.dynamic.stop))
+    # The change of the value of an inequality by jumps just after the start of the run,
+    # if it is true then; else, and after the first step, 0.
+    ahead: Floats = array("conditions")
     met_first: float  # the index of the condition located there, or -1
     calm: float  # 1 if no condition changes unless the state or the modes jump
     # 1 where a condition has become true; where it is true and its value stays at 0;
@@ -225,6 +228,8 @@ def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
         own = now[s.surfaces :]
         located(t, z, p, own)
         for k in range(s.conditions):
+            if x <= NEXT and own[k] < 0.0:  # closer than the interpolant's rounding
+                own[k] += s.ahead[k]
             own[k] = own[k] * s.orientation[k] + s.leeway[k]
             if s.orientation[k] == 0.0:
                 own[k] = 1.0
@@ -464,6 +469,7 @@ def find_end(s: Events, p: Parameters) -> None:
                 # One that is off 0 by more than its leeway needs none.
                 clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
                 s.leeway[k] = 0.0 if clear else s.leeway[k]
+            s.ahead[k] = 0.0
 
 
 def goes_on(s: Events, p: Parameters, k: int) -> bool:

@@ -60,7 +60,7 @@ def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -
         Relative tolerance of the run.
     """
     slopes, rates = s.condition_slopes, s.exact_rates
-    located(s.t, s.y, p, s.worth)
+    evaluate(s, p)
     located_slopes(s.t, s.y, p, slopes)
     set_rates(s, p)
     part = SUM_ROUNDOFF
@@ -84,6 +84,16 @@ def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -
             change = 0.0
         s.trend[k] = change
         s.zero[k] = part * terms_of(s, k) + width * abs(change)
+
+
+def evaluate(s: Events, p: Parameters) -> None:
+    """Store the values of all conditions at the state reached in `worth`.
+
+    At the start of the run they include the jumps just after it.
+    """
+    located(s.t, s.y, p, s.worth)
+    for k in range(s.conditions):
+        s.worth[k] += s.ahead[k]
 
 
 def set_rates(s: Events, p: Parameters) -> None:
@@ -150,7 +160,7 @@ def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) ->
     s.calm = 0.0
     far = found < 0 and s.steps > 0.0
     if far:
-        located(s.t, s.y, p, s.worth)
+        evaluate(s, p)
         s.trend[:] = 0.0
         s.calm = 1.0
     for k in range(s.conditions if far else 0):
@@ -262,7 +272,7 @@ def change(s: Events, p: Parameters) -> int:
     """
     s.any_stays = 0.0
     remember(s)
-    located(s.t, s.y, p, s.worth)
+    evaluate(s, p)
     return become(s, 0)
 
 
@@ -281,7 +291,7 @@ def settle(
     s.calm = 0.0
     remember(s)
     if jumped > 0:
-        located(s.t, s.y, p, s.worth)
+        evaluate(s, p)
     if not may_change(s):
         return 0
     look(s, p, -1, width, tolerance)

@@ -121,19 +121,34 @@ class Truth:
         before : ndarray, shape (C,), or None
             Values of the conditions before the impacts at the start, if any.
         """
-        state, arc = self.state, self.arc
-        now, late = state.worth, SOON * arc.settings.output_step
-        soon, sooner = self._located_after(late, 1.0), self._located_after(late, PART)
-        inequality = (state.equation == 0.0) & np.isfinite(state.leeway)
-        jumps = np.abs(sooner - now) > np.abs(soon - now) / 2.0
-        found = (state.orientation < 0.0) & (sooner >= 0.0) & (soon >= 0.0) & jumps
+        state, now = self.state, self.state.worth.copy()
+        found = (state.orientation < 0.0) & self._look_ahead()
         if before is not None:
-            found |= (now >= -state.zero) & (before < -state.zero)
-        found &= inequality
+            inequality = (state.equation == 0.0) & np.isfinite(state.leeway)
+            met = (now >= -state.zero) & (before < -state.zero)
+            found |= inequality & met
         # Their leeway is that of the values just after the start.
-        state.worth[found] = np.maximum(now, soon)[found]
+        state.worth[:] += state.ahead
         state.marked[:] = found
         return self._marked(float(found.any()))
+
+    def _look_ahead(self) -> Flags:
+        """Store the jumps of the conditions just after the start of the run in `ahead`.
+
+        Return which inequalities (C,) such a jump makes, or keeps, true. After the
+        first step nothing is stored, and no inequality returned.
+        """
+        state, arc = self.state, self.arc
+        if arc.steps:
+            return np.zeros(len(state.ahead), dtype=bool)
+        now, late = arc.located(arc.t, arc.y), SOON * arc.settings.output_step
+        soon, sooner = self._located_after(late, 1.0), self._located_after(late, PART)
+        true = (sooner >= 0.0) & (soon >= 0.0)
+        true &= np.isfinite(sooner - now)
+        true &= np.abs(sooner - now) > np.abs(soon - now) / 2.0
+        true &= (state.equation == 0.0) & np.isfinite(state.leeway)
+        state.ahead[:] = np.where(true, sooner - now, 0.0)
+        return true
 
     def _located_after(self, late: float, part: float) -> Floats:
         """Return the values (C,) of the conditions shortly after the start.
@@ -177,7 +192,10 @@ class Truth:
 
     def changed(self) -> set[int]:
         """Return indices of conditions that become true by modes that events set."""
-        return self._marked(self.run("change")) if self.set_by_modes else set()
+        if not self.set_by_modes:
+            return set()
+        self._look_ahead()
+        return self._marked(self.run("change"))
 
     def settled(self, *, struck: bool) -> set[int]:
         """Return indices of conditions that become true by all acts of an instant.
@@ -185,6 +203,7 @@ class Truth:
         struck : whether velocities have jumped.
         """
         jumped = int(struck or self.set_by_modes)
+        self._look_ahead()
         return self._marked(self.run("settle", jumped, *self.tolerances))
 
     def _marked(self, count: float) -> set[int]:
