@@ -210,7 +210,7 @@ def _judged(
         first, second, third = (*apart, apart[-1], apart[-1])[:3]
         missing = ~np.all(np.isfinite(best), axis=1)
         # Rounding of the runs, in columns that do not depend on the name at all, too.
-        floor = RTOL * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0) / abs(step)
+        floor = COMMON * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0) / abs(step)
         lost, scale = missing.copy(), floor
         while True:
             kept = ~lost

@@ -304,3 +304,13 @@ def test_deviations_are_those_of_a_sample(text, columns, count):
         assert np.std(ends) == pytest.approx(expected, rel=within), column
         shift = np.mean(ends) - rows[column][-1]
         assert abs(shift) < 4.0 * expected / math.sqrt(count)
+
+
+@pytest.mark.slow
+def test_impacts_of_equal_masses_do_not_depend_on_the_mass():
+    """The rounding of collisions grows from one to the next; it is no derivative."""
+    model = read((MODELS / "newtons-cradle.yaml").read_text(), "<model>")
+    found = Sensitivities(model, times=np.linspace(0.0, 4.0, 81)).by("m")
+    assert not found.lost.any()
+    assert found.runs == 8
+    assert found.error < 1e-9
