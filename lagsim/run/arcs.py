@@ -37,7 +37,7 @@ from lagsim.run.events.constraints import (
     impact,
     singularity_caution,
 )
-from lagsim.run.events.contacts import Contacts
+from lagsim.run.events.contacts import Contacts, comes_to_rest
 from lagsim.run.events.sequence import STUCK
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Knots, Pulses, TimeBreaks, clocks
@@ -438,7 +438,7 @@ class Run:
             self.switching.locate(arc)
         due = NOTHING
         if code in INSTANTS and self.transitions is not None:
-            due = self.transitions.due(arc)
+            due = self.transitions.due(arc, self._comes_to_rest)
             ending = self._let_act(due)
             if ending is not None:
                 return ending
@@ -506,13 +506,19 @@ class Run:
             self.corners.add(corner, self._seen(), within)
         return ending
 
+    def _comes_to_rest(self, arc: Arc) -> bool:
+        """Whether a law or a surface may hold a rate at 0 from this instant on."""
+        if arc.system.laws and comes_to_rest(arc):
+            return True
+        return self.switching is not None and self.switching.comes_to_rest(arc)
+
     def _let_act(self, due: Due) -> Ending | None:
         """Apply the events of the file that are due.
 
         Return the ending if the run ends.
         """
         assert self.transitions is not None
-        if due == NOTHING:
+        if not (due.periodic or due.conditions):
             return None
         arc = self.arc
         # The row before an impact has the modes before the event.

@@ -180,6 +180,15 @@ class Truth:
         """
         return self._marked(self.run("meet"))
 
+    def jumped(self, met: Iterable[int]) -> frozenset[int]:
+        """Return those of the conditions `met` whose values have jumped past 0."""
+        state = self.state
+        return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
+
+    def wait(self, waiting: Iterable[int]) -> None:
+        """Count conditions as false until `settled` decides."""
+        self.state.marked[list(waiting)] = 0.0
+
     def hold(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store that the conditions that became true last are true from now on.
 

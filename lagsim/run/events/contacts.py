@@ -297,6 +297,7 @@ class Contacts(Source):
         if any(stopped):  # the remaining speed of a slip that stops is removed
             asked = np.where(stopped, here.rates[held], 0.0)
             found.y[arc.velocities] -= here.shape.lift(held, asked)
+        _stop(here, found.y, [k for k in held if k in self.slid])
         events = _changes(here, self.before) if arc.steps else ()
         self.before = p.law_mode.copy()
         found.events += [e for e in events if e.constraint not in self.rested]
@@ -567,6 +568,41 @@ def _raised_state(here: Kinematics) -> Floats:
             asked = np.append(values[low], np.zeros(len(held)))
             y[level] -= here.shape.lift([*low, *held], asked)
     return y
+
+
+def _stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
+    """Set the velocities in y that laws hold from now on to their exact values.
+
+    These are velocities that a single law determines: a switch at 0 of such a velocity
+    is decided by 0, and not by the rounding of the time at which it stopped.
+
+    Parameters
+    ----------
+    here : Kinematics
+    y : ndarray, shape (size,)
+    stopped : collection of int
+        Laws that slid until now and hold from now on.
+    """
+    v = y[here.arc.velocities]
+    for k in stopped:
+        row, rate = here.rows[k], here.rates[k]
+        [*places] = np.flatnonzero(row)
+        if len(places) == 1 and abs(rate) <= here.still[k]:
+            [j] = places
+            moves = rate != row[j] * v[j]  # the surface on which it rests moves
+            v[j] = v[j] - rate / row[j] if moves else 0.0
+    y[here.arc.velocities] = v
+
+
+def comes_to_rest(arc: Arc) -> bool:
+    """Whether the rate of a law that slides is 0 at this instant, but for rounding."""
+    here = Kinematics(arc, arc.y)
+    return any(
+        closed and law.kind in (Kind.SLIP, Kind.LIMITED) and abs(rate) <= still
+        for closed, law, rate, still in zip(
+            here.is_closed(), here.laws, here.rates, here.still, strict=True
+        )
+    )
 
 
 def _is_stopping(here: Kinematics, k: int) -> bool:

@@ -126,6 +126,23 @@ class Switching(Source):
             off = abs(value - modes.level(k, value))
         self.met = arc.t, k, TWICE * off
 
+    def comes_to_rest(self, arc: Arc) -> bool:
+        """Whether a surface of velocities is at its level, but for rounding."""
+        modes = self.modes
+        modes.arc = arc
+        if not np.any(modes.on_rates):
+            return False
+        values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
+        near = RESIDUAL_ROUNDOFF * sizes
+        if self.met[0] == arc.t:
+            near[self.met[1]] = max(near[self.met[1]], self.met[2])
+        return any(
+            on and abs(value - modes.level(k, value)) <= least
+            for k, (on, value, least) in enumerate(
+                zip(modes.on_rates, values.tolist(), near.tolist(), strict=True)
+            )
+        )
+
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision at a located switch, or ahead of one that is near.
 

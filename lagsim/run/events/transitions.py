@@ -21,7 +21,7 @@ from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -42,12 +42,17 @@ class Due(NamedTuple):
         The numbers of periodic events.
     conditions : frozenset of int
         The numbers of conditions of located events, and of `until` after the last.
+    waits : bool
+        Whether the truth of other conditions is decided once the modes of the instant
+        are: their values jump where a rate is 0 that a law may hold at 0.
     """
 
     periodic: frozenset[int] = frozenset()
     conditions: frozenset[int] = frozenset()
+    waits: bool = False
 
 
+NONE = frozenset[int]()
 NOTHING = Due()
 
 
@@ -122,15 +127,24 @@ class Transitions(Source):
         """Return the time of the next act of periodic event k."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
-    def due(self, arc: Arc) -> Due:
-        """Return the events that are due by the state just before an instant."""
+    def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> Due:
+        """Return the events that are due by the state just before an instant.
+
+        comes_to_rest : whether a law or a surface may hold a rate at 0 from then on, so
+        that `if(x_dot < 0, 1, 0)` stays 0.
+        """
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
             return Due(periodic)
         self._truth = Truth(arc, set_by_modes=self.set_by_modes)
         self._truth.see(int(arc.state.event) - 1)
-        return Due(periodic, frozenset(self._truth.met()))
+        met = frozenset(self._truth.met())
+        waiting = self._truth.jumped(met) if met else NONE
+        if waiting and not comes_to_rest(arc):
+            waiting = NONE
+        self._truth.wait(waiting)
+        return Due(periodic, met - waiting, bool(waiting))
 
     def due_after(self, arc: Arc, *, struck: bool) -> Due:
         """Return the events that are due by the state after all acts and impacts.
