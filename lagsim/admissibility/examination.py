@@ -426,7 +426,7 @@ class _Examiner:
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Return the values, nearest to those of the point, that satisfy the relations.
+        """Return the values nearest to the point's that satisfy the relations.
 
         far : whether other starts of the search are tried, too.
         """

@@ -90,7 +90,7 @@ class Point:
     ) -> Point:
         """Return the equations at another state, or with other errors.
 
-        q, v, t, s, errors : by default those of this point. `sizes` are kept.
+        q, v, t, s, errors : by default this point's. `sizes` are kept.
         """
         state = Instant(
             self.t if t is None else t,

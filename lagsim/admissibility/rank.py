@@ -148,8 +148,8 @@ def analyse(
     ----------
     point : Point
     levels : sequence of str
-        Levels on which contradictions are searched: those that the state satisfies, and
-        the first one that it violates.
+        Levels on which contradictions are searched: the levels that the state
+        satisfies, and the first one that it violates.
     moved : sequence of ndarray, shape (n,), optional
         Change of positions and of velocities on the way to the state. If given, and the
         state satisfies all levels, thin sets are searched around it.

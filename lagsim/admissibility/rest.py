@@ -446,7 +446,7 @@ def find_rest(
 def _changes(
     rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
 ) -> set[int]:
-    """Return the indices of laws to be added to, or removed from, those in force.
+    """Return the indices of laws to be added to the laws in force, or removed.
 
     held : indices of the laws in force at the rest x. off : constraints out of force.
     """

@@ -67,7 +67,7 @@ FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # other nodes, and 
 def _degrees_of(
     op: str, exponent: float | None, *below: Degrees | None
 ) -> Degrees | None:
-    """Return the degrees of an operation from those of its arguments."""
+    """Return the degrees of an operation from its arguments' degrees."""
     if all(d in (FLAT, NOTHING) for d in below):
         return FLAT
     known = [d for d in below if d is not None]

@@ -164,7 +164,7 @@ class Coefficients:
         return self._variables[key]
 
     def _coefficient(self, n: int) -> int:
-        """Return the coefficient of an operation from those of its arguments."""
+        """Return the coefficient of an operation from its arguments' coefficients."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]

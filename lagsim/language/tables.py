@@ -431,8 +431,7 @@ def made(
 def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
     """Return polynomial coefficients (p, m + 2, ...) through points.
 
-    x : (m + 1,). y : (m + 1, ...). The first and last piece are those outside the
-    points.
+    x : (m + 1,). y : (m + 1, ...). The first and last piece hold outside the points.
     """
     import numpy as np
 

@@ -95,8 +95,8 @@ class Factorisation:
         Unknown that is a sum -> coefficient of each unknown in the sum, which is either
         no sum or one with a lower number.
     late : container of int
-        Unknowns eliminated later among unknowns of equal degree: those whose diagonal
-        entry varies.
+        Unknowns with a varying diagonal entry, eliminated later than others of equal
+        degree.
     some : collection of int, optional
         The unknowns that are eliminated; by default all.
 

@@ -502,7 +502,7 @@ class Equations:
     def motion_residuals(self) -> list[int]:
         """Return M q'' - f - A^T lambda (n,), followed by A q'' - b (m,).
 
-        q'' and lambda are variables; rows are those that always hold.
+        q'' and lambda are variables; rows are the constraints that always hold.
         """
         g = self.graph
         accelerations = [g.variable(name) for name in self.accelerations]

@@ -89,7 +89,7 @@ WORTH = 4
 def affordable(n: int, m: int) -> int:
     """Return the count of multiplications beyond which loops are faster than code.
 
-    n, m : numbers of coordinates and rows. The loops are those of `dense`, the code is
+    n, m : numbers of coordinates and rows. The loops are in `dense`, the code is
     straight-line code for the elimination.
     """
     return max(BUDGET, dense_operations(n, m) // WORTH)

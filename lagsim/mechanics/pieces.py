@@ -376,7 +376,7 @@ class _Pieces:
 def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
     """Return the knots x and values y (m + 1,) of a linear table, and slopes (m + 2,).
 
-    The first and last slopes are those outside the knots; for a table that ends the run
+    The first and last slopes hold outside the knots; for a table that ends the run
     there, these are the slopes of the first and last cell.
     """
     x = np.array(axis.values[tables.FIRST :])
@@ -412,7 +412,7 @@ def _line(
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
     """Return the node of a piecewise linear function of w with given slope jumps.
 
-    It is 0 for w < x[0]; jumps (k,) are those at the knots x (k,).
+    It is 0 for w < x[0]; jumps (k,) : at the knots x (k,).
     """
     if not len(x):
         return g.zero

@@ -89,7 +89,7 @@ class StateSpace(NamedTuple):
 
 
 def inputs_of(names: Sequence[str], orders: Sequence[int]) -> tuple[str, ...]:
-    """Return names of inputs, each followed by those of its rates: c, c', c''.
+    """Return names of inputs, each followed by the names of its rates: c, c', c''.
 
     orders : the order of the highest rate of each.
     """

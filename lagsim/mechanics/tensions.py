@@ -299,7 +299,7 @@ class Group(NamedTuple):
 
 
 def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group]:
-    """Return the squares of S, those in the same unknowns as one group.
+    """Return the squares of S, grouped by the unknowns that they contain.
 
     pulls : tension t -> mass u -> coefficient p_tu. weights : mass u -> w_u; all nodes.
     """

@@ -424,7 +424,7 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
     """Compute the impulses of the active rows; return the sweeps, 0 on failure.
 
     v : (n,), the velocities before. w : (n,), the velocities without impulses; on
-    return those after the step. `struck` contains a first guess.
+    return the velocities after the step. `struck` contains a first guess.
     """
     for i in range(count):
         push(p, i, p.struck[i], w)

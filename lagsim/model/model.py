@@ -391,8 +391,7 @@ class Plot(NamedTuple):
 class Section(NamedTuple):
     """Section of the phase space: the states recorded for its picture.
 
-    The states are those where `at` crosses 0 in a direction, or those at times `every`
-    apart.
+    States are recorded where `at` crosses 0 in a direction, or at times `every` apart.
     """
 
     name: str
@@ -660,7 +659,7 @@ class Model:
         Parameters
         ----------
         parameters, initial
-            Numbers, or expressions, that replace those of the file. A start value
+            Numbers, or expressions, used instead of the file's. A start value
             marked as a guess remains a guess.
         **values
             Parameters or start values by name.

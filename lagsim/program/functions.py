@@ -148,7 +148,7 @@ def _declared(equations: Equations) -> Iterator[Column]:
 def stated_units(equations: Equations) -> dict[str, str]:
     """Return the units that the file states: of t, and of columns by their names.
 
-    They include those of rates, and of accelerations without constraints.
+    Rates, and accelerations without constraints, are included.
     """
     model = equations.model
     found = {"t": "s"}

@@ -145,7 +145,7 @@ FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
 
 def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
-    """Replace multipliers of dependent rows in out (m,) by those of least norm.
+    """Replace multipliers of dependent rows in out (m,) by the ones of least norm.
 
     They are unchanged if the iteration does not converge. Output rows show the least
     norm. Modes end by the multipliers of the rows that hold: the least norm is not

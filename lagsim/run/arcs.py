@@ -330,7 +330,7 @@ class Run:
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
         """Integrate by one call of the kernel; return the ending if the run ends.
 
-        The arguments are those of `whole`.
+        Arguments: see `whole`.
         """
         arc = self.arc
         left = most_steps - arc.steps - int(self.arcs * arc_steps)

@@ -211,7 +211,7 @@ class Session(NamedTuple):
     def by(self, plan: Plan) -> Session:
         """Return the session with another plan, as by other tolerances.
 
-        The plan's functions must be those that are compiled.
+        The plan must need no functions besides the compiled ones.
         """
         return self._replace(plan=plan)
 
@@ -283,7 +283,7 @@ def open_case(
     Parameters
     ----------
     settings
-        Settings of the simulation, by default those of the file.
+        Settings of the simulation, by default the file's.
     clock
         Receives the time of each stage.
 

@@ -317,7 +317,7 @@ class Outline:
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
     def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
-        """Write the constraints that hold at times; those of a family as one."""
+        """Write the constraints that hold at times; a family's as one."""
         groups: dict[Any, list[tuple[Part, Any]]] = {}
         for k, multiplier in held:
             stated = {

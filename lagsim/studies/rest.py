@@ -377,7 +377,7 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
 def turning(point: Point) -> Flags:
     """Return whether each coordinate is an angle of period 2 pi, shape (n,).
 
-    The equations are those of a whole turn later, at the start and beside it.
+    A whole turn later the equations are the same, at the start and beside it.
     """
     e = point.e
     nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row)]
@@ -549,8 +549,8 @@ class Search:
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
 
-        Newton's method from the start finds it where it contracts; else it is the
-        nearest of those that are found from all starts.
+        Newton's method from the start finds it where it contracts; else the rest is the
+        nearest one found from all starts.
 
         Raises
         ------

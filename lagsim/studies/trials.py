@@ -372,7 +372,7 @@ class Form:
 
 
 def structure(model: Model, texts: Texts) -> dict[str, str]:
-    """Return those of the values on which ranges and subscripts of the file depend."""
+    """Return the values on which ranges and subscripts of the file depend."""
     names = model.stated.structural()
     return {name: text for name, text in texts.items() if name in names}
 

@@ -499,7 +499,10 @@ def lead_positions(s: Control, h: float, k: Floats) -> None:
 def add_bound(
     s: Control, p: Parameters, t: float, y: Floats, first: int, end: int
 ) -> None:
-    """Extend the roundoff bounds of components first ... end - 1 by those at (t, y)."""
+    """Raise the roundoff bounds of components first ...
+
+    End - 1 to the bounds at (t, y).
+    """
     rounding(t, y, p, s.work)
     for i in range(first, end):
         found = abs(s.work[i - s.n])

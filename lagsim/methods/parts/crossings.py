@@ -209,8 +209,8 @@ def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
 def sample_first(s: Crossings, p: Parameters, low: float) -> None:
     """Write rows and their slopes at the fraction `low` of the last step to `starts`.
 
-    At the start of a step they are those at the end of the step before, unless an arc
-    begins there.
+    At the start of a step the values at the end of the step before are used, unless an
+    arc begins there.
     """
     known = low == 0.0 and s.step_t == s.known_until and s.step_t != s.arc_start
     if LOCALIZED or not known:

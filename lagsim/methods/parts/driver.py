@@ -143,7 +143,7 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def pass_knots(p: Parameters, t: float) -> int:
-    """Set the cells of tables to those after all knots up to time t.
+    """Advance the cells of tables past all knots up to time t.
 
     Return the count.
     """

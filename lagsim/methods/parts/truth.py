@@ -141,7 +141,7 @@ def error_of_time(s: Events, k: int) -> float:
 def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> float:
     """Return the rounding error of the time of the condition located last.
 
-    The parameters are those of `look`.
+    Parameters: see `look`.
     """
     found = int(s.event) - 1
     if found < 0:
@@ -153,8 +153,7 @@ def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> 
 def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
     """Store which conditions are true or false at the state just before an instant.
 
-    Rates are evaluated only where a condition may change. The parameters are those of
-    `look`.
+    Rates are evaluated only where a condition may change. Parameters: see `look`.
     """
     s.met_first = float(found)
     s.calm = 0.0
@@ -282,7 +281,7 @@ def settle(
     """Find the conditions that become true at the state just after the instant.
 
     Return their number; their indices are set in `marked`. jumped : 1 if velocities or
-    modes may have jumped. The other parameters are those of `look`.
+    modes may have jumped. Other parameters: see `look`.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
@@ -301,7 +300,7 @@ def settle(
 
 
 def remember(s: Events) -> None:
-    """Store the values of the conditions, and mark those that are off 0.
+    """Store the values of the conditions, and mark each condition that is off 0.
 
     Off 0 by more than their zero tolerance.
     """
@@ -337,7 +336,7 @@ def error_of_value(s: Events, k: int) -> float:
 
 
 def become(s: Events, rated: int) -> int:
-    """Find the conditions that became true; store the sides of those now false.
+    """Find the conditions that became true; store the sides of conditions now false.
 
     Return their number; their indices are set in `marked`. rated : 1 if the state has
     been looked at: a value of 0 that rises makes its condition true, and so does a

@@ -85,7 +85,7 @@ class Expansion:
     root
         Root node of the file.
     instead
-        Expressions that replace those of parameters, by their names with dots.
+        Expressions for parameters, used instead of the file's, by names with dots.
     report
         Function that records a fault: code, text, place and hint.
     is_unit
@@ -762,7 +762,7 @@ class Expansion:
     ) -> Iterator[tuple[Scalar, Reading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
 
-        Of points and shapes, whose names are not those of variables. space : their
+        Of points and shapes, whose names are not names of variables. space : their
         families.
         """
         found = self._key(key)

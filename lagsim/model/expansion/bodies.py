@@ -667,7 +667,7 @@ class Bodies(Section):
             self._body(_Body(what, name, below, indices))
 
     def _body(self, one: _Body) -> None:
-        """Add the kinetic and potential energy of a body to those of the file."""
+        """Add the kinetic and potential energy of a body to the file's energies."""
         what, name, below, indices = one
         mass = self.number(below["mass"], indices, f"the mass of {what}")
         m = self._kept(f"body.{name}.mass", mass)

@@ -78,7 +78,7 @@ def call(op: str, *args: Tree) -> Tree:
 def components(size: int) -> tuple[str, ...]:
     """Return the names of components, `('x', 'y')`.
 
-    For size 6 those of a symmetric matrix.
+    For size 6 the components of a symmetric matrix.
     """
     return ENTRIES if size == len(ENTRIES) else tuple(LETTERS[:size])
 

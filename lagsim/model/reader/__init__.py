@@ -119,10 +119,10 @@ def read(
     file
         The file's name in messages; its stem is the model's name by default.
     overrides
-        Expressions that replace those of parameters and of start values
+        Expressions for parameters and start values, used instead of the file's
         (`--set name=expression`).
     options
-        Expressions that replace those of keys of `simulation`, such as
+        Expressions for keys of `simulation`, used instead of the file's, such as
         `{"output_step": "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
 
     Raises
@@ -153,8 +153,8 @@ class File:
     x : Expressions
         Expressions of the file: graph, definitions, and this binding's values.
     instead, starting, options : dict of str to str
-        Expressions that replace those of parameters, of start values and of keys of
-        `simulation`.
+        Expressions, used instead of the file's, for parameters, start values and keys
+        of `simulation`.
     """
 
     def __init__(

@@ -375,7 +375,7 @@ SECTIONS: dict[str, Form] = _SCHEMA["properties"]
 def _keys(form: Form) -> dict[str, Form]:
     """Return the known keys of a mapping in the schema, each with its form.
 
-    Where the form allows an expression as well, those of the mapping.
+    Where the form allows an expression as well, the keys of the mapping.
     """
     forms: list[Form] = form.get("anyOf", [form])
     found: dict[str, Form] = forms[-1]["properties"]

@@ -367,9 +367,9 @@ def of_text(
     """Return a hint for an expression with faults: a corrected whole, or a part.
 
     The correction of each fault is inserted until no fault is left. Where that fails,
-    the hint is that for the first fault. `known` are the variables of the file,
-    `moving` those that have rates; `beside`: the expression is the value of a parameter
-    or a definition, which can have a unit.
+    it is the hint for the first fault. `known` are the variables of the file, `moving`
+    those that have rates; `beside`: the expression is the value of a parameter or a
+    definition, which can have a unit.
     """
     first, reason, short = "", "", len(text) <= WINDOW
     given, text = text, _typed(text, known) if short else text

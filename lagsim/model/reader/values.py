@@ -99,7 +99,7 @@ def _value_entry(
 
 
 class Definitions:
-    """Reader of definitions; those for output are built after the energies."""
+    """Reader of definitions; output definitions are built after the energies."""
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
@@ -233,8 +233,8 @@ class Unfolded(Graph):
 class _Numbers:
     """Reader of numbers whose expressions may use the numbers read before.
 
-    `instead` has expressions that replace those of the file, by name; `known` has value
-    and rounding error of each sound number.
+    `instead`: expressions used instead of the file's, by name; `known` has value and
+    rounding error of each sound number.
     """
 
     def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:

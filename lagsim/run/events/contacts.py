@@ -222,7 +222,7 @@ class Contacts(Source):
         met : int or None
             Number of the law whose mode has ended.
         select : bool
-            Whether the modes are selected here, not later with those of surfaces.
+            Whether the modes are selected here, not later with the sides of surfaces.
         """
         here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
         corrected = _corrected_state(here, met)
@@ -323,7 +323,7 @@ class Contacts(Source):
         return that_could_act(Kinematics(arc, arc.y), self.also)
 
     def take(self, arc: Arc, some: list[int], found: Modes) -> None:
-        """Store modes of some laws that were selected with those of surfaces.
+        """Store modes of some laws that were selected together with sides of surfaces.
 
         Parameters
         ----------
@@ -331,7 +331,7 @@ class Contacts(Source):
         some : list of int
             Numbers of the laws.
         found : Modes
-            Modes of rows, those of these laws first.
+            Modes of rows; the rows of these laws are first.
         """
         self.joint = arc.t, some, found
         self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
@@ -753,7 +753,7 @@ class Chosen(NamedTuple):
 
         Others are off.
 
-        found : its first rows are those of the laws `some`.
+        found : its first rows belong to the laws `some`.
         """
         mode, direction = np.zeros((2, here.count))
         r = len(some)

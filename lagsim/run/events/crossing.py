@@ -516,7 +516,7 @@ class Crossing:
         Returns
         -------
         set of int
-            Surfaces whose expressions do not determine their side: those that keep
+            Surfaces whose expressions do not determine their side, because they keep
             their level, or step together with an open surface.
         """
         modes, arc = self.modes, self.modes.arc

@@ -109,8 +109,8 @@ class Transitions(Source):
     def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Store which conditions are true at the start, after all modes are set.
 
-        Return those that become true there, see `Truth.become_at_start`; `before` are
-        the values before the impacts at the start, if any.
+        Return the conditions that become true there, see `Truth.become_at_start`;
+        `before` are the values before the impacts at the start, if any.
         """
         if not len(arc.state.orientation):
             return NOTHING

@@ -110,7 +110,7 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
 
 
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Return the mean ratio (geometric) of a curve's costs to those of the front.
+    """Return the mean ratio (geometric) of a curve's costs to the front's costs.
 
     entries : rows of the curve. rows : of all curves.
     """

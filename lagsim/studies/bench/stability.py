@@ -375,7 +375,7 @@ def columns(name: str | None) -> list[str]:
 def methods_for(
     case: Case, wish: Wish
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
-    """Return the methods with fixed steps, those with step control, and refused ones.
+    """Return methods with fixed steps, methods with step control, and refused ones.
 
     Raises
     ------

@@ -124,7 +124,7 @@ def _solved(
 
 
 def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
-    """Yield solutions by those of the named methods that can handle the model."""
+    """Yield solutions by the named methods that can handle the model."""
     steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
     for name in names:
         with contextlib.suppress(InputError):
@@ -335,7 +335,7 @@ def make_reference(
 def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
     """Return a solution as a reference that no second solution has confirmed.
 
-    between : rows beside those of the solution, for the ranges of columns.
+    between : rows beside the solution's, for the ranges of columns.
     """
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
