@@ -52,7 +52,17 @@ def conserved_quantities(
     lines: Sequence[Part],
     constraints: Sequence[Part],
 ) -> list[Part]:
-    """Return the conserved quantities that are found; slopes : nodes of dL/dq, (n,)."""
+    """Return the conserved quantities that are found, as entries of the document.
+
+    Parameters
+    ----------
+    lagrangian, dL_dt : sympy expressions
+        L and its derivative by t.
+    dL_dq : sequence of int, length n
+        Nodes of the derivatives of L by the coordinates.
+    lines, constraints : sequence of dict
+        Entries of the document for equations and constraints.
+    """
     found = _energy(x, lagrangian, dL_dt, lines)
     single = [
         _momentum(x, slope, j, line, constraints)

@@ -159,7 +159,7 @@ class _Latex(Outline):
     # Terms that are longer than a line
 
     def pieces(self, e: Any, room: int) -> Pieces:
-        """Return the terms of a sum, for lines of at most `room` letters.
+        """Return the pieces of a sum, broken for lines of at most `room` letters.
 
         A long term is divided within its longest factor.
         """

@@ -74,7 +74,7 @@ def _exp(x: Any) -> Any:
 
 
 def _refuse_digits(base: Any, exponent: Any) -> None:
-    """Refuse a power in which numbers would have too many digits, written out."""
+    """Raise an InputError for a power whose numbers would have too many digits."""
     numbers = base.atoms(sp.Rational) if exponent.is_Rational else ()
     over = math.lcm(*(int(x.q) for x in numbers))
     digits = math.log10(over) + math.log10(max(1, *(abs(int(x.p)) for x in numbers), 1))
@@ -281,7 +281,7 @@ class Translation:
         self._operations = 0
 
     def _well_read(self, physics: list[int]) -> dict[int, Name]:
-        """Return the nodes of definitions that keep their names, see above."""
+        """Return the nodes of definitions that keep their names, see the module."""
         g = self.g
         used = set(g.cone(physics))
         arguments = {

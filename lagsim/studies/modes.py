@@ -230,7 +230,7 @@ class Small:
         return space, Response(frequencies, columns)
 
     def _frequencies(self, low: float, high: float) -> Floats:
-        """Return frequencies from low to high, denser around each mode."""
+        """Return frequencies (k,) from low to high, denser around each mode."""
         found = [np.geomspace(low, high, FREQUENCIES)]
         for mode in self.modes:
             width = max(abs(mode.damping_ratio), LEAST_DAMPING)

@@ -44,7 +44,23 @@ MODEL: Pen = {"color": INK, "linewidth": 0.8}
 
 
 class _Drawn:
-    """Data and curves of one record."""
+    """Data and curves of one record.
+
+    Attributes
+    ----------
+    name : str
+        The file name of the data.
+    times : ndarray, shape (k,)
+        Times of the data.
+    data, residuals : ndarray, shape (k, m)
+        Data, and data less model, by columns; nan in cells without a number.
+    count : int
+        Number of measurements, cells with a number.
+    t, model : ndarray, shapes (points,) and (points, m)
+        Times and columns of the curves.
+    pen : Pen
+        Mark of the data.
+    """
 
     def __init__(self, fit: Fit, found: Found, number: int, begin: int) -> None:
         record, seen = fit.records[number], fit.seen[number]
@@ -60,7 +76,7 @@ class _Drawn:
 
 
 def chart(fit: Fit, found: Found, form: str = "png") -> bytes:
-    """Return fit.png."""
+    """Return the picture fit.png as bytes, or in another file format `form`."""
     drawn, begin = [], 0
     for number in range(len(fit.records)):
         drawn.append(_Drawn(fit, found, number, begin))
@@ -121,7 +137,7 @@ def _named(match: Match, letters: Letters) -> str:
 
 
 def _note(fit: Fit, found: Found) -> str:
-    """Return the values found, with their standard errors."""
+    """Return one line with the values found and their standard errors."""
     parts, letters = [], letters_of(fit.given)
     sizes = np.full(len(fit.names), np.nan)
     if found.estimate is not None:

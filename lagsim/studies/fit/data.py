@@ -44,7 +44,8 @@ class Record(NamedTuple):
     columns : dict of str to ndarray, shape (k,)
         Every column by its name in the header; nan in cells without a number.
     place : callable
-        Returns the place of a cell by the index of its row and the name of its column;
+        Returns the line and column in the file of a cell, by its row's index and its
+        column's name;
         row -1 is the header. None where there is no file.
     texts : dict of str to list of int
         Rows of the cells of a column that contain a text.
@@ -231,13 +232,13 @@ def matched(
 
 
 def columns_of(model: Model) -> list[str]:
-    """Return the names of the columns that `matched` has added to rows."""
+    """Return the names of the columns that `matched` has added to the model's rows."""
     number = len(model.output.plots) - 1
     return [*model.output.plots[number].curves(number)][1:]
 
 
 def _measurable(model: Model) -> dict[str, str]:
-    """Return the names that a column matches by itself, with their units."""
+    """Return the names that a column of the same name measures, with their units."""
     every: list[Coordinate | State | Definition] = [*model.coordinates]
     every += [*model.states, *model.definitions]
     moving = [d.name for d in model.definitions if d.level is Level.POSITION]

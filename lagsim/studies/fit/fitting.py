@@ -108,14 +108,20 @@ class StoppedError(Exception):
 
 
 class Recording(Sensitivities):
-    """Runs at the times of a record, whose clock differs from that of the runs by t0.
+    """Runs at the times of a record, whose clock may differ from the runs' by t0.
+
+    A name of the fit `t0` is no parameter of the model but this difference: data at
+    time t are compared with the run at t - t0.
 
     Parameters
     ----------
     fit : Fit
     values : mapping of str to float
+        Values of the varied names.
     times : ndarray, shape (k,)
+        Times on the clock of the record.
     columns : sequence of str
+        Columns of the runs to be compared and differentiated.
     """
 
     def __init__(
@@ -141,7 +147,11 @@ class Recording(Sensitivities):
         return variant._replace(values=at, times=self.times - clock)
 
     def trial(self, name: str, value: float, held: bool) -> Trial:
-        """Return the run with one value replaced; none for times outside the run."""
+        """Return the run with one value replaced.
+
+        It is unusable if t0 moves times of the data outside the run. held : see
+        `Sensitivities.trial`.
+        """
         if self.clocked and name == CLOCK:
             low, high = self.times[0] - value, self.times[-1] - value
             if low < self.span[0] or high > self.span[1]:
@@ -200,7 +210,10 @@ def named(texts: Sequence[str], records: int) -> list[Varied]:
 
 
 def _bounds(text: str) -> tuple[float, float]:
-    """Return the numbers of `a:b`, where each may be missing; nan for other texts."""
+    """Return (a, b) of the text `a:b`; -inf or inf where a or b is missing.
+
+    For other texts the numbers are nan.
+    """
     low, colon, high = text.partition(":")
     try:
         ends = float(low or "-inf"), float(high or "inf")
@@ -210,7 +223,12 @@ def _bounds(text: str) -> tuple[float, float]:
 
 
 def _concerned(one: Varied, every: Sequence[Varied], records: int) -> list[int]:
-    """Return the records that a name concerns."""
+    """Return the numbers of the records, from 0, to which a varied name applies.
+
+    A name without a number applies to all records that have no name of their own.
+
+    every : all varied names. records : the count of records.
+    """
     if one.record >= 0:
         return [one.record]
     own = {x.record for x in every if x.name == one.name}
@@ -246,7 +264,8 @@ class Estimate(NamedTuple):
     covariance : ndarray, shape (p, p)
         nan for names that are not determined, or stand at a bound.
     combinations : list of dict of str to float
-        Relative changes of names that change no residual.
+        Directions that the data do not determine: name -> its relative change, in
+        changes that leave all residuals as they are.
     taken : ndarray, shape (n,)
         Leverage of each residual.
     """
@@ -345,7 +364,7 @@ class Fit:
         self._best = math.inf, self.start, self.data * np.nan
 
     def _arrange(self) -> None:
-        """Arrange the measurements of all records as one vector, shape (n,)."""
+        """Set `data` (n,), all measurements of all records, and their columns."""
         data: list[Floats] = []
         columns: list[Any] = []
         self.seen: list[Flags] = []
@@ -362,7 +381,7 @@ class Fit:
         self.of = np.concatenate(columns)
 
     def _started(self, names: Sequence[Varied]) -> list[Varied]:
-        """Return the names with start values, scales, and bounds of the clocks."""
+        """Return the varied names with start values, scales, and bounds of t0."""
         start = np.array([self.settings.start])
         free = Recording(self, {}, start, ())
         found, faults = list[Varied](), Problems()
@@ -382,7 +401,7 @@ class Fit:
         return found
 
     def is_clock(self, one: Varied) -> bool:
-        """Whether a name is the difference between the clocks of data and run."""
+        """Whether a varied name is t0, the difference of the clocks of data and run."""
         return self.clocked and one.name == CLOCK
 
     def _begun(
@@ -413,7 +432,11 @@ class Fit:
     def _following(
         self, free: Sensitivities, names: Sequence[Varied], others: Collection[str]
     ) -> Collection[str]:
-        """Return the start values that follow, where a varied name requires that."""
+        """Return the start values that are solved for from constraints when names vary.
+
+        If the start is inadmissible beside the value of a varied name, these are
+        `others`, all start values that are not varied; else none.
+        """
         for one in names:
             if self.is_clock(one):
                 continue
@@ -425,14 +448,17 @@ class Fit:
         return ()
 
     def unused(self, record: Record) -> list[str]:
-        """Return the columns of a record that measure nothing."""
+        """Return the columns of a record that are not compared with the model."""
         used = {TIME, *(x.column for x in self.matches)}
         return [x for x in record.columns if x not in used]
 
     # Residuals and their derivatives
 
     def at(self, x: Floats) -> list[Recording]:
-        """Return the runs of all records at some values; raise where one cannot be."""
+        """Return the runs of all records with the varied names at x (p,).
+
+        The runs at the last x are kept. Raises a LagsimError if a run cannot begin.
+        """
         key = x.tobytes()
         if key != self._known[0]:
             made = [self._recording(k, x) for k in range(len(self.records))]
@@ -455,7 +481,7 @@ class Fit:
             raise StoppedError
 
     def raw(self, x: Floats) -> Floats:
-        """Return model less data in the units of the columns, shape (n,)."""
+        """Return model less data (n,) in the units of the columns, at x (p,)."""
         runs = self.at(x)
         self._stop_if_asked()
         rows = [
@@ -465,7 +491,10 @@ class Fit:
         return np.asarray(np.concatenate(rows) - self.data)
 
     def slopes(self, x: Floats, how: dict[str, Any]) -> Slopes:
-        """Return derivatives of the residuals by names: ROUGH or ACCURATE."""
+        """Return the derivatives of the residuals by the varied names, at x (p,).
+
+        how : ROUGH or ACCURATE, options of `Sensitivities.by`.
+        """
         runs, key = self.at(x), len(how)
         if key not in self._slopes:
             blocks = [self._block(k, run, how) for k, run in enumerate(runs)]
@@ -478,7 +507,10 @@ class Fit:
         return self._slopes[key]
 
     def _block(self, number: int, run: Recording, how: dict[str, Any]) -> Slopes:
-        """Return the derivatives of the residuals of one record."""
+        """Return the derivatives of the residuals of one record, by the varied names.
+
+        number : of the record, from 0. run : at the values. how : as for `slopes`.
+        """
         seen, lost, error = self.seen[number], dict[str, int](), 0.0
         J = np.zeros((int(np.count_nonzero(seen)), len(self.names)))
         for j, one in enumerate(self.names):
@@ -495,7 +527,11 @@ class Fit:
         return Slopes(J, lost, error)
 
     def _cost(self, x: Floats, weights: Floats) -> Floats:
-        """Return the residuals in standard deviations; inf where a run cannot be."""
+        """Return residuals in standard deviations, shape (n,), at x (p,).
+
+        They are inf if a run cannot begin or ends early. weights (m,) : the inverse
+        standard deviation of each column.
+        """
         try:
             raw = self.raw(x)
         except LagsimError:
@@ -511,7 +547,11 @@ class Fit:
     def _solve(
         self, x: Floats, weights: Floats, loss: str
     ) -> tuple[Floats, float, bool]:
-        """Return the values of least cost near some values, the cost, convergence."""
+        """Minimise the cost from x (p,); return values, cost, and whether it converged.
+
+        weights (m,) : the inverse standard deviation of each column. loss : one of
+        LOSSES.
+        """
         from scipy.optimize import least_squares  # slow to load
 
         s = self.scales
@@ -563,10 +603,21 @@ class Fit:
     def _again(
         self, x: Floats, noise: Floats, given: Floats, *, ended: bool
     ) -> tuple[Floats, Floats, bool]:
-        """Return values, noise and convergence of fits with the noise of the last one.
+        """Fit again with the noise that remained; return values, noise and convergence.
 
-        One fit more, by the noise of a first linear fit; for a robust loss several,
-        since outliers raise the noise of a linear fit.
+        Where standard deviations are not given, the first fit had only a guess of the
+        noise of each column. A linear fit is repeated once, a fit with a robust loss
+        until the noise settles, since outliers raise the noise of the linear fit
+        before.
+
+        Parameters
+        ----------
+        x : ndarray, shape (p,)
+            Values of the first fit.
+        noise, given : ndarray, shape (m,)
+            Standard deviations used, and given (0 where not given).
+        ended : bool
+            Whether the first fit converged.
         """
         if np.all(given > 0.0) or (len(given) == 1 and self.loss == LINEAR):
             return x, noise, ended
@@ -581,7 +632,10 @@ class Fit:
         return x, noise, ended
 
     def _sizes(self) -> Floats:
-        """Return the spread of the data of each column, shape (m,)."""
+        """Return the standard deviation of the data of each column, shape (m,).
+
+        It is a first guess of the noise; for constant data their absolute value, or 1.
+        """
         sizes = []
         for k in range(len(self.matches)):
             own = self.data[self.of == k]
@@ -590,7 +644,7 @@ class Fit:
         return np.array(sizes)
 
     def _check_first(self, x: Floats) -> None:
-        """Raise an InputError where a run ends early, or a name changes nothing."""
+        """Raise an InputError if a run ends early or a name changes no column."""
         raw = self.raw(x)
         if not np.all(np.isfinite(raw)):
             self._refuse_early()
@@ -608,7 +662,7 @@ class Fit:
         faults.refuse()
 
     def _refuse_early(self) -> None:
-        """Raise an InputError with the first row that a run does not reach."""
+        """Raise an InputError that names the first rows that runs do not reach."""
         faults = []
         for record, run in zip(self.records, self._known[1], strict=True):
             missing = ~np.all(np.isfinite(run.rows(run.centre)), axis=1)
@@ -623,7 +677,17 @@ class Fit:
     def _from_all(
         self, x: Floats, weights: Floats, starts: int
     ) -> tuple[Floats, int, bool]:
-        """Return the best values from all starts, from how many, and convergence."""
+        """Fit from x (p,) and from `starts` random starts.
+
+        Returns
+        -------
+        x : ndarray, shape (p,)
+            The values of least cost.
+        reached : int
+            From how many starts these values were found.
+        ended : bool
+            Whether their fit converged.
+        """
         loss = self.loss if all(x.deviation for x in self.matches) else LINEAR
         results = [self._solve(x, weights, loss)]
         random = np.random.default_rng(SEED)
@@ -642,7 +706,11 @@ class Fit:
         return best[0], len(same), best[2]
 
     def _noise(self, raw: Floats, estimate: Estimate, given: Floats) -> Floats:
-        """Return the standard deviation of each column, shape (m,)."""
+        """Return the standard deviation of each column (m,), given or estimated.
+
+        Residuals `raw` (n,) are counted with their degrees of freedom, 1 less the
+        leverage; a robust loss uses the median of their sizes.
+        """
         found = given.copy()
         for k in np.flatnonzero(given == 0.0):
             own = self.of == k
@@ -660,7 +728,7 @@ class Fit:
         return found
 
     def _active(self, x: Floats) -> dict[str, str]:
-        """Return the names that stand at a bound, with that bound."""
+        """Return the names that stand at a bound: label -> `lower` or `upper`."""
         found = {}
         for one, value in zip(self.names, x.tolist(), strict=True):
             close = 1e-8 * one.scale
@@ -673,7 +741,11 @@ class Fit:
     def _estimate(
         self, x: Floats, slopes: Slopes, noise: Floats, active: Collection[str]
     ) -> Estimate:
-        """Return covariance, undetermined combinations and leverages."""
+        """Return covariance, undetermined combinations and leverages at x (p,).
+
+        noise (m,) : standard deviations of the columns. active : names at a bound,
+        which are left out.
+        """
         J, _, error = slopes
         p = len(self.names)
         free = np.array([one.label not in active for one in self.names])
@@ -702,7 +774,17 @@ class Fit:
         self, x: Floats, noise: Floats, given: Floats, ended: bool,
         starts: tuple[int, int],
     ) -> Found:  # fmt: skip
-        """Return the result with uncertainties, from accurate derivatives."""
+        """Return the result at x (p,), with uncertainties from accurate derivatives.
+
+        Parameters
+        ----------
+        noise, given : ndarray, shape (m,)
+            Standard deviations used, and given (0 where not given).
+        ended : bool
+            Whether the fit converged.
+        starts : tuple of int
+            Number of starts, and from how many the values were found.
+        """
         raw, active = self.raw(x), self._active(x)
         slopes = self.slopes(x, ACCURATE)
         found = self._estimate(x, slopes, noise, active)
@@ -733,7 +815,23 @@ class Fit:
         return Found(x, raw, noise, outcome, found, active, *starts, cautions)
 
     def curve(self, x: Floats, number: int, count: int) -> tuple[Floats, Floats]:
-        """Return times of a record's clock, shape (k,), and columns, shape (k, m)."""
+        """Return the fitted model as a curve over the times of a record.
+
+        Parameters
+        ----------
+        x : ndarray, shape (p,)
+            Values of the names.
+        number : int
+            Number of the record, from 0.
+        count : int
+            Number of points k.
+
+        Returns
+        -------
+        times : ndarray, shape (k,)
+            On the clock of the record.
+        columns : ndarray, shape (k, m)
+        """
         times = self.records[number].times
         dense = np.linspace(times[0], times[-1], count)
         run = self._recording(number, x, dense)
@@ -741,7 +839,11 @@ class Fit:
 
 
 def _between(low: float, high: float, value: float) -> float:
-    """Return a value between two bounds, of which one is finite at least."""
+    """Return a value inside bounds of which one, at least, is finite.
+
+    It is the middle, or beside the finite bound by the size of that bound or of
+    `value`.
+    """
     if math.isfinite(low) and math.isfinite(high):
         return 0.5 * (low + high)
     end, sign = (low, 1.0) if math.isfinite(low) else (high, -1.0)
@@ -749,7 +851,10 @@ def _between(low: float, high: float, value: float) -> float:
 
 
 def _drawn(one: Varied, random: np.random.Generator) -> float:
-    """Draw a start: between the bounds, or from half to double of the value."""
+    """Return a random start value of a name.
+
+    It is between the bounds, or from half to double of the value.
+    """
     part = float(random.uniform())
     if math.isfinite(one.low) and math.isfinite(one.high):
         return one.low + part * (one.high - one.low)
@@ -760,9 +865,9 @@ def _drawn(one: Varied, random: np.random.Generator) -> float:
 
 
 def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return relative changes of names that span a kernel, shape (d, p), by few names.
+    """Return directions that span those of `kernel` (d, p), each with few names.
 
-    The largest change of each is 1.
+    A direction maps names to relative changes, of which the largest is 1.
     """
     rest = kernel.copy()
     for k in range(len(rest)):
@@ -783,7 +888,11 @@ def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]
 
 
 def _robust(r: Floats, loss: str, free: float) -> float:
-    """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6)."""
+    """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6).
+
+    r (n,) : residuals in standard deviations. loss : `soft_l1` or `huber`. free :
+    degrees of freedom.
+    """
     z = r * r
     if loss == LOSSES[1]:
         first, second = (1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5

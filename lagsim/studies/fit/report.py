@@ -79,7 +79,7 @@ def _known(value: float) -> float | None:
 
 
 def _uncertainties(fit: Fit, found: Found) -> tuple[Floats, Floats]:
-    """Return standard errors, shape (p,), and correlations, shape (p, p)."""
+    """Return standard errors (p,) of the varied names, and correlations (p, p)."""
     p = len(fit.names)
     if found.estimate is None:
         return np.full(p, np.nan), np.full((p, p), np.nan)
@@ -91,10 +91,10 @@ def _uncertainties(fit: Fit, found: Found) -> tuple[Floats, Floats]:
 
 
 def _quantile(fit: Fit, found: Found) -> float:
-    """Return the half width of an interval in standard errors.
+    """Return the half width of a 95 % interval, as a multiple of the standard error.
 
-    Of Student's distribution where a noise is estimated, with the degrees of freedom of
-    these columns.
+    It is from the normal distribution if all standard deviations are given; else from
+    Student's, with the degrees of freedom of columns with estimated noise.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -117,7 +117,7 @@ def _of_record(fit: Fit, number: int) -> dict[str, Any]:
 
 
 def tables(fit: Fit, found: Found) -> dict[str, bytes]:
-    """Return fit.csv: data, model and residual of each column, with a row a time."""
+    """Return {"fit.csv": content}: data, model and residual of each column, by time."""
     header = ["data", TIME]
     for match in fit.matches:
         header += [match.column, f"{match.column}.model", f"{match.column}.residual"]
@@ -136,10 +136,10 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
 
 
 def written(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
-    """Return the model file with the values of the fit, with its comments.
+    """Return the text of the model file with the values of the fit; comments are kept.
 
-    A name of the first data file alone is written where no other has the name; values
-    in `given` replace those of the file, too.
+    Of names with data file numbers only those of the first file are written. given :
+    names whose values were set by the user; these values are written, too.
 
     Raises
     ------
@@ -156,12 +156,12 @@ def written(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
 
 
 def name_of(fit: Fit) -> str:
-    """Return the name of the model file with the values of the fit."""
+    """Return the name of the file of `written`: the model's name, then -fitted.yaml."""
     return f"{fit.given.name}-fitted.yaml"
 
 
 def lines(document: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return the rows of a report: name, value, standard error, interval."""
+    """Return the rows of the printed table: name, value, standard error, interval."""
     rows: list[tuple[str, ...]] = [("", "value", "standard error", "95 % interval")]
     for name, one in document["parameters"].items():
         error, ends = one["standard_error"], one["interval"]
