@@ -56,9 +56,9 @@ STILL = 4.0
 # Largest number of names in a message.
 MOST_NAMES = 4
 NO_VALUE = (
-    "check the initial values against what it divides by and the arguments of its "
-    "roots and logarithms; the point of a cone, as that of hypot(x, y) at 0, has no "
-    "gradient: start, or guess, beside it"
+    "at the initial values its divisors must not be 0, and the arguments of its roots "
+    "and logarithms must be positive; the point of a cone, as that of hypot(x, y) at "
+    "0, has no gradient: start, or guess, beside it"
 )
 BEYOND = (
     "start, or guess, between the first and the last point of the table `{}`, or "

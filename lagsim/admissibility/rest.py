@@ -401,7 +401,8 @@ def find_rest(
     off : collection of str
         Constraints that are out of force.
     ways : sequence of Way
-        The ways that are tried; with FAR, at last each contact beside the earlier ones.
+        The ways that are tried, in order. If FAR is among the ways, NEAR is tried again
+        at last, with each contact in turn in force.
     """
     laws = point.e.laws
     apart = [k for k in _by_gap(point) if laws[k].constraint not in off]

@@ -80,7 +80,7 @@ def _refuse(
         Format.python: (),
     }.get(form, ("substitute", "solve", "gauss", "expand"))
     problems = Problems(
-        Problem("usage", f"--{name} means nothing with --format {form.value}")
+        Problem("usage", f"--{name} has no effect with --format {form.value}")
         for name, given in options.items()
         if given and name not in meant
     )

@@ -132,9 +132,9 @@ class Function(NamedTuple):
 
 
 def called(symbol: str, *kinds: str, attributes: str = "") -> dict[str, Any]:
-    """Return the columns of a row whose function is an external symbol.
+    """Return entries `native` and `declares` of the functions table, for a C function.
 
-    kinds : the LLVM types of the operands
+    symbol : name of the C function. kinds : LLVM types of its operands.
     """
     operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
     declared = f"declare double @{symbol}({', '.join(kinds)}) {attributes}"
@@ -602,7 +602,10 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Return the function that differentiates a piece in its `count` arguments."""
+    """Return the function of partial derivatives of a table's piece.
+
+    They are 0 but for the `count` coordinates within the piece.
+    """
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),
         *(tables.differentiated(g, op, a, k) for k in range(count)),

@@ -245,7 +245,10 @@ def functions() -> list[Callable[..., Any]]:
 
 
 def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
-    """Return a kernel as a function of `count` Data, and of numbers."""
+    """Return `kernel` as a function whose first `count` arguments are of type Data.
+
+    The kernel itself takes the arrays of the data.
+    """
     return lambda *args: kernel(*(a.values for a in args[:count]), *args[count:])
 
 

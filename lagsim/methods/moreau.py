@@ -459,7 +459,7 @@ def share_out(p: Impulses, count: int, h: float, v: Floats) -> None:
 
 
 def is_shared(p: Impulses, i: int) -> bool:
-    """Whether active row i may share its impulse: a limit or an equality, no slip."""
+    """Whether active row i is a limit or an equality, whose impulse may be shared."""
     k = int(p.acting[i])
     return float(p.row_kind[k]) >= LIMITED and float(p.row_pair[k]) < 0.0
 

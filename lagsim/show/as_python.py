@@ -40,9 +40,9 @@ _HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
 M q'' = f + A^T lambda,  A q'' = b,  Qc = A^T lambda.
 
 Functions take the time t, the coordinates q and the velocities q_dot, in the order of
-COORDINATES. PARAMETERS are read at each call. The rows of the constraints in ONE_SIDED
-hold only while the contact is closed, those of all in CONDITIONS only at times: what
-their laws ask of g (or a rate), its rate g' (or that rate itself) and lambda.
+COORDINATES. PARAMETERS are read at each call. Rows of constraints in ONE_SIDED hold
+only while the contact is closed. Constraints in CONDITIONS hold only at times, under
+conditions on g (or a rate), its rate g' (or that rate itself) and lambda.
 """
 
 import numpy as np

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 Found = dict[str, int]
-"""What stands for variables: name -> node."""
+"""Definitions of variables: name -> node."""
 
 # Equations of more operations, written out, are given in the definitions of the file
 # where energies are written with their rates.

@@ -680,10 +680,10 @@ class Expansion:
     def _referred(
         self, key: Scalar, node: Node, outer: Indices | None
     ) -> _Given | Entry | None:
-        """Return the entry of a key that refers to a name, such as a force on `q(i)`.
+        """Return the entry whose key refers to a name, such as a force on `q(i)`.
 
-        With the members of the family; the entry is unchanged where the name is no
-        family, and None where the key is faulty.
+        Of a family it is a `_Given`, with the members that the key selects; of any
+        other name the entry as it is; None if the key is faulty, which is reported.
         """
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:

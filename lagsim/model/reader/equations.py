@@ -756,7 +756,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     once, sets = below.truth("once"), below.value("set")
     pairs = entries(sets, f"the `set` of {what}", x.faults)
     if (sets is None or (isinstance(sets, Mapping) and not pairs)) and below.sound:
-        text, hint = f"{what} sets nothing", "write set: {mode: expression}"
+        text, hint = f"{what} has no assignments", "write set: {mode: expression}"
         x.faults.add("missing-key", text, key, hint)
     found: list[tuple[str, int]] = []
     for name, value in pairs:

@@ -208,7 +208,10 @@ class _Function(Folding, ast.NodeVisitor):
         return Value(name, kind)
 
     def _allocate(self, stem: str, kind: str) -> str:
-        """Allocate a new variable on the stack."""
+        """Allocate a variable on the stack; return the name of its address in the IR.
+
+        stem : beginning of the name. kind : type of the variable.
+        """
         place = self._name(stem)
         self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
         return place
@@ -672,7 +675,7 @@ class _Function(Folding, ast.NodeVisitor):
         if kind == "None":
             self.lines.append("  ret void")
         elif node.value is None:
-            raise self.error(node, f"gives nothing, not {kind}")
+            raise self.error(node, f"returns no value, not {kind}")
         else:
             value = self._converted(node.value, kind)
             self.lines.append(f"  ret {LLVM[kind]} {value.text}")

@@ -334,7 +334,11 @@ class Switching(Source):
         return quoted(self.sides[k].text for k in sorted(several))
 
     def _set_slack(self, crossing: Crossing) -> None:
-        """Store slack and band so that rounding and tolerated errors end no mode."""
+        """Set how far each mode may be off its condition before it ends.
+
+        These are `slack` and `band`, shape (modes.count,), bounds of rounding and of
+        tolerated errors.
+        """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)

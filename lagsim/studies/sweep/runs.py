@@ -693,7 +693,7 @@ def refusal(session: Session) -> str:
     if system.m or system.watched:
         return "constraints and switches are located in each run separately"
     if plan.reduction.ignored or plan.reduction.eliminated:
-        return "the equations are reduced by what is conserved in each run"
+        return "the equations are reduced by conserved quantities in each run"
     if system.model.until is not None:
         return "`until` is located in each run separately"
     if system.model.events:
