@@ -43,6 +43,7 @@ from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from lagsim.api.analysing import Equilibria, Modes, equilibrium, modes
+    from lagsim.api.fitting import Fitted, fit
     from lagsim.api.models import Derivation, Model, derive, load
     from lagsim.api.simulating import (
         Examination,
@@ -57,6 +58,7 @@ __all__ = [
     "Derivation",
     "Equilibria",
     "Examination",
+    "Fitted",
     "InadmissibleError",
     "InputError",
     "LagsimError",
@@ -68,6 +70,7 @@ __all__ = [
     "check",
     "derive",
     "equilibrium",
+    "fit",
     "load",
     "modes",
     "simulate",
@@ -80,6 +83,7 @@ _PLACES = {
     "Derivation": "models",
     "Equilibria": "analysing",
     "Examination": "simulating",
+    "Fitted": "fitting",
     "InadmissibleError": "simulating",
     "Model": "models",
     "Modes": "analysing",
@@ -88,6 +92,7 @@ _PLACES = {
     "check": "simulating",
     "derive": "models",
     "equilibrium": "analysing",
+    "fit": "fitting",
     "load": "models",
     "modes": "analysing",
     "simulate": "simulating",

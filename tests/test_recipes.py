@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import ellipj, roots_laguerre
 
@@ -173,3 +174,49 @@ def test_a_frame_answers_a_record(result):
     assert np.allclose(result["u"], u, **CLOSE)
     felt = -(w**2) * result["u"] - 2 * zeta * w * result["u_dot"]
     assert np.allclose(result["felt"], felt, **CLOSE)
+
+
+def swings(times, c, tau, start):
+    """Return the angle of a pendulum with dry friction, swing by swing, by scipy."""
+    inertia, weight = 0.5 * 0.8**2, 0.5 * G * 0.8
+    y, t, sign, found = [start, 0.0], 0.0, -1.0, np.empty_like(times)
+    while t < times[-1]:
+
+        def rhs(_t, y, sign=sign):
+            return [y[1], (-weight * np.sin(y[0]) - c * y[1] - tau * sign) / inertia]
+
+        def turns(_t, y):
+            return y[1]
+
+        turns.terminal, turns.direction = True, -sign
+        one = solve_ivp(
+            rhs, (t, times[-1]), y, "DOP853", rtol=1e-12, atol=1e-13, events=turns,
+            dense_output=True,
+        )  # fmt: skip
+        own = (times >= t) & (times <= one.t[-1])
+        found[own] = one.sol(times[own])[0]
+        y, t, sign = [one.y[0, -1], 0.0], one.t[-1], -sign
+    return found
+
+
+def test_the_swings_of_a_pendulum_with_friction():
+    # The data of the recipe are those that its text states, to the last digit.
+    path = ROOT / "models/pendulum-friction.csv"
+    times, angles = np.loadtxt(path, delimiter=",", skiprows=4).T
+    exact = np.degrees(swings(times, 0.012, 0.03, 0.52))
+    noise = np.random.default_rng(1).normal(0, 0.3, len(times))
+    assert np.allclose(angles, exact + noise, rtol=0, atol=0.00501)
+
+
+@pytest.mark.slow
+def test_the_friction_of_a_pendulum():
+    found = lagsim.fit(
+        ROOT / "models/pendulum-friction.yaml",
+        ROOT / "models/pendulum-friction.csv",
+        vary=["c", "tau", "theta"],
+        match={"angle": "theta*180/pi"},
+    )
+    for name, value in (("c", 0.012), ("tau", 0.03), ("theta", 0.52)):
+        low, high = found.parameters[name]["interval"]
+        assert low < value < high
+    assert found.noise["angle"] == pytest.approx(0.3, rel=0.15)

@@ -59,7 +59,7 @@ ACCURATE: dict[str, Any] = {}
 # Relative change of the data by a name, below which it counts as none.
 NO_CHANGE = 1e-9
 # Least ratio of a singular value to the largest of a combination that is determined.
-DETERMINED = 1e-8
+DETERMINED = 1e-7
 # Degrees of freedom where none are left.
 SPENT_ROWS = 1e-9
 # Parts of a combination below this size are rounding.
@@ -561,7 +561,7 @@ class Fit:
             if self._progress is not None:
                 self._progress(1.0 - 0.85**self.iterations)
             J = self.slopes(z * s, ROUGH).J
-            return np.asarray(J * weights[self.of][:, None])
+            return _determined(J * weights[self.of][:, None])
 
         ends = np.array([[one.low, one.high] for one in self.names]).T / s
         found = least_squares(
@@ -749,14 +749,9 @@ class Fit:
         J, _, error = slopes
         p = len(self.names)
         free = np.array([one.label not in active for one in self.names])
-        weighted = J[:, free] / noise[self.of][:, None]
-        norms = np.linalg.norm(weighted, axis=0)
-        norms[norms == 0.0] = 1.0
-        rows = max(0, weighted.shape[1] - len(weighted))
-        padded = np.pad(weighted / norms, ((0, rows), (0, 0)))
-        U, sizes, Vt = np.linalg.svd(padded, full_matrices=False)
-        largest = float(np.max(sizes, initial=0.0))
-        kept = sizes > max(DETERMINED, error) * largest
+        norms, (U, sizes, Vt), kept = _decomposed(
+            J[:, free] / noise[self.of][:, None], error
+        )
         taken = np.sum(U[: len(J), kept] ** 2, axis=1)
         labels = [one.label for one in self.names if one.label not in active]
         relative = (self.scales / np.where(x == 0.0, self.scales, np.abs(x)))[free]
@@ -814,6 +809,14 @@ class Fit:
             self._progress(1.0)
         return Found(x, raw, noise, outcome, found, active, *starts, cautions)
 
+    def of_file(self, found: Found) -> dict[str, float]:
+        """Return the values for the model file: of starts those of the first record."""
+        values: dict[str, float] = {}
+        for one, value in zip(self.names, found.x.tolist(), strict=True):
+            if 0 in _concerned(one, self.names, 1) and not self.is_clock(one):
+                values[one.name] = value
+        return values
+
     def curve(self, x: Floats, number: int, count: int) -> tuple[Floats, Floats]:
         """Return the fitted model as a curve over the times of a record.
 
@@ -862,6 +865,39 @@ def _drawn(one: Varied, random: np.random.Generator) -> float:
     if not one.start:
         value = one.scale * (2.0 * part - 1.0)
     return min(max(value, one.low), one.high)
+
+
+def _decomposed(
+    J: Floats, error: float = 0.0
+) -> tuple[Floats, tuple[Floats, Floats, Floats], Flags]:
+    """Return the singular value decomposition of a Jacobian with columns of length 1.
+
+    Returns
+    -------
+    norms : ndarray, shape (p,)
+        The lengths of the columns; 1 for a column of zeros.
+    decomposition : tuple of ndarray, shape (n, p), (p,), (p, p)
+        U, singular values and V^T; with rows of zeros where n < p.
+    kept : ndarray of bool, shape (p,)
+        Singular values beyond the relative error of the derivatives.
+    """
+    norms = np.linalg.norm(J, axis=0)
+    norms[norms == 0.0] = 1.0
+    padded = np.pad(J / norms, ((0, max(0, J.shape[1] - len(J))), (0, 0)))
+    U, sizes, Vt = np.linalg.svd(padded, full_matrices=False)
+    largest = float(np.max(sizes, initial=0.0))
+    return norms, (U, sizes, Vt), sizes > max(DETERMINED, error) * largest
+
+
+def _determined(J: Floats) -> Floats:
+    """Return a Jacobian without the combinations that are rounding.
+
+    A step along these would have any size.
+    """
+    norms, (U, sizes, Vt), kept = _decomposed(J)
+    if kept.all():
+        return J
+    return np.asarray((U[: len(J), kept] * sizes[kept]) @ Vt[kept] * norms)
 
 
 def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:

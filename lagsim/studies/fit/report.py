@@ -138,18 +138,15 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
 def written(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
     """Return the text of the model file with the values of the fit; comments are kept.
 
-    Of names with data file numbers only those of the first file are written. given :
-    names whose values were set by the user; these values are written, too.
+    Of names that each data file has of its own, those of the first file are written.
+    Values in `given` replace those of the file, too.
 
     Raises
     ------
     InputError
         If a value of a family has no place of its own in the file.
     """
-    model, values = fit.given, dict[str, float]()
-    for one, value in zip(fit.names, found.x.tolist(), strict=True):
-        if not fit.is_clock(one) and one.record <= 0:
-            values.setdefault(one.name, value)
+    model, values = fit.given, fit.of_file(found)
     known = model.parameter_values | {x.name: x.value for x in model.initial}
     fixed = {name: known[name] for name in given if name in known}
     return model.stated.rewritten(fixed | values)
