@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from lagsim.studies.fit.fitting import Fit, Found
 
 # Inches: panels of data, and of residuals.
-DATA, RESIDUALS = 1.5, 0.8
+DATA, RESIDUALS = 1.5, 0.9
 # Columns at most, points of a curve, and data points that are small marks.
 MOST, CURVE, MANY = 6, 800, 120
 MODEL: Pen = {"color": INK, "linewidth": 0.8}
@@ -110,7 +110,7 @@ def _chart(fit: Fit, found: Found, drawn: Sequence[_Drawn]) -> Picture:
         _scaled(above, [x for one in drawn for x in (one.model[:, k], one.data[:, k])])
         _scaled(below, [one.residuals[:, k] for one in drawn], zero=True)
         name_axis(above.yaxis, _named(match, letters), raised(match.unit))
-        name_axis(below.yaxis, "residual", raised(match.unit))
+        name_axis(below.yaxis, "residual")  # in the unit of the panel above
     times = np.concatenate([one.times for one in drawn])
     low, high = float(times.min()), float(times.max())
     free = 0.015 * (high - low) or 1.0
@@ -145,5 +145,6 @@ def _note(fit: Fit, found: Found) -> str:
     for one, value, size in zip(fit.names, found.x.tolist(), sizes, strict=True):
         name = letters.name(one.name) + one.label.removeprefix(one.name)
         error = f" ± {size:.2g}" if np.isfinite(size) else ""
-        parts.append(f"{name} = {value:.6g}{error}")
+        # A line breaks between names alone.
+        parts.append(f"{name} = {value:.6g}{error}".replace(" ", "\u00a0"))
     return ",   ".join(parts)
