@@ -360,7 +360,7 @@ FAULTS = [
     ("k = 1\n!k = x\nreturn x", "is float, not int"),
     ("!if n:\n    return x\nreturn x", "is int, not bool"),
     ("!y = z\nz = y\nreturn y", "`z` has no value"),
-    ("!return", "nothing, not float"),
+    ("!return", "no value, not float"),
     ("!return x > 0", "bool, not float"),
     ("!return missing(x)", "`missing` is not defined"),
     ("!return ROWS[n]", "`ROWS` has no value here; globals are numbers"),
