@@ -44,6 +44,7 @@ ELSEWHERE = {
 NOT_RUN = {
     "python3 -m venv": ".ci/run runs it in a fresh clone",
     "pip install": "needs the network",
+    "lagsim explore": "serves until Ctrl-C; tests/studies/explore opens its page",
     "python benchmarks/": "measures for minutes",
     "python -m benchmarks.": "writes files of the repository",
 }
@@ -98,8 +99,8 @@ def folder(tmp_path):
         for name in re.findall(r"\bmodels/([\w-]+)\.yaml", block.text)
     }
     for name in {*FEW, *named}:
-        if (MODELS / f"{name}.yaml").exists():
-            shutil.copy(MODELS / f"{name}.yaml", tmp_path / "models")
+        for path in MODELS.glob(f"{name}.*"):
+            shutil.copy(path, tmp_path / "models")
     return tmp_path
 
 

@@ -165,10 +165,11 @@ class Tab:
 
     def wait(self, condition, seconds=20.0):
         """Wait until an expression is true."""
-        end = time.monotonic() + seconds * PATIENCE
-        while not self.run(f"Boolean({condition})"):
-            assert time.monotonic() < end, f"never: {condition}; {self.messages}"
+        for _ in range(int(50 * seconds * PATIENCE)):
+            if self.run(f"Boolean({condition})"):
+                return
             time.sleep(0.02)
+        pytest.fail(f"never: {condition}; {self.messages}")
 
     @property
     def state(self):
