@@ -29,8 +29,8 @@ from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import work_precision
 from lagsim.studies.bench.work_precision import (
+    BenchOptions,
     NoReferenceError,
-    Wish,
     curves,
     is_answer,
     measure,
@@ -121,7 +121,7 @@ def points(rows):
 def rows_of(model, charts=None, budget=BUDGET):
     """Give the rows of the table for one model; draw its chart where one is wanted."""
     case = open_case(read_file(str(MODELS / f"{model}.yaml")))
-    wish = Wish(methods=None if charts else names(), budget=budget)
+    wish = BenchOptions(methods=None if charts else names(), budget=budget)
     try:
         found = measure(case, wish)
     except NoReferenceError as why:

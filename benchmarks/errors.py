@@ -21,7 +21,7 @@ from lagsim.cli import main
 from lagsim.codes import CHECK, EXAMPLE, MODEL, RETIRED, every
 
 if TYPE_CHECKING:
-    from lagsim.codes import Row
+    from lagsim.codes import MessageRow
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs/errors.md"
@@ -56,7 +56,7 @@ TITLES = {
 }
 
 
-def told(row: Row, folder: Path) -> str:
+def told(row: MessageRow, folder: Path) -> str:
     """Run the example of a message in a folder; give what its last command says."""
     (folder / MODEL).write_text(row.model, encoding="utf-8")
     if row.commands == CHECK:
@@ -96,7 +96,7 @@ def checked(folder: Path) -> str:
     return said.getvalue()
 
 
-def line_of(row: Row, said: str) -> str:
+def line_of(row: MessageRow, said: str) -> str:
     """Give the message itself, of all that a command says.
 
     Raises
@@ -122,7 +122,7 @@ def _cut(line: str) -> str:
     return line[: _LONGEST - len(end)] + end
 
 
-def entry(row: Row, message: str) -> str:
+def entry(row: MessageRow, message: str) -> str:
     """Give what the page says of one message."""
     lines = [f"#### {row.number} {row.code}", "", row.happened]
     if row.expected:
@@ -134,7 +134,7 @@ def entry(row: Row, message: str) -> str:
     return "\n".join(lines)
 
 
-def example_of(row: Row) -> list[str]:
+def example_of(row: MessageRow) -> list[str]:
     """Give the lines of an example: the sections that it changes, and its commands."""
     lines = [_cut(line) for line in row.change.replace("\x07", "\\a").splitlines()]
     return [*lines, *[""][: len(lines)], *row.commands]
@@ -154,7 +154,7 @@ def made(messages: dict[str, str]) -> str:
     return "\n".join(parts) + "\n"
 
 
-def message(row: Row) -> str:
+def message(row: MessageRow) -> str:
     """Run the example of a message; give what it says."""
     with tempfile.TemporaryDirectory() as folder:
         return line_of(row, told(row, Path(folder)))

@@ -7,7 +7,7 @@ from lagsim.studies.bench import stamp
 from lagsim.studies.bench.chart import (
     ERROR,
     WORST,
-    Cost,
+    CostCurve,
     cost_panel,
     error_scale,
     look,
@@ -68,5 +68,5 @@ def costs_of(scene):
         kept = [p for p in points if p["error"] <= WORST]
         errors = seen(p["error"] for p in kept)
         seconds = seen(p["seconds"] for p in kept)
-        found.append(Cost(name, LOOKS[name], errors, seconds))
+        found.append(CostCurve(name, LOOKS[name], errors, seconds))
     return found

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from lagsim.codes import Row
+    from lagsim.codes import MessageRow
     from lagsim.codes.known import ErrorCode
 
 
@@ -128,7 +128,7 @@ class Problem(NamedTuple):
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property
-    def _row(self) -> Row:
+    def _row(self) -> MessageRow:
         from lagsim.codes import errors
 
         return errors()[self.code]

@@ -14,7 +14,7 @@ import numpy as np
 
 from lagsim.admissibility.corners import raised_by_corners
 from lagsim.admissibility.newton import (
-    Found,
+    NewtonResult,
     Relations,
     Trouble,
     nearest,
@@ -41,7 +41,7 @@ from lagsim.admissibility.refusal import (
     rough_starts,
 )
 from lagsim.admissibility.verdict import (
-    Verdict,
+    RelationResiduals,
     contact_status,
     in_force,
     judge,
@@ -98,7 +98,7 @@ class StartReport(NamedTuple):
     ----------
     state : Instant
         The nearest exact state if the start is admissible, else the stated one.
-    verdicts : tuple of Verdict
+    verdicts : tuple of RelationResiduals
         The constraints, then the start values of definitions that are not satisfied;
         with `rest`, the velocities and accelerations that are not zero.
     ranks : RankReport
@@ -132,7 +132,7 @@ class StartReport(NamedTuple):
     """
 
     state: Instant
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[RelationResiduals, ...]
     ranks: RankReport
     augmented: bool
     reach: Reach | None
@@ -425,14 +425,14 @@ class _Examiner:
         self.stated.g.count(k**3 / DECOMPOSED)
         return least_change_metric(M.dense(k, k))
 
-    def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
+    def _nearest(self, relations: Relations, *, far: bool = True) -> NewtonResult:
         """Return the values nearest to the point's that satisfy the relations.
 
         far : whether other starts of the search are tried, too.
         """
         free = relations.free
         if not relations.wanted:
-            return Found(relations.x0, converged=True)
+            return NewtonResult(relations.x0, converged=True)
         large = len(free) >= Point.LARGE and relations.block < 2
         if large and self.stated.is_safely_positive:
             M = self.stated.mass_entries(free).sparse(len(free), len(free))
@@ -441,7 +441,7 @@ class _Examiner:
                 return found
         return nearest(relations, self._metric(relations), far=far)
 
-    def _solved(self, relations: Relations) -> Found:
+    def _solved(self, relations: Relations) -> NewtonResult:
         """Solve relations for guesses, and describe a failure, or a special root."""
         found = self._nearest(relations)
         if not relations.wanted:
@@ -570,7 +570,7 @@ class _Examiner:
             wanted.append(Condition(rate_of(name), slope, A, size, 0.0, 0.0))
         return Relations(point, wanted, free, velocities=True, states=True)
 
-    def _guesses(self, relations: Relations) -> Found:
+    def _guesses(self, relations: Relations) -> NewtonResult:
         """Solve for guesses; of several roots select the nearest, and warn.
 
         A guess that no relation determines keeps its value.
@@ -604,7 +604,7 @@ class _Examiner:
             text = f"{what} the guess `{name}`: it stays as given"
             self._warn("undetermined-guess", text)
 
-    def _closest_root(self, relations: Relations, found: Found) -> Found:
+    def _closest_root(self, relations: Relations, found: NewtonResult) -> NewtonResult:
         """Return the root nearest to the guess, among several.
 
         Warn if others are as near.
@@ -640,7 +640,7 @@ class _Examiner:
                 f"other solutions are about as near to the guesses, such as {listed}; "
                 "the nearest is used",
             )
-        return Found(roots[nearest], converged=True)
+        return NewtonResult(roots[nearest], converged=True)
 
     # The state that is reported
 
@@ -665,7 +665,7 @@ class _Examiner:
         unsolved = f"{ranks.thin}: {SIMPLE}" if ranks.thin and not against else ""
         return _Judged(point, ranks, against, unsolved=unsolved)
 
-    def _exact(self, point: Point, laws: Sequence[Verdict]) -> _Judged:
+    def _exact(self, point: Point, laws: Sequence[RelationResiduals]) -> _Judged:
         """Analyse the nearest exact state: its rows, ranks and contradictions.
 
         laws : verdicts on the laws. Values that are exact to rounding are kept.

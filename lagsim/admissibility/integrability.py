@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.admissibility.verdict import Verdict
+    from lagsim.admissibility.verdict import RelationResiduals
     from lagsim.mechanics.constraints import Row
 
 # Functions whose expression differs on the two sides of a switch.
@@ -63,8 +63,8 @@ class Reach(NamedTuple):
 
 
 def classified(
-    point: Point, verdicts: Sequence[Verdict]
-) -> tuple[list[Verdict], Reach]:
+    point: Point, verdicts: Sequence[RelationResiduals]
+) -> tuple[list[RelationResiduals], Reach]:
     """Return verdicts with `integrable` for each Pfaffian relation; common reach.
 
     Each relation is examined alone; the reach is that of all rows.

@@ -302,7 +302,7 @@ class Trouble(Enum):
     NOT_FINITE = "values that are not finite"
 
 
-class Found(NamedTuple):
+class NewtonResult(NamedTuple):
     """Result of the iteration.
 
     Attributes
@@ -324,7 +324,7 @@ class Found(NamedTuple):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # starts of any size
-def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
+def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> NewtonResult:
     """Return the point nearest to x0 in a metric that satisfies `relations`.
 
     If none is found, the result is a point of least |r| nearby.
@@ -338,7 +338,7 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
     """
     x0 = relations.x0
     if relations.exact(x0):
-        return Found(x0, converged=True)
+        return NewtonResult(x0, converged=True)
     reached = reach(relations, x0, metric)
     if far and not reached.converged:
         # In the metric the path can be a narrow valley: each by its own size.
@@ -361,17 +361,17 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
                 best = x
     if best is None:
         return _explained(relations, reached, metric)
-    return Found(best, converged=True, trouble=reached.trouble)
+    return NewtonResult(best, converged=True, trouble=reached.trouble)
 
 
-def nearest_sparse(relations: Relations, M: Any) -> Found | None:
+def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
     """Return the nearest point in a sparse metric M (n, n); None without convergence.
 
     Each step solves for the nearest point that satisfies the linearised relations.
     """
     x0 = relations.x0
     if relations.exact(x0):
-        return Found(x0, converged=True)
+        return NewtonResult(x0, converged=True)
     x, last = x0.copy(), np.inf
     for _ in range(MOST_STEPS):
         r, J = relations.sparse(x)
@@ -392,7 +392,7 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
             errors = STATE_ROUNDOFF * (np.abs(x) + moved)
             gone = diverges(relations, relations.sparse, x0, x, errors)
             return (
-                Found(x, converged=True)
+                NewtonResult(x, converged=True)
                 if relations.hold(x, errors) and not gone
                 else None
             )
@@ -435,7 +435,7 @@ def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
 @np.errstate(over="ignore", invalid="ignore")  # starts of any size
 def reach(
     relations: Relations, start: Floats, metric: Floats, guess: Floats | None = None
-) -> Found:
+) -> NewtonResult:
     """Solve the relations by damped Newton steps of least change.
 
     Parameters
@@ -450,10 +450,12 @@ def reach(
     try:
         return _reached(relations, start, metric, start if guess is None else guess)
     except np.linalg.LinAlgError:  # steps went where doubles hold no more
-        return Found(start.copy(), converged=False, trouble=Trouble.NOT_FINITE)
+        return NewtonResult(start.copy(), converged=False, trouble=Trouble.NOT_FINITE)
 
 
-def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) -> Found:
+def _reached(
+    relations: Relations, x0: Floats, metric: Floats, guess: Floats
+) -> NewtonResult:
     x = x0.copy()
     L = cholesky(metric)
     r, J = relations(x)
@@ -467,7 +469,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if not np.any(r) or polished >= POLISHING:
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
-            return Found(x, converged=False, trouble=Trouble.NOT_FINITE)
+            return NewtonResult(x, converged=False, trouble=Trouble.NOT_FINITE)
         Y, lengths = rows_of_length_one(J, L)
         step = np.asarray(np.linalg.solve(L.T, least_squares(Y, -r / lengths)), float)
         length = float(np.sqrt(_square(step, metric)))
@@ -490,11 +492,11 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
     errors = STATE_ROUNDOFF * largest + moved * ulp
     hold = not np.any(r) or relations.hold(x, errors)
     if hold and diverges(relations, relations, guess, x, errors):
-        return Found(x, converged=False, trouble=Trouble.DIVERGES)
+        return NewtonResult(x, converged=False, trouble=Trouble.DIVERGES)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED
     trouble = Trouble.DOUBLE_ROOT if jumped and hold else Trouble.NONE
-    return Found(x, converged=hold, trouble=trouble)
+    return NewtonResult(x, converged=hold, trouble=trouble)
 
 
 def _damped(
@@ -531,7 +533,9 @@ def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
     return Y, lengths
 
 
-def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
+def _explained(
+    relations: Relations, reached: NewtonResult, metric: Floats
+) -> NewtonResult:
     """Return the point of least |r|, with the reason why no root was found.
 
     reached : the end of the iteration.
@@ -562,8 +566,8 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     x = back(z)
     moved = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
     if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + moved)):
-        return Found(x, converged=True)
-    return Found(x, converged=False, trouble=Trouble.MINIMUM)
+        return NewtonResult(x, converged=True)
+    return NewtonResult(x, converged=False, trouble=Trouble.MINIMUM)
 
 
 class _Slope:

@@ -307,7 +307,7 @@ def gradient_of(point: Point, node: int) -> dict[int, int]:
     return {places[x]: slope for x, slope in found.items()}
 
 
-class _Form(NamedTuple):
+class _ScaledGradient(NamedTuple):
     """Gradient of a condition with respect to the scaled coordinates sqrt(M_jj) q_j.
 
     Attributes
@@ -350,7 +350,7 @@ class Lengths:
         self.u = self.weights * point.q
         self.forms = self._measured()
 
-    def _measured(self) -> list[_Form]:
+    def _measured(self) -> list[_ScaledGradient]:
         if not self.asked:
             return []
         g, names = self.point.g, self.point.e.q
@@ -388,7 +388,7 @@ class Lengths:
             size[0] = size[0] if size[0] > rounding else 0.0
             pairs = zip(ways, size[1::2], size[2::2], strict=True)
             own = {k: _length(size[0], first, second) for k, first, second in pairs}
-            forms.append(_Form(columns, table, own))
+            forms.append(_ScaledGradient(columns, table, own))
         return forms
 
     def _shortest(self, least: float, most: float) -> Floats:
@@ -450,7 +450,7 @@ class Lengths:
         """The shortest length at each coordinate (n,); inf if unknown."""
         return self._shortest(0.0, LONG)
 
-    def _scale(self, form: _Form, value: float) -> float:
+    def _scale(self, form: _ScaledGradient, value: float) -> float:
         slopes = form.table[0]
         if not np.all(np.isfinite(slopes)):
             return np.inf
@@ -474,7 +474,7 @@ class Lengths:
         """
         return np.array([self._motion(form) for form in self.forms])
 
-    def _motion(self, form: _Form) -> float:
+    def _motion(self, form: _ScaledGradient) -> float:
         shortest, table = form.shortest, form.table
         if np.isinf(shortest) or not np.all(np.isfinite(table)):
             return np.inf

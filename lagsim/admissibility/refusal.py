@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.point import Point
     from lagsim.admissibility.rank import Dependence, RankReport
-    from lagsim.admissibility.verdict import Residual, Verdict
+    from lagsim.admissibility.verdict import RelationResiduals, Residual
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.parser import Parsed
@@ -666,7 +666,9 @@ MOST_GUESSES = 4
 
 
 def rough_starts(
-    equations: Equations, verdicts: Sequence[Verdict], starts: Sequence[Verdict]
+    equations: Equations,
+    verdicts: Sequence[RelationResiduals],
+    starts: Sequence[RelationResiduals],
 ) -> Iterator[Caution]:
     """Yield warnings on relations that are satisfied to a few digits, with advice."""
     rows = {row.name: row for row in equations.rows}

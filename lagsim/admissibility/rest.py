@@ -25,7 +25,7 @@ import numpy as np
 from lagsim.admissibility.newton import (
     MOST_STEPS,
     SMALLEST_DAMPING,
-    Found,
+    NewtonResult,
     Relations,
     descend,
     nearest,
@@ -336,11 +336,11 @@ class Way(Enum):
     NEAR, CONTRACTED, FAR, DOWN, ROOT = range(5)
 
 
-def _solved(rest: Rest, way: Way = Way.NEAR) -> Found:
+def _solved(rest: Rest, way: Way = Way.NEAR) -> NewtonResult:
     """Return a rest near the guess, found by one of the ways; see `Way`."""
     x0 = rest.x0
     if rest.exact(x0) or not len(x0):
-        return Found(x0, converged=rest.exact(x0))
+        return NewtonResult(x0, converged=rest.exact(x0))
     metric = rest.metric
     if way is Way.FAR:
         return nearest(rest, metric)
@@ -349,13 +349,13 @@ def _solved(rest: Rest, way: Way = Way.NEAR) -> Found:
         return reached._replace(x=unwound(rest, reached.x))
     x = None if way is Way.DOWN else _contracted(rest, metric)
     if x is None and way is Way.CONTRACTED:
-        return Found(x0, converged=False)
+        return NewtonResult(x0, converged=False)
     x = _downhill(rest) if x is None else x
     reached = reach(rest, x0 if x is None else x, metric, x0)
     if reached.converged:
         x = descend(rest, x0, unwound(rest, reached.x), metric)
-        return Found(x, converged=True)
-    return Found(x0, converged=False)
+        return NewtonResult(x, converged=True)
+    return NewtonResult(x0, converged=False)
 
 
 class AtRest(NamedTuple):

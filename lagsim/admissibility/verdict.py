@@ -111,7 +111,7 @@ class Residual(NamedTuple):
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
 
-class Verdict(NamedTuple):
+class RelationResiduals(NamedTuple):
     """Residuals of one relation at the start.
 
     Attributes
@@ -176,7 +176,7 @@ class Verdict(NamedTuple):
 # --- Equalities
 
 
-def judge(point: Point) -> list[Verdict]:
+def judge(point: Point) -> list[RelationResiduals]:
     """Return verdicts on the equality rows."""
     rows = point.e.rows
     held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
@@ -194,8 +194,8 @@ def judge(point: Point) -> list[Verdict]:
     return [_of_row(*row) for row in zip(rows, held, moving, strict=True)]
 
 
-def _of_row(row: Row, position: Residual, velocity: Residual) -> Verdict:
-    return Verdict(
+def _of_row(row: Row, position: Residual, velocity: Residual) -> RelationResiduals:
+    return RelationResiduals(
         name=row.name,
         kind="holonomic" if row.holonomic else "nonholonomic",
         scleronomic=row.scleronomic,
@@ -273,7 +273,7 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
 # --- Constraints that hold at times, and start values
 
 
-def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
+def judge_laws(point: Point, off: Collection[str]) -> list[RelationResiduals]:
     """Return verdicts on the constraints that are no rows of `point`.
 
     A gap and the rate of a freewheel must not be negative; a limited equality may slip;
@@ -314,7 +314,7 @@ def _of_limit(point: Point, law: Law) -> Residual | None:
 
 def _of_law(
     law: Law, value: Residual, rate: Residual, limit: Residual | None, *, in_force: bool
-) -> Verdict:
+) -> RelationResiduals:
     signed, active = law.kind.one_sided, in_force
     found = _of_row(law.row, value, rate)
     if signed:
@@ -331,12 +331,12 @@ def _of_law(
     )
 
 
-def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
+def of_gaps(verdicts: Sequence[RelationResiduals]) -> list[RelationResiduals]:
     """Return the verdicts with those of a gap's pieces merged into one.
 
     It is the verdict on the least piece.
     """
-    found: dict[str, list[Verdict]] = {}
+    found: dict[str, list[RelationResiduals]] = {}
     for x in verdicts:
         found.setdefault(whole(x.name), []).append(x)
     return [
@@ -344,7 +344,7 @@ def of_gaps(verdicts: Sequence[Verdict]) -> list[Verdict]:
     ]
 
 
-def _of_gap(name: str, own: Sequence[Verdict]) -> Verdict:
+def _of_gap(name: str, own: Sequence[RelationResiduals]) -> RelationResiduals:
     """Return one verdict on a gap from the verdicts on its pieces.
 
     Closed pieces come before open ones, then the least.
@@ -354,7 +354,7 @@ def _of_gap(name: str, own: Sequence[Verdict]) -> Verdict:
     return least._replace(name=name, position=position)
 
 
-def judge_starts(point: Point) -> list[Verdict]:
+def judge_starts(point: Point) -> list[RelationResiduals]:
     """Return verdicts on start values of definitions, and on rates of steady states."""
     starts = [(x.node, x) for x in point.e.model.initial if x.node is not None]
     rates = {x.name: x.rate for x in point.e.states}
@@ -369,7 +369,7 @@ def judge_starts(point: Point) -> list[Verdict]:
         rounding = residual.rounding + CAUTION * start.error
         position = residual._replace(rounding=rounding)
         name = f"{start.name}: {start.text}"
-        found.append(Verdict(name, START_VALUE, True, None, position, None))
+        found.append(RelationResiduals(name, START_VALUE, True, None, position, None))
     return found
 
 
@@ -396,14 +396,14 @@ def _against_levers(
 
 
 def judge_rest(
-    point: Point, laws: Sequence[Verdict], *, velocities: bool = True
-) -> list[Verdict]:
+    point: Point, laws: Sequence[RelationResiduals], *, velocities: bool = True
+) -> list[RelationResiduals]:
     """Return verdicts on velocities or, if these vanish, accelerations, all to be zero.
 
     Parameters
     ----------
     point : Point
-    laws : sequence of Verdict
+    laws : sequence of RelationResiduals
         Verdicts on the laws; active ones act.
     velocities : bool
         Whether velocities are judged, too.
@@ -447,9 +447,11 @@ def judge_rest(
     return [at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
 
 
-def at_rest(name: str, value: float, bound: float) -> Verdict:
+def at_rest(name: str, value: float, bound: float) -> RelationResiduals:
     """Return the verdict on a value that is to be zero within a bound."""
-    return Verdict(name, AT_REST, True, None, Residual(value, 0.0, bound), None)
+    return RelationResiduals(
+        name, AT_REST, True, None, Residual(value, 0.0, bound), None
+    )
 
 
 # --- What the laws of constraints do at the start
@@ -493,7 +495,9 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
     return found
 
 
-def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]:
+def in_force(
+    verdicts: Sequence[RelationResiduals], equations: Equations
+) -> list[RelationResiduals]:
     """Return verdicts in which timed equalities, if judged, are marked as in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
@@ -512,14 +516,14 @@ _PARADOX = Caution(
 
 
 def contact_status(
-    point: Point, verdicts: Sequence[Verdict], rank: int, *, sound: bool
-) -> tuple[list[Verdict], int, list[Caution]]:
+    point: Point, verdicts: Sequence[RelationResiduals], rank: int, *, sound: bool
+) -> tuple[list[RelationResiduals], int, list[Caution]]:
     """Decide the modes of laws at the start.
 
     Parameters
     ----------
     point : Point
-    verdicts : sequence of Verdict
+    verdicts : sequence of RelationResiduals
         Of the laws.
     rank : int
         Of the equalities in force.
@@ -529,7 +533,7 @@ def contact_status(
 
     Returns
     -------
-    verdicts : list of Verdict
+    verdicts : list of RelationResiduals
         With `holds` and `mode`.
     raised : int
         The rank added by limited equalities that hold.
@@ -554,7 +558,7 @@ def contact_status(
     return found, raised, [_PARADOX] if paradox else []
 
 
-class Acting(NamedTuple):
+class LawsAtStart(NamedTuple):
     """Modes of laws at the start, and impacts.
 
     Attributes
@@ -585,7 +589,7 @@ class Acting(NamedTuple):
         return {k for k, mode in self.modes.items() if mode in _HELD}
 
 
-def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
+def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
     """Determine the modes of the laws whose verdicts are active."""
     laws, sliders = point.e.laws, _sliders(point)
     active = {v.name for v in verdicts if v.active}
@@ -595,8 +599,8 @@ def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
         if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
     ]
     if not chosen:
-        return Acting(sliders)
-    before = _Rows(point, chosen)
+        return LawsAtStart(sliders)
+    before = _LawValues(point, chosen)
     rates, rounding = before.rates, before.rounding
     approach = [k for k, low in zip(chosen, rates < -rounding, strict=True) if low]
     struck = {laws[k].constraint for k in approach if laws[k].kind is Kind.CONTACT}
@@ -609,13 +613,13 @@ def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
     gone = {k for k in parts if laws[k].kind.one_sided}
     left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
     if not left:
-        return Acting(sliders, struck, v=point.v)
-    after = _Rows(point, left)
+        return LawsAtStart(sliders, struck, v=point.v)
+    after = _LawValues(point, left)
     small = rounding[[chosen.index(k) for k in left]]
     found = modes(after.closed, *after.accelerations(), small)
     own = {**dict(zip(left, found.mode, strict=True)), **sliders}
     multipliers = found.multipliers
-    return Acting(own, struck, found.paradox, after.rows, multipliers, point.v)
+    return LawsAtStart(own, struck, found.paradox, after.rows, multipliers, point.v)
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
@@ -642,7 +646,7 @@ def _sliders(point: Point) -> dict[int, Mode]:
     return found
 
 
-class _Rows:
+class _LawValues:
     """Numerical values of the rows of laws with indices `chosen`, r rows in all."""
 
     def __init__(self, point: Point, chosen: Sequence[int]) -> None:
@@ -687,7 +691,9 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
     return forced + K @ (f - M @ forced), terms, K
 
 
-def _with_mode(verdict: Verdict, found: Acting, point: Point) -> Verdict:
+def _with_mode(
+    verdict: RelationResiduals, found: LawsAtStart, point: Point
+) -> RelationResiduals:
     """Return the verdict on a law with its mode at the start in words."""
     if verdict.active is None or verdict.mode:
         return verdict

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # --- Arguments and their faults in Python's words: `step=0`, not `--step 0`
 
 
-class Settings(TypedDict, total=False):
+class SimulationKeys(TypedDict, total=False):
     """Keys of `simulation` in `OPTIONS` that are no options of methods, with types."""
 
     duration: float | str | None
@@ -41,8 +41,8 @@ class Settings(TypedDict, total=False):
 
 if TYPE_CHECKING:
 
-    class Options(Settings, generalized_alpha.Options, total=False):
-        """Settings and the options of methods, for type checkers."""
+    class Options(SimulationKeys, generalized_alpha.Options, total=False):
+        """`SimulationKeys` and the options of methods, for type checkers."""
 
 
 E = TypeVar("E", bound=Enum)

@@ -86,7 +86,9 @@ class Modes(Analysis):
     modes: list[dict[str, Any]]
     zero: int
 
-    def __init__(self, small: Small, response: small_motions.Response | None) -> None:
+    def __init__(
+        self, small: Small, response: small_motions.FrequencyResponse | None
+    ) -> None:
         super().__init__(small.document)
         self._small, self._response = small, response
         self.response: dict[str, Floats] = response.columns if response else {}

@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.api import given, in_python, numbers, one_of, with_settings
 from lagsim.api.models import Model, model_of
 from lagsim.errors import LagsimError, counted
-from lagsim.outputs import Format, Made
+from lagsim.outputs import Made, TableFormat
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.letters import Letters, letters_of, raised
 from lagsim.outputs.manifest import encode, examination
@@ -32,7 +32,7 @@ from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.run.session import Clock, StartError, open_case, wanted
+from lagsim.run.session import StartError, Stopwatch, open_case, wanted
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 from lagsim.studies.spectrum import Spectrum, spectrum
@@ -216,15 +216,17 @@ class Error(ErrorBar):
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of the error of each coordinate against time."""
-        from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.figure import PlottedColumn, figure
 
         letters = Letters(self.names)
         columns = [
-            Column(letters.name(q), raised(self.units.get(q, "")), errors, log=True)
+            PlottedColumn(
+                letters.name(q), raised(self.units.get(q, "")), errors, log=True
+            )
             for q, errors in zip(self.names, np.abs(self.errors).T, strict=True)
         ]
         title = f"{self.model}: estimated errors"
-        return figure(title, Column("t", "s", self.times), columns)
+        return figure(title, PlottedColumn("t", "s", self.times), columns)
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:
@@ -481,7 +483,7 @@ class Result:
         KeyError
             If there is no such column.
         """
-        from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.figure import PlottedColumn, figure
 
         model = self._made.session.case.model
         letters = letters_of(model)
@@ -490,7 +492,7 @@ class Result:
         if against != "t":
             values = self._closer(values)
         drawn = {
-            name: Column(letters.name(name), raised(self.units[name]), column)
+            name: PlottedColumn(letters.name(name), raised(self.units[name]), column)
             for name, column in values.items()
         }
         others = [drawn[name] for name in shown]
@@ -627,8 +629,8 @@ class Result:
         OSError
             If the disk is full; the folder is then left unchanged.
         """
-        form = one_of("table", table, Format)
-        if form is not Format.CSV:
+        form = one_of("table", table, TableFormat)
+        if form is not TableFormat.CSV:
             check_format(form, show_units=units)
         with open_results(Path(folder)) as results:
             path = results.part(form.file)
@@ -740,7 +742,7 @@ def simulate(
     """
     asked = given(options)
     bars = one_of("error_bar", error_bar, ErrorBars)
-    clock, keep = Clock(), Keep()
+    clock, keep = Stopwatch(), Keep()
     with in_python():
         read = model_of(model)
         settings = wanted(read, "simulate", asked, hint="add it, or give `duration`")

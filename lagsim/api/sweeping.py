@@ -23,7 +23,7 @@ from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.runs import Found, grid_of
+from lagsim.studies.sweep.runs import SweepRows, grid_of
 from lagsim.studies.sweep.sweeping import (
     MANIFEST,
     cells,
@@ -73,7 +73,7 @@ class Sweep:
     array([-0.81 , -4.905])
     """
 
-    def __init__(self, found: Found) -> None:
+    def __init__(self, found: SweepRows) -> None:
         self._found = found
         self.columns: tuple[str, ...] = tuple(header(found))
         rows = zip(*cells(found), strict=True)
@@ -279,6 +279,6 @@ def sweep(
         else:
             several = lists((values if points is None else points) or {})
             grid = grid_of(read, several, together=points is not None)
-    found = Found.of(read, grid, asked, bars, ends=ends)
+    found = SweepRows.of(read, grid, asked, bars, ends=ends)
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

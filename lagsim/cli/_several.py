@@ -34,7 +34,7 @@ REFUSED = {1: "inadmissible", 2: "unusable"}
 INTERRUPTED = 130
 
 
-class Piece(NamedTuple):
+class PendingRun(NamedTuple):
     """A model that is to be run into a folder; `job` makes a `run.Job` of it."""
 
     text: str
@@ -64,7 +64,7 @@ class Done(NamedTuple):
     printed: str
 
 
-def done(piece: Piece, interrupt: Interrupt) -> Done:
+def done(piece: PendingRun, interrupt: Interrupt) -> Done:
     """Run one model into its folder, and return the result."""
     documents: list[Any] = []
 
@@ -122,7 +122,7 @@ def run_all(
         Where two would write into one folder.
     """
     overrides, names = assignments(sets), [Path(path).name for path in paths]
-    found, pieces, first = dict[int, Done](), dict[int, Piece](), dict[str, str]()
+    found, pieces, first = dict[int, Done](), dict[int, PendingRun](), dict[str, str]()
     reported = 0
     for k, path in enumerate(paths):
 
@@ -130,7 +130,7 @@ def run_all(
             text, file = text_of(path)
             name = names[k] = read(text, file, overrides, options).name
             into = folder / name
-            pieces[k] = Piece(text, file, into, overrides, options, job, as_json)
+            pieces[k] = PendingRun(text, file, into, overrides, options, job, as_json)
             return 0
 
         heard = _heard(prepare, path, [], as_json=as_json)

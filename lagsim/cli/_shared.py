@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Measure = Callable[[Interrupt, Progress], "Measured | list[str]"]
 
 
-class Picture(Enum):
+class PictureFormat(Enum):
     """Formats of pictures."""
 
     PNG = "png"
@@ -67,7 +67,7 @@ JOBS: Any = option(
     "N", "Number of processes; default one for each core.", "-j", "--jobs", min=1
 )
 FORMAT: Any = typer.Option(
-    Picture.PNG, "--format", help="Format of pictures; svg and pdf for print."
+    PictureFormat.PNG, "--format", help="Format of pictures; svg and pdf for print."
 )
 NO_PLOTS: Any = flag("--no-plots", "No pictures.")
 JSON: Any = flag("--json", "Print one JSON document on stdout.")

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE, Verdict
+from lagsim.admissibility.verdict import (
+    AT_REST,
+    ONE_SIDED,
+    START_VALUE,
+    RelationResiduals,
+)
 from lagsim.cli._shared import ERROR, WARNING, annotate, coloured, table
 from lagsim.codes import number
 from lagsim.errors import counted, pointed
@@ -71,7 +76,7 @@ def faults(start: StartReport) -> list[str]:
     return found
 
 
-def _violation(verdict: Verdict) -> str:
+def _violation(verdict: RelationResiduals) -> str:
     position, velocity = verdict.position, verdict.velocity
     if verdict.kind == AT_REST:
         return f"no rest: {verdict.name} is {position.value:.6g}"
@@ -89,7 +94,7 @@ def _violation(verdict: Verdict) -> str:
     return f"{text} (bound {position.bound:.2g}, {position.why})"
 
 
-def _described(verdict: Verdict) -> str:
+def _described(verdict: RelationResiduals) -> str:
     residual = verdict.position.value + 0.0  # no -0
     if verdict.kind == START_VALUE:
         return f"start value, missed by {residual:.3g}"
@@ -110,11 +115,11 @@ def _described(verdict: Verdict) -> str:
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
-def _sided(verdict: Verdict) -> str:
+def _sided(verdict: RelationResiduals) -> str:
     return "gap" if verdict.pfaffian is None else "rate"
 
 
-def _status(verdict: Verdict, residual: float) -> str:
+def _status(verdict: RelationResiduals, residual: float) -> str:
     """Return the state of a constraint that holds only at times, in words.
 
     residual : of its position, as shown.

@@ -14,7 +14,7 @@ from lagsim.cli._shared import (
     JSON,
     SETS,
     Measured,
-    Picture,
+    PictureFormat,
     assignments,
     coloured,
     csv,
@@ -40,7 +40,7 @@ from lagsim.studies.bench.work_precision import (
     COLUMNS,
     OUT_OF_TIME,
     TOLERANCES,
-    Wish,
+    BenchOptions,
     curves,
     front,
     measure,
@@ -82,7 +82,7 @@ def command(
         "A:B", "Range of steps of fixed-step methods; each is half of the one before."
     ),
     budget: float | None = option("SECONDS", "Time limit for each model; default 180."),
-    form: Picture = FORMAT,
+    form: PictureFormat = FORMAT,
     as_json: bool = JSON,
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
@@ -114,7 +114,7 @@ def command(
 
 
 def _opened(
-    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+    path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
     """Return a function that measures a model, and the folder of its results."""
     model = read_file(path, overrides)
@@ -128,13 +128,13 @@ def _opened(
 
 
 def _drawn_again(
-    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+    path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
     """Return a function that draws a stored measurement again, and its folder.
 
     path : a work_precision.json.
     """
-    if overrides or wish != Wish(wish.methods):
+    if overrides or wish != BenchOptions(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
         raise unusable("usage", text, hint=hint)
@@ -167,7 +167,7 @@ def _written(
 
 def _wish(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
-) -> Wish:
+) -> BenchOptions:
     """Parse the options of the command."""
     problems = Problems()
     chosen = methods_of(methods)
@@ -184,7 +184,7 @@ def _wish(
     if not 0.0 < seconds < float("inf"):
         text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
         problems.add("usage", text)
-    wish = Wish(chosen, between, _between("--steps", steps, problems), seconds)
+    wish = BenchOptions(chosen, between, _between("--steps", steps, problems), seconds)
     problems.refuse()
     return wish
 

@@ -22,7 +22,7 @@ from lagsim.cli._shared import (
 from lagsim.codes import failure, number
 from lagsim.errors import Problems, counted, several
 from lagsim.studies.comparison import Deviation, Verdict, compare
-from lagsim.studies.tables import Table, read_results
+from lagsim.studies.tables import StoredTable, read_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +74,7 @@ def command(
     return 0 if verdict.passed else 1
 
 
-def _picture(golden: Table, new: Table, verdict: Verdict) -> bytes:
+def _picture(golden: StoredTable, new: StoredTable, verdict: Verdict) -> bytes:
     from lagsim.outputs.letters import Letters
     from lagsim.studies.comparison_chart import picture, summary
 

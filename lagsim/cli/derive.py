@@ -24,7 +24,7 @@ from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode
 
 
-class Format(StrEnum):
+class EquationFormat(StrEnum):
     """Formats of equations."""
 
     text = "text"
@@ -36,8 +36,8 @@ class Format(StrEnum):
 def command(
     model: str = MODEL,
     sets: list[str] | None = SETS,
-    form: Format = typer.Option(
-        Format.text, "--format", help="Format of the equations."
+    form: EquationFormat = typer.Option(
+        EquationFormat.text, "--format", help="Format of the equations."
     ),
     ascii_only: bool = flag("--ascii", "Write the text in ASCII, as in model files."),
     substitute: bool = flag("--substitute", "Replace parameters by their numbers."),
@@ -57,7 +57,7 @@ def command(
     _refuse(model, form, {**options, "ascii": ascii_only}, output)
     read = read_file(model, assignments(sets))
     found = derive(read, **options)
-    if form is Format.json:
+    if form is EquationFormat.json:
         content = encode(found.json)
     elif ascii_only:
         content = found.as_text(ascii_only=True).encode()
@@ -72,12 +72,12 @@ def command(
 
 
 def _refuse(
-    model: str, form: Format, options: dict[str, bool], output: Path | None
+    model: str, form: EquationFormat, options: dict[str, bool], output: Path | None
 ) -> None:
     """Raise an error for options that do not fit the format, and for a bad file."""
     meant = {
-        Format.text: ("ascii", "substitute", "solve", "gauss", "expand"),
-        Format.python: (),
+        EquationFormat.text: ("ascii", "substitute", "solve", "gauss", "expand"),
+        EquationFormat.python: (),
     }.get(form, ("substitute", "solve", "gauss", "expand"))
     problems = Problems(
         Problem("usage", f"--{name} has no effect with --format {form.value}")

@@ -15,7 +15,7 @@ from lagsim.cli._shared import (
     NO_PLOTS,
     SETS,
     Measured,
-    Picture,
+    PictureFormat,
     aligned,
     assignments,
     complain,
@@ -66,7 +66,7 @@ def command(
     plot: str | None = option(
         "NAME", "The coordinate in the picture of branches.", "--plot"
     ),
-    form: Picture = FORMAT,
+    form: PictureFormat = FORMAT,
     no_plots: bool = NO_PLOTS,
     as_json: bool = JSON,
     quiet: bool = quiet(),

@@ -12,7 +12,7 @@ from lagsim.codes import Retired, cautions, every, found
 from lagsim.errors import did_you_mean, unusable
 
 if TYPE_CHECKING:
-    from lagsim.codes import Row
+    from lagsim.codes import MessageRow
 
 WIDTH = 88
 
@@ -44,7 +44,7 @@ def command(
     return 0
 
 
-def _of_earlier_versions(name: str) -> list[Row]:
+def _of_earlier_versions(name: str) -> list[MessageRow]:
     """Return the row of warning W207 about a retired method or formulation, else []."""
     from lagsim.model.reader.runs import RETIRED
 
@@ -56,7 +56,7 @@ def _of_earlier_versions(name: str) -> list[Row]:
     ]
 
 
-def _document(row: Row | Retired) -> dict[str, Any]:
+def _document(row: MessageRow | Retired) -> dict[str, Any]:
     found = {"number": row.number, "code": row.code}
     if isinstance(row, Retired):
         return found | {
@@ -73,7 +73,7 @@ def _document(row: Row | Retired) -> dict[str, Any]:
     }
 
 
-def _page(row: Row | Retired) -> str:
+def _page(row: MessageRow | Retired) -> str:
     if isinstance(row, Retired):
         text = f"{row.happened} This message is retired: {row.instead}."
         return f"{row.number} {row.code}\n\n{textwrap.fill(text, WIDTH)}"

@@ -32,7 +32,7 @@ from lagsim.codes import failure, number
 from lagsim.errors import LagsimError, Problems, counted, several
 from lagsim.model.reader import read_file
 from lagsim.notes import Caution
-from lagsim.outputs.junit import Outcome
+from lagsim.outputs.junit import CaseResult
 from lagsim.outputs.junit import document as junit_document
 from lagsim.run.session import Case, open_case, wanted
 from lagsim.studies.golden import (
@@ -79,7 +79,7 @@ def command(
 ) -> int:  # fmt: skip
     """Run models and compare the results with their goldens."""
     answers: list[_Answer] = []
-    outcomes: list[Outcome] = []
+    outcomes: list[CaseResult] = []
     try:
         tasks = [_task(path, folder) for path in models]
         _refuse_twins(tasks)
@@ -91,7 +91,7 @@ def command(
                 answer = _failed(error, task.path, as_json=as_json)
             answers.append(answer)
             seconds = time.perf_counter() - began
-            outcomes.append(Outcome(task.name, task.path, seconds, *answer.why))
+            outcomes.append(CaseResult(task.name, task.path, seconds, *answer.why))
             if answer.lines and not as_json and not (quiet and not answer.code):
                 say("\n".join(answer.lines))
         if junit is not None:

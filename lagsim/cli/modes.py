@@ -15,7 +15,7 @@ from lagsim.cli._shared import (
     NO_PLOTS,
     SETS,
     Measured,
-    Picture,
+    PictureFormat,
     aligned,
     assignments,
     complain,
@@ -73,7 +73,7 @@ def command(
         "FILE", "Write A, B, C, D with names; .json or .npz.", "--matrices"
     ),
     animate: bool = flag("--animate", "A page that plays each mode."),
-    form: Picture = FORMAT,
+    form: PictureFormat = FORMAT,
     no_plots: bool = NO_PLOTS,
     as_json: bool = JSON,
     quiet: bool = quiet(),

@@ -12,7 +12,7 @@ from lagsim.cli._shared import complain, option, put_picture, quiet, say
 from lagsim.errors import InputError, Problem, counted, unusable
 from lagsim.outputs import animation
 from lagsim.studies import overlay
-from lagsim.studies.overlay import Shown, read
+from lagsim.studies.overlay import OverlaidRun, read
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ def command(
 
 
 def _wrote(
-    path: Path, runs: Sequence[Shown], names: Sequence[str] | None, also: bool
+    path: Path, runs: Sequence[OverlaidRun], names: Sequence[str] | None, also: bool
 ) -> bool:
     """Write a file if it can be drawn.
 

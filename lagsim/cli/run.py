@@ -23,7 +23,7 @@ from lagsim.cli._shared import (
     NO_PLOTS,
     SETS,
     STRICT,
-    Picture,
+    PictureFormat,
     UnwritableError,
     annotate,
     assignments,
@@ -48,7 +48,7 @@ from lagsim.model.loading import text_of
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
 from lagsim.native.link.ahead import helped
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.results import (
     MANIFEST,
@@ -61,7 +61,7 @@ from lagsim.outputs.results import (
 from lagsim.outputs.table import TableWriter, Writer, check_format, table_writer
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.session import Clock, Session, open_case, wanted
+from lagsim.run.session import Session, Stopwatch, open_case, wanted
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 
 if TYPE_CHECKING:
@@ -127,12 +127,12 @@ def command(
     *,
     options: dict[str, str],
     error_bar: ErrorBars = ERROR_BAR,
-    table: Format = typer.Option(
-        Format.CSV, help="Format of the table: trajectory.csv and so on."
+    table: TableFormat = typer.Option(
+        TableFormat.CSV, help="Format of the table: trajectory.csv and so on."
     ),
     units: bool = flag("--units", "A line of units below the header of CSV."),
     no_plots: bool = NO_PLOTS,
-    form: Picture = FORMAT,
+    form: PictureFormat = FORMAT,
     animate: bool = flag("--animate", "Write the page animation.html."),
     resume: bool = flag("--resume", "Continue an interrupted run."),
     sensitivities: str = typer.Option(
@@ -146,7 +146,7 @@ def command(
 ) -> int:  # fmt: skip
     """Check the start, integrate, write a table and pictures."""
     varied = tuple(x.strip() for x in sensitivities.split(",") if x.strip())
-    wish = Wish(
+    wish = RunRequest(
         error_bar, table, units, None if no_plots else form, animate, resume, quiet,
         strict, varied,
     )  # fmt: skip
@@ -173,13 +173,13 @@ RESULTS = Path("results")
 KEPT_AFTER_SECONDS = 3.0
 
 
-class Wish(NamedTuple):
+class RunRequest(NamedTuple):
     """Options of a run and of its files, see the help of the command."""
 
     error_bars: ErrorBars
-    table: Format
+    table: TableFormat
     show_units: bool
-    plots: Picture | None
+    plots: PictureFormat | None
     animate: bool
     resume: bool
     quiet: bool
@@ -199,7 +199,7 @@ class Job:
 
     def __init__(
         self,
-        wish: Wish,
+        wish: RunRequest,
         folder: Path | None,
         *,
         documents: list[Any] | None = None,
@@ -207,7 +207,7 @@ class Job:
     ) -> None:
         self.wish, self.folder, self.documents = wish, folder, documents
         self.interrupt = interrupt or Interrupt()
-        self.clock = Clock()
+        self.clock = Stopwatch()
         self._draw: Draw | None = None
 
     def run(
@@ -224,7 +224,7 @@ class Job:
         InputError, StartError
         """
         wish = self.wish
-        if wish.table is not Format.CSV:
+        if wish.table is not TableFormat.CSV:
             if wish.resume:
                 text = "--resume needs --table csv, which is written row by row"
                 raise unusable("usage", text)
@@ -296,7 +296,7 @@ class Job:
             store = Widened(writer, session.columns.table, more)
         with contextlib.closing(writer), interrupt.noted():
             joined = None
-            if wish.table is Format.CSV:
+            if wish.table is TableFormat.CSV:
                 joined = partial(
                     _keep, writer=writer, restart=restart, at_once=wish.resume
                 )
@@ -371,7 +371,7 @@ class Job:
         """
         from lagsim.studies.drawing import drawings
 
-        form = (self.wish.plots or Picture.PNG).value
+        form = (self.wish.plots or PictureFormat.PNG).value
         made = drawings(found, form, self._draw)
         # Where there is no room for that, pictures will say so.
         with contextlib.suppress(OSError):

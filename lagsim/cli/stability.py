@@ -15,7 +15,7 @@ from lagsim.cli._shared import (
     MODEL,
     SETS,
     Measured,
-    Picture,
+    PictureFormat,
     aligned,
     assignments,
     csv,
@@ -36,7 +36,7 @@ from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
 from lagsim.studies.bench import stability
-from lagsim.studies.bench.stability import Wish
+from lagsim.studies.bench.stability import MapOptions
 from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def command(
         "Vary a parameter: maps over it and the step; for methods that choose their "
         "steps, their work."
     ),
-    form: Picture = FORMAT,
+    form: PictureFormat = FORMAT,
     as_json: bool = JSON,
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
@@ -117,7 +117,7 @@ def _check_parameter(model: Model, name: str | None) -> None:
         raise unusable("usage", text, hint="give it another name")
 
 
-def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
+def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> MapOptions:
     """Parse the options of the command."""
     problems = Problems()
     names = methods_of(methods)
@@ -139,7 +139,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
         name = name.strip()
         values = different(f"--vary {name}", after, example="--vary K=10:1000")
     problems.refuse()
-    return Wish(names, between, name, values)
+    return MapOptions(names, between, name, values)
 
 
 def _summary(document: Document, files: str) -> str:

@@ -39,7 +39,7 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.runs import EXAMPLE, Axis, Found, Grid, parsed
+from lagsim.studies.sweep.runs import EXAMPLE, Axis, Grid, SweepRows, parsed
 from lagsim.studies.sweep.sweeping import (
     CHART,
     JOURNAL,
@@ -140,7 +140,7 @@ def command(
     where = folder or Path("results") / read.name / "sweep"
     kept = str(where.absolute()) if keep else None
     plots = not no_plots
-    found = Found.of(
+    found = SweepRows.of(
         read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
     )
     known = _known(found, where) if resume else None
@@ -182,7 +182,7 @@ def _grid(
     return sampled(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
 
 
-def _known(found: Found, folder: Path) -> Any:
+def _known(found: SweepRows, folder: Path) -> Any:
     """Return the record of an earlier complete sweep; None if there is none."""
     try:
         there = json.loads(content(folder / MANIFEST))
@@ -193,7 +193,7 @@ def _known(found: Found, folder: Path) -> Any:
 
 
 def _measured(
-    found: Found,
+    found: SweepRows,
     journal: Journal,
     jobs: int | None,
     dask: str | None,
@@ -259,7 +259,7 @@ def _code(document: Mapping[str, Any]) -> int:
     return 0 if document["complete"] == runs else 3
 
 
-def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
+def _summary(found: SweepRows, document: Mapping[str, Any], files: str) -> str:
     """Return the summary that the command prints at its end."""
     runs, complete = document["runs"], document["complete"]
     head = f"{coloured('done', '32' if complete == runs else '31')}: "

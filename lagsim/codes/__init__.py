@@ -46,7 +46,7 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
 CHECK = (f"lagsim check {MODEL}",)
 
 
-class Row(NamedTuple):
+class MessageRow(NamedTuple):
     """Message: number, expectation, advice and example of a code.
 
     Attributes
@@ -96,13 +96,13 @@ def warning(
     hint: str,
     change: str = "",
     commands: tuple[str, ...] = CHECK,
-) -> Row:
+) -> MessageRow:
     """Return the row of a warning, which breaks no rule: `expected` is empty."""
-    return Row(number, code, happened, "", hint, change, commands)
+    return MessageRow(number, code, happened, "", hint, change, commands)
 
 
 @functools.cache
-def errors() -> dict[str, Row]:
+def errors() -> dict[str, MessageRow]:
     """Return the rows of all errors by code."""
     from lagsim.codes import models, runs
 
@@ -110,7 +110,7 @@ def errors() -> dict[str, Row]:
 
 
 @functools.cache
-def cautions() -> dict[str, Row]:
+def cautions() -> dict[str, MessageRow]:
     """Return the rows of all warnings by code."""
     from lagsim.codes import warnings
 
@@ -177,12 +177,12 @@ def failure(code: ErrorCode) -> dict[str, Any]:
     }
 
 
-def every() -> list[Row]:
+def every() -> list[MessageRow]:
     """Return the rows of all messages, errors first."""
     return [*errors().values(), *cautions().values()]
 
 
-def found(word: str) -> list[Row | Retired]:
+def found(word: str) -> list[MessageRow | Retired]:
     """Return the rows with this number or code; an error and a warning may share it."""
-    rows: list[Row | Retired] = [*every(), *RETIRED]
+    rows: list[MessageRow | Retired] = [*every(), *RETIRED]
     return [r for r in rows if word.upper() == r.number or word.lower() == r.code]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.codes import Row
+from lagsim.codes import MessageRow
 
 _POINT = """\
 coordinates: {x: {unit: m}, y: {unit: m}}
@@ -14,7 +14,7 @@ _RUN_INTO = "lagsim run pendulum.yaml -o {} --no-plots -q"
 
 ROWS = (
     # E5xx: a run that began and could not finish, or whose rows cannot be trusted.
-    Row("E501", "step-too-small",
+    MessageRow("E501", "step-too-small",
         "The step size became too small.",
         "A step is large enough to change the time in double precision.",
         "the motion reaches a singularity (a division by zero, a singular coordinate, "
@@ -25,13 +25,13 @@ ROWS = (
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         _RUN),
-    Row("E502", "too-many-steps",
+    MessageRow("E502", "too-many-steps",
         "The run took too many steps.",
         "A run takes at most 10^8 steps.",
         "parts of the motion are much faster than the run is long: shorten the "
         "duration, or look for a stiffness or a frequency that is too large",
         commands=()),
-    Row("E503", "values-not-finite",
+    MessageRow("E503", "values-not-finite",
         "An energy, a force or a constraint became infinite or not a number.",
         "Energies, forces and constraints are finite throughout the run.",
         "an energy, a force or a constraint has no finite value there (a root or a "
@@ -41,7 +41,7 @@ ROWS = (
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y^2/2}\n"
         "forces: {y: sqrt(3 - x)}\nsimulation: {duration: 5}\n",
         (_RUN[0] + " --method rk4 --step 0.1",)),
-    Row("E504", "projection-failed",
+    MessageRow("E504", "projection-failed",
         "A state could not be projected onto the constraints.",
         "Near each computed state Newton's method finds a state that satisfies the "
         "constraints.",
@@ -50,7 +50,7 @@ ROWS = (
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
         "constraints: {rod: x^2 + y^2 = 1}\n",
         (_RUN[0] + " --method rk4 --step 1",)),
-    Row("E505", "newton-failed",
+    MessageRow("E505", "newton-failed",
         "The equations of an implicit step could not be solved.",
         "The iteration for the equations of each implicit step converges.",
         "the motion reaches a singularity, a force jumps, or the step is too large "
@@ -59,7 +59,7 @@ ROWS = (
         "energy: {kinetic: x_dot^2/2, potential: -exp(x^2)}\n"
         "initial: {x: 1, x_dot: 1}\n",
         (_RUN[0] + " --method midpoint --step 0.5",)),
-    Row("E506", "constraint-jumps",
+    MessageRow("E506", "constraint-jumps",
         "The position that a constraint prescribes, or a gap, jumped.",
         "The position that a constraint prescribes, and every gap, is a continuous "
         "function of time.",
@@ -68,7 +68,7 @@ ROWS = (
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
         "constraints: {belt: 'x = if(t < 0.5, 1, 2)'}\n",
         _RUN),
-    Row("E507", "switches-accumulate",
+    MessageRow("E507", "switches-accumulate",
         "Forces switched infinitely often within a finite time.",
         "Forces and friction switch a finite number of times in a finite time.",
         "no motion continues from there: change the forces near their switches, or "
@@ -81,7 +81,7 @@ forces: {x: "if(z_dot >= 0, -1, 1)", z: "if(x_dot >= 0, 1, -1)"}
 initial: {x: 0, z: 0}
 """,
         _RUN),
-    Row("E508", "no-answer",
+    MessageRow("E508", "no-answer",
         "The rows violate a constraint, or repeats of the run do not agree.",
         "The rows satisfy the constraints, and a repeat of the run has the same "
         "motion.",
@@ -93,7 +93,7 @@ initial: {x: 0, z: 0}
         "constraints: {cone: x_dot^2 + y_dot^2 = 4*z_dot^2}\n"
         "initial: {x: 0, y: 0, z: 0}\n",
         _RUN),
-    Row("E509", "paradox",
+    MessageRow("E509", "paradox",
         "No contact forces exist that satisfy the laws of contact and friction.",
         "At every time there are contact forces that push, obey the law of friction, "
         "and keep the bodies apart.",
@@ -110,13 +110,13 @@ constraints:
 initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
 """,
         _RUN),
-    Row("E510", "state-jumps",
+    MessageRow("E510", "state-jumps",
         "A position, or a velocity without an impact, jumped.",
         "Positions are continuous, and so are velocities except at impacts.",
         "positions never jump, and velocities only at an impact. The rows up to there "
         "are valid. This is a bug in lagsim: please report the model",
         commands=()),
-    Row("E511", "no-reference",
+    MessageRow("E511", "no-reference",
         "No reference solution was found for the errors.",
         "Errors are differences from a reference solution that two computations "
         "confirm.",
@@ -125,7 +125,7 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         ("lagsim bench pendulum.yaml --budget 1",)),
-    Row("E512", "events-chatter",
+    MessageRow("E512", "events-chatter",
         "Located events reverse each other without time passing.",
         "Some time passes before an event reverses the values that another event has "
         "set.",
@@ -135,7 +135,7 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "  on: {at: theta_dot <= -1, set: {push: 1}}\n"
         "  off: {at: theta_dot >= -1, set: {push: 0}}\n",
         ("lagsim run pendulum.yaml --no-plots",)),
-    Row("E513", "table-ends",
+    MessageRow("E513", "table-ends",
         "The argument of a table reached the end of its points.",
         "The arguments of a table with `outside: error` stay within the range of its "
         "points.",
@@ -143,7 +143,7 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "that time",
         "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
         _RUN),
-    Row("E514", "undetermined-sliders",
+    MessageRow("E514", "undetermined-sliders",
         "Sliders without mass slide together, and no damper resists that.",
         "Dampers that join sliders without mass are also connected to another part.",
         "connect one of the sliders by a damper, however weak, to a part that is not "
@@ -161,7 +161,7 @@ constraints:
 initial: {x: 0, a: 0, b: 0, x_dot: 1}
 """,
         _RUN),
-    Row("E520", "law-out-of-range",
+    MessageRow("E520", "law-out-of-range",
         "A friction or a limit became negative, or a restitution left 0 to 1.",
         "Throughout the run friction and limits are not negative, and restitution is "
         "from 0 to 1.",
@@ -173,7 +173,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "initial: {x: 0, y: 0, x_dot: 2}\n",
         _RUN),
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
-    Row("E531", "no-rest",
+    MessageRow("E531", "no-rest",
         "No position of rest, or no steady motion, was found.",
         "The equations have a position of rest that can be found from the start of "
         "the file or from others; with `--at start` the start is at rest, or its "
@@ -182,7 +182,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 0}\n"
         "forces: {theta: 1}\n",
         ("lagsim modes pendulum.yaml",)),
-    Row("E601", "differs",
+    MessageRow("E601", "differs",
         "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",
         "look at the column and the time that are named first: `--plot FILE` draws "
@@ -192,18 +192,18 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             _RUN_INTO.format("other --set m=2 --set l=1.01"),
             "lagsim compare one other",
         )),
-    Row("E602", "bad-table",
+    MessageRow("E602", "bad-table",
         "A file is not a table of results.",
         "A table has a header, a column `t`, and a number in each cell.",
         "use tables that `lagsim run` has written, or their folders",
         commands=("lagsim compare pendulum.yaml pendulum.yaml",)),
-    Row("E603", "no-golden",
+    MessageRow("E603", "no-golden",
         "The model has no golden.",
         "The model has a stored result, `NAME.csv` and `NAME.json`, in the folder "
         "`golden`.",
         "`lagsim golden --update` stores a golden",
         commands=("lagsim golden pendulum.yaml",)),
-    Row("E604", "bad-golden",
+    MessageRow("E604", "bad-golden",
         "The files of a golden are damaged, or do not belong together.",
         "`NAME.csv` and `NAME.json` of a golden are complete and come from one run.",
         "`lagsim golden --update` stores the golden again",
@@ -212,7 +212,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "printf {} > golden/pendulum.json",
             "lagsim golden pendulum.yaml",
         )),
-    Row("E605", "incomplete",
+    MessageRow("E605", "incomplete",
         "The run of a golden could not finish.",
         "A golden is stored from a complete run.",
         "correct what the message names, or shorten the duration",
@@ -220,31 +220,31 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         ("lagsim golden pendulum.yaml --update",)),
-    Row("E606", "no-results",
+    MessageRow("E606", "no-results",
         "A folder contains no results.",
         "The folder contains trajectory.csv and run.json, as `lagsim run` writes "
         "them.",
         "`lagsim run MODEL -o FOLDER` writes such a folder",
         commands=("lagsim overlay nowhere",)),
-    Row("E607", "no-column",
+    MessageRow("E607", "no-column",
         "A column to be drawn is missing in a table.",
         "A column that is drawn is in each of the tables.",
         "name columns that are in all tables: --columns x",
         commands=(_RUN_INTO.format("one"), "lagsim overlay one one --columns speed")),
-    Row("E608", "no-spectrum",
+    MessageRow("E608", "no-spectrum",
         "A spectrum cannot be computed from this column.",
         "A spectrum needs rows at equal distances in time, with a number in each.",
         "a run with one `output_step` gives such rows",
         "simulation: {duration: 1, output_step: 0.5}\n",
         (_RUN_INTO.format("one"), "lagsim spectrum one theta")),
-    Row("E609", "not-json",
+    MessageRow("E609", "not-json",
         "A file is not JSON.",
         "The file is work_precision.json, as `lagsim bench` writes it.",
         "give the file work_precision.json, or its folder",
         commands=(
             "printf { > work_precision.json", "lagsim bench work_precision.json",
         )),
-    Row("E610", "not-a-bench",
+    MessageRow("E610", "not-a-bench",
         "A JSON document is not one of `lagsim bench`.",
         "The document has the keys that `lagsim bench` writes.",
         "run `lagsim bench` again",
@@ -252,7 +252,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "printf {} > work_precision.json",
             "lagsim bench work_precision.json",
         )),
-    Row("E611", "another-sweep",
+    MessageRow("E611", "another-sweep",
         "The folder contains another sweep.",
         "`--resume` continues a sweep with the same model, values and options.",
         "leave --resume out to start again, or choose another folder with -o",
@@ -260,14 +260,14 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "mkdir found; echo [] > found/sweep.rows.jsonl",
             "lagsim sweep pendulum.yaml m=1,3 -o found -q --resume",
         )),
-    Row("E612", "nothing-to-draw",
+    MessageRow("E612", "nothing-to-draw",
         "The results contain no points to animate.",
         "The model has a section `scene`, or the table has columns `x` and `y`.",
         "give the model a `scene`, or definitions `x` and `y`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
         (_RUN_INTO.format("one"), "lagsim overlay one one -o both.html")),
-    Row("E613", "another-run",
+    MessageRow("E613", "another-run",
         "The folder contains another run.",
         "`--resume` continues a run with the same model and options, on the same "
         "machine.",
@@ -276,7 +276,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "mkdir out; echo kept > out/.lagsim-restart",
             "lagsim run pendulum.yaml -o out --resume",
         )),
-    Row("E614", "bad-points",
+    MessageRow("E614", "bad-points",
         "The file of `--points` contains no points.",
         "The header has a name for each column, and each row below has a finite "
         "number for each name.",
@@ -285,7 +285,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "printf 'l,theta\\n1,0.5\\n2,half\\n' > points.csv",
             "lagsim sweep pendulum.yaml --points points.csv",
         )),
-    Row("E615", "bad-data",
+    MessageRow("E615", "bad-data",
         "The data of a fit cannot be used.",
         "The header has the column t and columns that the model explains; in each row "
         "below, t does not fall and lies within the run, and each cell is a number, or "
@@ -295,7 +295,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "printf 't,theta\\n0,1\\n0.5,half\\n0.4,0\\n' > data.csv",
             "lagsim fit pendulum.yaml data.csv --vary l",
         )),
-    Row("E616", "changes-nothing",
+    MessageRow("E616", "changes-nothing",
         "A name that a fit varies changes no column of the data.",
         "Each varied name changes a column that is matched, at the first values of all "
         "names.",
@@ -306,38 +306,38 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "lagsim fit pendulum.yaml data.csv --vary m",
         )),
     # E7xx: files and folders that are written.
-    Row("E701", "output-folder",
+    MessageRow("E701", "output-folder",
         "The output folder cannot be used.",
         "The output folder can be created and written, and no other process writes "
         "into it.",
         "choose another folder",
         commands=("lagsim run pendulum.yaml -o pendulum.yaml",)),
-    Row("E702", "output-file",
+    MessageRow("E702", "output-file",
         "The output file cannot be written.",
         "The output file can be written, and is not the model.",
         "choose another file",
         commands=("lagsim derive pendulum.yaml -o pendulum.yaml",)),
-    Row("E703", "exists",
+    MessageRow("E703", "exists",
         "The file exists already.",
         "`lagsim new NAME` writes NAME.yaml only if this file does not exist.",
         "choose another name",
         commands=("lagsim new pendulum",)),
-    Row("E704", "unwritable",
+    MessageRow("E704", "unwritable",
         "The model file cannot be written.",
         "The folder of the new file exists, and you may write into it.",
         "check that the folder exists, and its permissions",
         commands=("lagsim new nowhere/pendulum",)),
-    Row("E705", "no-room",
+    MessageRow("E705", "no-room",
         "The disk has no room for the results.",
         "The disk has room for the files that are written.",
         "make room on the disk, or choose another one with -o",
         commands=("lagsim methods > /dev/full",)),
-    Row("E706", "missing-package",
+    MessageRow("E706", "missing-package",
         "A package that an option needs is not installed.",
         "The packages that an option needs are installed.",
         "install the package that the message names, or leave the option out",
         commands=()),
-    Row("E707", "one-name",
+    MessageRow("E707", "one-name",
         "Two models have the same name.",
         "Models that are run together have different names, and so different folders.",
         "change the `name` of one model",
@@ -346,41 +346,41 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
             "lagsim run pendulum.yaml twin.yaml --no-plots",
         )),
     # E8xx: the command line.
-    Row("E801", "usage",
+    MessageRow("E801", "usage",
         "An argument or an option is wrong.",
         "The command has such arguments and options, and their values are of the "
         "right type, such as --set m=2.",
         "`lagsim COMMAND --help` lists arguments and options",
         commands=("lagsim check pendulum.yaml --set m",)),
-    Row("E802", "unknown-template",
+    MessageRow("E802", "unknown-template",
         "The template does not exist.",
         "The template is one of the list that `lagsim new --help` prints.",
         "`lagsim new --help` lists the templates",
         commands=("lagsim new swing --template swing",)),
-    Row("E803", "unknown-code",
+    MessageRow("E803", "unknown-code",
         "No message has this number or code.",
         "A message has a number such as E104, and a code such as duplicate-key.",
         "docs/errors.md and `lagsim explain` list all messages",
         commands=("lagsim explain E999",)),
     # E9xx: lagsim itself, and the machine below it.
-    Row("E901", "bug",
+    MessageRow("E901", "bug",
         "lagsim stopped because of an internal error.",
         "lagsim handles every input without an internal error.",
         "this is a bug in lagsim, not in your model: please report it with the model "
         "file and the printed text",
         commands=()),
-    Row("E902", "failed",
+    MessageRow("E902", "failed",
         "A process ended before its result was complete.",
         "Each process that does a part of the work ends normally.",
         "run the named model alone, to see its messages",
         commands=()),
-    Row("E903", "starved",
+    MessageRow("E903", "starved",
         "The system has no memory or no open files left.",
         "The system has enough memory and open files.",
         "raise the limits (ulimit -v, ulimit -n, limits of a container), or start "
         "fewer runs at one time",
         commands=()),
-    Row("E904", "unknown-cpu",
+    MessageRow("E904", "unknown-cpu",
         "`LAGSIM_CPU` names an unknown processor.",
         "`LAGSIM_CPU` names a processor that LLVM supports.",
         "leave the variable out",

@@ -64,7 +64,7 @@ class Bounds(NamedTuple):
     sliding: int
 
 
-class _Point(NamedTuple):
+class _SlipPoint(NamedTuple):
     """Values of all variables at slip 0, and changes of velocities per unit of slip."""
 
     values: Values
@@ -163,7 +163,7 @@ def _points(
     velocities: Collection[str],
     known: Mapping[str, tuple[float, float]],
     held: Sequence[int],
-) -> list[_Point]:
+) -> list[_SlipPoint]:
     """Return points at which all slips and the rates `held` are 0.
 
     names : variables of the bound. known : value and error of each parameter. Points at
@@ -193,7 +193,7 @@ def _at_zero(
     slopes: Sequence[Sequence[int]],
     speeds: Sequence[str],
     values: Values,
-) -> _Point | None:
+) -> _SlipPoint | None:
     """Return the point with changed velocities at which all slips and `held` are 0."""
     plain = {name: value for name, (value, _) in values.items()}
     rows = [evaluate(g, row, plain) for row in slopes]
@@ -219,7 +219,7 @@ def _at_zero(
             abs(x * way.get(name, 0.0)) for x, way in zip(off, ways, strict=True)
         )
         found[name] = plain[name], left + UNIT_ROUNDOFF * abs(plain[name])
-    return _Point(found, ways[: len(slips)])
+    return _SlipPoint(found, ways[: len(slips)])
 
 
 def _inverse(rows: list[list[float]], first: int) -> list[list[float]] | None:
@@ -287,8 +287,8 @@ class _Beside:
         g: Graph,
         node: int,
         moving: Collection[int],
-        points: list[_Point],
-        others: list[_Point],
+        points: list[_SlipPoint],
+        others: list[_SlipPoint],
     ) -> None:
         self.g, self.node, self.moving = g, node, moving
         self.points, self.others = points, others
@@ -379,7 +379,9 @@ class _Beside:
         least = [self._changes(parts, x, LEAST_SLIP) for x in every]
         return all(map(any, near)) and least == near
 
-    def _changes(self, parts: Sequence[int], point: _Point, slip: float) -> list[bool]:
+    def _changes(
+        self, parts: Sequence[int], point: _SlipPoint, slip: float
+    ) -> list[bool]:
         """Return, for each direction of slip, whether the sign of an argument changes.
 
         From slip 0 to a slip of this size.
@@ -473,11 +475,13 @@ class _Beside:
             raise _UnclearError
         return found.pop()
 
-    def _around(self, part: int, point: _Point, speed: float, angle: float) -> float:
+    def _around(
+        self, part: int, point: _SlipPoint, speed: float, angle: float
+    ) -> float:
         beside = point.beside(speed * math.cos(angle), speed * math.sin(angle))
         return evaluate(self.g, [part], _plain(beside))[0]
 
-    def _least(self, part: int, point: _Point, speed: float, i: int) -> float:
+    def _least(self, part: int, point: _SlipPoint, speed: float, i: int) -> float:
         """Return the least magnitude of an expression near direction i.
 
         The direction is found by repeated division into thirds.

@@ -22,7 +22,7 @@ class Owner(Enum):
     RUN = "none"
 
 
-class Made(NamedTuple):
+class ColumnKind(NamedTuple):
     """A kind of column that is made of other names.
 
     Attributes
@@ -65,39 +65,41 @@ class Made(NamedTuple):
 # Names of units of generalized forces, impulses, stiffness and power.
 FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
 
-MULTIPLIER = Made(
+MULTIPLIER = ColumnKind(
     "lambda_", Owner.CONSTRAINT, "the multiplier of the constraint `{}`",
     energy=1, along=-1, names=FORCES, letter="λ",
 )  # fmt: skip
-FORCE = Made(
+FORCE = ColumnKind(
     "Qc_", Owner.COORDINATE, "the constraint force on `{}`",
     energy=1, along=-1, names=FORCES, letter="Qc",
 )  # fmt: skip
-RESIDUAL = Made(
+RESIDUAL = ColumnKind(
     "residual_", Owner.CONSTRAINT, "the residual of the constraint `{}`",
     along=1, letter="residual",
 )  # fmt: skip
-IMPULSE = Made(
+IMPULSE = ColumnKind(
     "impulse.", Owner.CONSTRAINT, "the impulse of the constraint `{}`",
     energy=1, along=-1, seconds=1, names=FORCES,
 )  # fmt: skip
-FRICTION = Made(
+FRICTION = ColumnKind(
     "friction.", Owner.CONSTRAINT, "the friction of the constraint `{}`",
     energy=1, along=-1, names=FORCES,
 )  # fmt: skip
-FREE = Made(
+FREE = ColumnKind(
     "gauss.a_", Owner.COORDINATE, "the acceleration of `{}` without constraints",
     along=1, seconds=-2,
 )  # fmt: skip
-GAUSS = Made(
+GAUSS = ColumnKind(
     "gauss.G", Owner.RUN, "Gauss's constraint", energy=1, seconds=-2, names=("J/s^2",)
 )
-ACTION = Made("action.S", Owner.RUN, "the action", energy=1, seconds=1, names=("J s",))
-REACTION = Made(
+ACTION = ColumnKind(
+    "action.S", Owner.RUN, "the action", energy=1, seconds=1, names=("J s",)
+)
+REACTION = ColumnKind(
     "reaction.", Owner.COLUMN, "the reaction of `{}`", energy=1, along=-1, names=FORCES
 )
-SENSITIVITY = Made("d.", Owner.PAIR, "the sensitivity of `{}` to `{}`", along=1)
-DEVIATION = Made("sd.", Owner.COLUMN, "the standard deviation of `{}`", along=1)
+SENSITIVITY = ColumnKind("d.", Owner.PAIR, "the sensitivity of `{}` to `{}`", along=1)
+DEVIATION = ColumnKind("sd.", Owner.COLUMN, "the standard deviation of `{}`", along=1)
 
 KINDS = (
     MULTIPLIER, FORCE, RESIDUAL, IMPULSE, FRICTION, FREE, GAUSS, ACTION, REACTION,
@@ -125,7 +127,7 @@ class Column(NamedTuple):
     unit: str = ""
 
 
-def parsed(name: str) -> tuple[Made, str] | None:
+def parsed(name: str) -> tuple[ColumnKind, str] | None:
     """Return the kind of a column made of other names, and the rest of its name.
 
     None for another column. That the rest is the name of an owner is not checked.
@@ -143,7 +145,7 @@ def parsed(name: str) -> tuple[Made, str] | None:
     return None if bool(rest) is (kind.owner is Owner.RUN) else (kind, rest)
 
 
-def made(name: str, *kinds: Made) -> bool:
+def made(name: str, *kinds: ColumnKind) -> bool:
     """Whether a column is of one of the kinds given."""
     found = parsed(name)
     return found is not None and found[0] in kinds

@@ -78,7 +78,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Problem:
+class ComplementarityProblem:
     """Mixed linear complementarity problem of r rows; see the module docstring.
 
     Attributes
@@ -99,14 +99,14 @@ class Problem:
     normals: Ints
     pairs: Ints
 
-    def part(self, rows: list[int]) -> Problem:
+    def part(self, rows: list[int]) -> ComplementarityProblem:
         """Return the problem of `rows` alone.
 
         The other rows must not be coupled with these.
         """
         place = np.full(len(self.c) + 1, -1)  # the last entry is for index -1
         place[rows] = np.arange(len(rows))
-        return Problem(
+        return ComplementarityProblem(
             self.D[np.ix_(rows, rows)], self.c[rows], self.low[:, rows],
             self.high[:, rows], place[self.normals[rows]], place[self.pairs[rows]],
         )  # fmt: skip
@@ -156,7 +156,7 @@ class Solution(NamedTuple):
     found: bool
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: ComplementarityProblem) -> Solution:
     """Solve a mixed linear complementarity problem.
 
     Decoupled groups of rows are solved separately, since a size that is rounding in one
@@ -164,7 +164,7 @@ def solve(problem: Problem) -> Solution:
 
     Parameters
     ----------
-    problem : Problem
+    problem : ComplementarityProblem
         Of r rows.
 
     Returns
@@ -190,7 +190,7 @@ def solve(problem: Problem) -> Solution:
     return Solution(p, w, found)
 
 
-def groups(problem: Problem) -> list[list[int]]:
+def groups(problem: ComplementarityProblem) -> list[list[int]]:
     """Return the groups of rows that are coupled by entries of D, bounds or discs."""
     if problem.D.all():
         return [list(range(len(problem.c)))]
@@ -204,7 +204,7 @@ def groups(problem: Problem) -> list[list[int]]:
     return sets.sets()
 
 
-def _solved(problem: Problem) -> Solution:
+def _solved(problem: ComplementarityProblem) -> Solution:
     unit, s = _scaled(problem)
     best, least = None, np.inf
     for point in _attempts(unit):
@@ -213,7 +213,7 @@ def _solved(problem: Problem) -> Solution:
             best, least = point, off
         if least <= CONVERGED:
             break
-    best = best or _Point(unit, np.zeros(len(s)))
+    best = best or _MultiplierPoint(unit, np.zeros(len(s)))
     p = best.p - best.F
     free = [k for rows in unit.discs for k in rows]
     p[free] = best.p[free]
@@ -221,7 +221,7 @@ def _solved(problem: Problem) -> Solution:
     return Solution(p * s, w / s, best.residual() < SOLVED_LAWS)
 
 
-def _scaled(problem: Problem) -> tuple[Problem, Floats]:
+def _scaled(problem: ComplementarityProblem) -> tuple[ComplementarityProblem, Floats]:
     """Return the problem scaled to a diagonal near 1, and multipliers' scales (r,).
 
     The scales are powers of two. Multipliers of the given problem are multipliers of
@@ -248,7 +248,7 @@ FIRM_ON_DISCS, FIRM = 1e-2, 1e-6
 PROXIMAL_ON_DISCS, PROXIMAL = 8, 2
 
 
-def _attempts(unit: Problem) -> Iterator[_Point]:
+def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     """Yield candidate solutions of a scaled problem, see the module docstring."""
     r, discs = len(unit.c), bool(unit.discs)
     if not discs or np.linalg.matrix_rank(unit.D, DEPENDENT_DIRECTIONS) == r:
@@ -262,20 +262,22 @@ def _attempts(unit: Problem) -> Iterator[_Point]:
         # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
         yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
         return
-    yield _Point(unit, _by_pivots(unit))
+    yield _MultiplierPoint(unit, _by_pivots(unit))
     yield _proximal(unit, FIRM, PROXIMAL)
     limited = np.isfinite(unit.high).all(axis=0)
     at = np.where(unit.c > 0.0, unit.low, unit.high)
     low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
-    yield _Point(unit, _by_pivots(replace(unit, low=low, high=high)))
+    yield _MultiplierPoint(unit, _by_pivots(replace(unit, low=low, high=high)))
 
 
-def _proximal(unit: Problem, firm: float, times: int) -> _Point:
+def _proximal(
+    unit: ComplementarityProblem, firm: float, times: int
+) -> _MultiplierPoint:
     """Compute multipliers by proximal point iteration.
 
     Parameters
     ----------
-    unit : Problem
+    unit : ComplementarityProblem
         Scaled.
     firm : float
         The part of the diagonal that is added to it.
@@ -305,9 +307,9 @@ NEAR_PATH = 0.25
 FAR = 1e8
 
 
-def _descend(problem: Problem, p: Floats) -> _Point:
+def _descend(problem: ComplementarityProblem, p: Floats) -> _MultiplierPoint:
     """Iterate Newton's method from p (r,) as long as the size of F decreases."""
-    here = _Point(problem, p)
+    here = _MultiplierPoint(problem, p)
     least = TERM_ROUNDOFF * float(np.abs(problem.c).max())
     for _ in range(STEPS):
         if here.size <= least:
@@ -318,7 +320,7 @@ def _descend(problem: Problem, p: Floats) -> _Point:
             least_step = np.linalg.lstsq(J, -here.F, rcond=TERM_ROUNDOFF)[0]
             step = np.asarray(least_step, float)
         for part in PARTS:
-            there = _Point(problem, here.p + part * step)
+            there = _MultiplierPoint(problem, here.p + part * step)
             if there.size < here.size:
                 break
         else:
@@ -336,7 +338,7 @@ def _regular(J: Floats, right: Floats) -> Floats | None:
     return None if np.abs(x).max() > FAR * np.abs(right).max() else x
 
 
-class _Point:
+class _MultiplierPoint:
     """Multipliers p (r,) with the residual F (r,), which is zero at solutions.
 
     Attributes
@@ -355,7 +357,7 @@ class _Point:
         The largest |F|.
     """
 
-    def __init__(self, problem: Problem, p: Floats) -> None:
+    def __init__(self, problem: ComplementarityProblem, p: Floats) -> None:
         self.problem, self.p = problem, p
         self.w = problem.D @ p + problem.c
         low, self.high = problem.bounds(p)
@@ -422,7 +424,7 @@ CORNERS = (8, 32)
 PATIENCE = 50
 
 
-def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
+def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
     """Compute multipliers (r,) by Lemke's method, or 0 where it ends on a ray.
 
     corners : the number of corners of the polygon that replaces each disc.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.model.model import Constraint, OneSided, State
+    from lagsim.model.model import Constraint, FirstOrderState, OneSided
 
     Words = tuple[str, str]
 
@@ -97,7 +97,7 @@ class Flow:
         g: Graph,
         q: Sequence[str],
         velocities: Sequence[str],
-        states: Iterable[State] = (),
+        states: Iterable[FirstOrderState] = (),
     ) -> None:
         self.positions = tuple(g.variable(name) for name in q)
         self.rates = tuple(g.variable(name) for name in velocities)

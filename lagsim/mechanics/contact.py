@@ -41,7 +41,7 @@ import numpy as np
 from lagsim.mechanics.algebra import Metric, Span, least_squares, null_space, scaled
 from lagsim.mechanics.complementarity import (
     RATES_ROUNDOFF,
-    Problem,
+    ComplementarityProblem,
     Solution,
     groups,
     least_parts,
@@ -193,7 +193,7 @@ class Closed:
 
 def _problem(
     closed: Closed, c: Floats, sizes: Floats, directions: Floats, *, given: Flags
-) -> Problem:
+) -> ComplementarityProblem:
     """Return the complementarity problem of r rows with accelerations or rates c.
 
     Parameters
@@ -218,7 +218,7 @@ def _problem(
     if given.any():
         low[:, given] = high[:, given] = high[:, given] * directions[given]
         pairs[given] = -1
-    return Problem(closed.D, c, low, high, normals, pairs)
+    return ComplementarityProblem(closed.D, c, low, high, normals, pairs)
 
 
 # --- the Delassus matrix --------------------------------------------------------------
@@ -441,7 +441,7 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Modes:
+class RowModes:
     """Modes and multipliers of r rows.
 
     Attributes
@@ -477,7 +477,7 @@ def modes(
     slip_noise: Floats,
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
     left: Ints | None = None,
-) -> Modes:
+) -> RowModes:
     """Determine the modes of the rows and their multipliers.
 
     Parameters
@@ -501,18 +501,20 @@ def modes(
         A row with a positive number does not hold where the rates decide no tie.
     """
     if not closed.kinds:
-        return Modes((), accelerations, accelerations, paradox=False)
+        return RowModes((), accelerations, accelerations, paradox=False)
     left = np.zeros(len(rates), dtype=int) if left is None else left
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
         sizes = np.where(given | begun, closed.bounds, closed.statics)
         problem = _problem(closed, accelerations, sizes, directions, given=given)
-        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
+        rows = _ContactRows(
+            closed, problem, sizes, given, directions, roundoff, ahead, left
+        )
         solution = _solution(rows)
         if not solution.found:
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
-            return Modes(off, nothing, nothing, paradox=True)
+            return RowModes(off, nothing, nothing, paradox=True)
         if problem.discs:
             solution = _eased(rows, _supported(rows, solution))
         found, directions_found = rows.edges(solution)
@@ -548,13 +550,13 @@ INSIDE = 0.5
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _ContactRows:
     """Rows of a complementarity problem whose solution determines their modes.
 
     Attributes
     ----------
     closed : Closed
-    problem : Problem
+    problem : ComplementarityProblem
     sizes : ndarray, shape (r,)
         The bounds, as in `_problem`.
     given : ndarray of bool, shape (r,)
@@ -566,7 +568,7 @@ class _Rows:
     """
 
     closed: Closed
-    problem: Problem
+    problem: ComplementarityProblem
     sizes: Floats
     given: Flags
     directions: Floats
@@ -852,7 +854,7 @@ class _Independent(Span):
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 
-def _solution(rows: _Rows) -> Solution:
+def _solution(rows: _ContactRows) -> Solution:
     """Return multipliers of all rows with their accelerations.
 
     Whether limits hold bodies at rest is a question of forces alone. It is decided
@@ -880,7 +882,7 @@ def _solution(rows: _Rows) -> Solution:
     return found
 
 
-def _supported(rows: _Rows, solution: Solution) -> Solution:
+def _supported(rows: _ContactRows, solution: Solution) -> Solution:
     """Return a solution in which contacts with a force are independent, if possible.
 
     Contacts are released one by one as long as the accelerations of all rows stay the
@@ -902,7 +904,7 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
             return solution
 
 
-def _spare(rows: _Rows, solution: Solution) -> list[int]:
+def _spare(rows: _ContactRows, solution: Solution) -> list[int]:
     """Return the contacts to be released first where contacts with force are dependent.
 
     The multipliers are changed along a null vector of the dependent contacts, in both
@@ -924,7 +926,7 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
     return sorted(ends, key=lambda k: float(p[k]))
 
 
-def _eased(rows: _Rows, solution: Solution) -> Solution:
+def _eased(rows: _ContactRows, solution: Solution) -> Solution:
     """Return a solution whose static friction is as far inside its bounds as possible.
 
     A slip begins only where no choice of multipliers prevents it. Whether bodies at
@@ -956,7 +958,7 @@ def _eased(rows: _Rows, solution: Solution) -> Solution:
 
 
 def _spread(
-    rows: _Rows, solution: Solution, rests: Flags, *, balanced: bool
+    rows: _ContactRows, solution: Solution, rests: Flags, *, balanced: bool
 ) -> Solution | None:
     """Return a solution in which some rows rest, with the least parts of their bounds.
 
@@ -964,7 +966,7 @@ def _spread(
 
     Parameters
     ----------
-    rows : _Rows
+    rows : _ContactRows
     solution : Solution
         The multipliers of all other rows are kept.
     rests : ndarray of bool, shape (r,)
@@ -1011,7 +1013,7 @@ def _spread(
 
 
 def _expressed(
-    rows: _Rows, modes: list[Mode], directions: Floats
+    rows: _ContactRows, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
     """Return E (r, r) and p0 (r,) of p = E x + p0 for the multipliers p of all rows.
 
@@ -1031,7 +1033,7 @@ def _expressed(
     return E, p0
 
 
-def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
+def _decided(rows: _ContactRows, modes: list[Mode], directions: Floats) -> RowModes:
     """Solve for the multipliers of the held rows, and return all modes.
 
     The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
@@ -1047,7 +1049,7 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     E, p0 = _expressed(rows, modes, directions)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     if not held:
-        return Modes(tuple(modes), directions * parts, p0, paradox=False)
+        return RowModes(tuple(modes), directions * parts, p0, paradox=False)
     D, Y = closed.D[held], closed.factor
     B, h = (D @ E)[:, held], c[held] + D @ p0
     Q, R = np.linalg.qr(Y[:, held])
@@ -1066,7 +1068,7 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     is_open = (
         slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
     )
-    return Modes(tuple(modes), directions * parts, p, jams, is_open)
+    return RowModes(tuple(modes), directions * parts, p, jams, is_open)
 
 
 # Part of their reserves that redundant rows take over at most, so that the other rows
@@ -1076,7 +1078,7 @@ TAKEN = 0.9
 TAKEN_OVER = 5
 
 
-def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
+def _farther(rows: _ContactRows, decided: RowModes, directions: Floats) -> RowModes:
     """Return modes in which redundant limited rows have multipliers at their bounds.
 
     Their loads are constant in a mode, so that those of the rows that hold change. The
@@ -1085,8 +1087,8 @@ def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
 
     Parameters
     ----------
-    rows : _Rows
-    decided : Modes
+    rows : _ContactRows
+    decided : RowModes
         The modes with loads in the least parts of the bounds.
     directions : ndarray, shape (r,)
         As given to `_decided`.
@@ -1112,7 +1114,7 @@ def _farther(rows: _Rows, decided: Modes, directions: Floats) -> Modes:
     return decided
 
 
-def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
+def _rubs_openly(rows: _ContactRows, modes: list[Mode], directions: Floats) -> bool:
     """Whether the motion is not unique because non-unique multipliers bound friction.
 
     This is so where a combination of multipliers of held and redundant rows, with their
@@ -1134,7 +1136,9 @@ def _rubs_openly(rows: _Rows, modes: list[Mode], directions: Floats) -> bool:
     return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
 
 
-def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) -> bool:
+def _jams(
+    rows: _ContactRows, E: Floats, held: list[int], R: Floats, forces: Floats
+) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
     A force on such a contact does not separate it. Tested are each contact alone, and

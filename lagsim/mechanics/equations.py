@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
-    from lagsim.model.model import Model, State
+    from lagsim.model.model import FirstOrderState, Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,7 +267,7 @@ class Equations:
     quadratures : tuple of Quadrature
         Quantities integrated beside these equations: the action where the output
         contains it, and coordinates, see `reduction`.
-    states : tuple of State
+    states : tuple of FirstOrderState
         The first-order states, with rates in the variables of these equations.
     begun_by : Begun
         The events that acted at the start.
@@ -288,7 +288,7 @@ class Equations:
     unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[FirstOrderState, ...] = ()
     begun_by: Begun = NOT_BEGUN
 
     def of(self, model: Model) -> Equations:

@@ -346,7 +346,7 @@ class Linearisation:
         return found
 
 
-class Spectrum(NamedTuple):
+class BoundedEigenvalues(NamedTuple):
     """Eigenvalues of a matrix other than 0, with bounds of their rounding errors.
 
     Attributes
@@ -379,7 +379,7 @@ class Spectrum(NamedTuple):
         return flags
 
 
-def spectrum(R: Floats) -> Spectrum:
+def spectrum(R: Floats) -> BoundedEigenvalues:
     """Return the eigenvalues of R, shape (size, size), with the zero ones counted.
 
     A zero eigenvalue of a rigid motion is defective: computed with the others it would
@@ -414,7 +414,7 @@ def spectrum(R: Floats) -> Spectrum:
     conditions = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
     rounding = RESIDUAL_ROUNDOFF * np.sqrt(len(R)) * size * conditions
     order = np.argsort(np.abs(values), kind="stable")
-    return Spectrum(
+    return BoundedEigenvalues(
         values[order].astype(complex),
         np.asarray(scale[:, None] * (P @ whole), complex)[:, order],
         np.minimum(rounding, HALF_OF_DIGITS * size)[order],
@@ -422,7 +422,7 @@ def spectrum(R: Floats) -> Spectrum:
     )
 
 
-class Mode(NamedTuple):
+class EigenMode(NamedTuple):
     """Mode of the linearised equations.
 
     Attributes
@@ -463,7 +463,7 @@ class Mode(NamedTuple):
         return -self.eigenvalue.real / abs(self.eigenvalue)
 
 
-def modes(linear: Linear, found: Spectrum) -> tuple[Mode, ...]:
+def modes(linear: Linear, found: BoundedEigenvalues) -> tuple[EigenMode, ...]:
     """Return the modes of the linearised motion, by increasing |eigenvalue|.
 
     found : the spectrum of `linear.R`.
@@ -479,7 +479,7 @@ def modes(linear: Linear, found: Spectrum) -> tuple[Mode, ...]:
         of = shape if moved.any() else states
         top = of[np.argmax(np.abs(of))] if len(of) else 1.0
         top = top if abs(top) > 0.0 else 1.0  # a velocity alone
-        made.append(Mode(complex(value), shape / top, states / top, not growing))
+        made.append(EigenMode(complex(value), shape / top, states / top, not growing))
     return tuple(made)
 
 
@@ -515,7 +515,7 @@ class Entry(NamedTuple):
     node: int
 
 
-class Newton(NamedTuple):
+class NewtonMatrix(NamedTuple):
     """Newton's matrix: entries of C0, C1 and C2, and the pattern of its factors.
 
     Rows and columns number coordinates, then constraints, then works. The factors are
@@ -602,7 +602,7 @@ class Newton(NamedTuple):
 
 
 @memoized_by_motion
-def newton(equations: Equations) -> Newton | None:
+def newton(equations: Equations) -> NewtonMatrix | None:
     """Return Newton's matrix; None where full matrices take fewer operations."""
     if equations.laws or equations.states or equations.chains is not None:
         return None
@@ -625,7 +625,7 @@ def factored(
     size: int,
     after: Mapping[int, Collection[int]],
     most: float = math.inf,
-) -> Newton:
+) -> NewtonMatrix:
     """Select an order of elimination, and compute the pattern of the factors.
 
     Parameters
@@ -688,7 +688,7 @@ def _laid_out(
     places: Sequence[int],
     columns: Sequence[Sequence[int]],
     operations: int,
-) -> Newton:
+) -> NewtonMatrix:
     starts = [0, *accumulate(len(row) for row in columns)]
     slot = {
         (i, j): start + k
@@ -696,7 +696,7 @@ def _laid_out(
         for k, j in enumerate(row)
     }
     powers = Counter(entry.power for entry in entries)
-    return Newton(
+    return NewtonMatrix(
         entries=tuple(entries),
         counts=(powers[0], powers[1], powers[2]),
         places=tuple(places),

@@ -40,7 +40,7 @@ from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.chains import Factorisation, symmetric
 from lagsim.mechanics.constraints import Kind, Row, Slider, constraint_row
 from lagsim.mechanics.equations import Quadrature, Work, derive
-from lagsim.model.model import Force, Parameter, Relation, State, Transition
+from lagsim.model.model import FirstOrderState, Force, Parameter, Relation, Transition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -60,7 +60,7 @@ NODES = {
     Quadrature: ("rate", "mass"),
     Force: ("node", "direction"),
     Relation: ("node",),
-    State: ("rate",),
+    FirstOrderState: ("rate",),
 }
 
 

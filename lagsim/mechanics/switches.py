@@ -189,7 +189,7 @@ LINEAR = ("mul", "if")
 SUMS = ("add", "sub", "neg")
 
 
-class Shown:
+class SlidingSteps:
     """Replacement of steps by their values while the motion slides on a surface."""
 
     def __init__(
@@ -339,7 +339,7 @@ class Shown:
         return g.call("sub", g.one, g.call("mul", *missing))
 
 
-class Mode(NamedTuple):
+class TimeSwitch(NamedTuple):
     """Time switch: the name of its mode variable, and its discrete function (node).
 
     At levels in the open interval `smooth` it steps without a jump of y'.
@@ -367,7 +367,7 @@ class Switches:
     """
 
     graph: Graph
-    modes: tuple[Mode, ...]
+    modes: tuple[TimeSwitch, ...]
     state: Mapping[int, str]
     sides: tuple[Side, ...]
     _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
@@ -516,7 +516,7 @@ class Switches:
         value, between the values of the two sides, that keeps the motion there.
         """
         known = self.graph, self.sides, self._sides_of, self._roots
-        shown = Shown(*known, bent=self.corners)
+        shown = SlidingSteps(*known, bent=self.corners)
         return shown.nodes(list(nodes))
 
 
@@ -583,7 +583,7 @@ def find_switches(
     finder = _Finder(g, list(nodes), moving, speeds)
     orders = highest_orders(g, accelerations) if accelerations else {}
     modes = {
-        d: Mode(f"mode.{k}", d, _smooth(g, d, orders))
+        d: TimeSwitch(f"mode.{k}", d, _smooth(g, d, orders))
         for k, d in enumerate(sorted(set(finder.time.values())))
     }
     modes_of = {n: g.variable(modes[d].variable) for n, d in finder.time.items()}

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 
-class Newton(NamedTuple):
+class NewtonsLaws(NamedTuple):
     """Newton's law of each unknown: velocities 0 to n - 1, then the sums.
 
     Attributes
@@ -77,7 +77,7 @@ class Newton(NamedTuple):
     drifts: Vector
 
 
-def newton(e: Equations) -> Newton | None:
+def newton(e: Equations) -> NewtonsLaws | None:
     """Return Newton's laws of all unknowns, or None.
 
     None if masses vary, are coupled, or belong to sums that are no rates of positions.
@@ -120,7 +120,7 @@ def newton(e: Equations) -> Newton | None:
                 add_to(g, forces, u, g.call("mul", force, lever[v]))
     pushes = g.substitute(forces.values(), back)
     forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
-    return Newton(found.named, masses, forces, _drifts(g, flow, found))
+    return NewtonsLaws(found.named, masses, forces, _drifts(g, flow, found))
 
 
 def _places(
@@ -152,7 +152,7 @@ def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
     return dict(enumerate(moved, found.size))
 
 
-class Turn(NamedTuple):
+class MasslessVelocity(NamedTuple):
     """Velocity without inertia.
 
     Attributes
@@ -180,19 +180,19 @@ class Joints(NamedTuple):
     ----------
     along : list of dict
         E of each link: sum -> component.
-    turns : list of Turn
+    turns : list of MasslessVelocity
         The massless velocities.
     lengths : dict
         Sum -> its constant length.
     """
 
     along: list[Vector]
-    turns: list[Turn]
+    turns: list[MasslessVelocity]
     lengths: Vector
 
 
 def joints(
-    g: Graph, held: Newton, free: Iterable[int], moving: frozenset[str]
+    g: Graph, held: NewtonsLaws, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
     """Return the joints of massless links, or None where a joint is not supported.
 
@@ -225,7 +225,7 @@ def joints(
 def _join(
     g: Graph,
     found: Joints,
-    held: Newton,
+    held: NewtonsLaws,
     velocities: Sequence[int],
     sums: Sequence[int],
     moving: frozenset[str],
@@ -253,7 +253,7 @@ def _join(
     for u, row, turned, length in zip(velocities, rests, across, lengths, strict=True):
         square = g.product_sum(zip(row, turned, strict=False))
         both = dict(zip(sums, turned, strict=False))
-        found.turns.append(Turn(u, both, square, length))
+        found.turns.append(MasslessVelocity(u, both, square, length))
     still = [x for x in lengths if not g.depends([x]) & moving]
     if still:
         found.lengths.update(dict.fromkeys(sums, still[0]))
@@ -420,7 +420,7 @@ class Squares(Factorisation):
         return self.g.call("div", node, self.pivots[k][0])
 
 
-def _laws(e: Equations) -> Newton | None:
+def _laws(e: Equations) -> NewtonsLaws | None:
     """Return Newton's laws of equations without constraints, memoized."""
     g = e.graph
     changing = e.model.modes.union(x.name for x in e.states)
@@ -457,7 +457,7 @@ def accelerations(e: Equations) -> list[int] | None:
     return [found[j] for j in range(n)]
 
 
-def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
+def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int, int]]:
     """Eliminate massless velocities, in one sum each, in favour of these sums.
 
     Return the laws without these sums, and the sum of each eliminated velocity. size :
@@ -480,7 +480,9 @@ def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
     return laws._replace(sums=sums, forces=forces), leaders
 
 
-def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Vector:
+def _solution(
+    g: Graph, held: NewtonsLaws, met: Joints, moving: frozenset[str]
+) -> Vector:
     """Return the accelerations of masses and d/dt of massless velocities, by unknown.
 
     Internal units are the commonest mass and length. Products of sines and cosines are
@@ -546,7 +548,7 @@ def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
     return dict(zip(tops, found, strict=True))
 
 
-def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector:
+def _fall(g: Graph, held: NewtonsLaws, length: int, moving: frozenset[str]) -> Vector:
     """Return force / (mass `length`) of each mass: its acceleration without tensions.
 
     Accelerations are in units of `length`; torques on massless links are left out, too.
@@ -566,7 +568,7 @@ def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector
     }
 
 
-def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
+def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vector:
     """Return the drifts of sums divided by `length`, the internal unit of length.
 
     A drift is first divided by its own length, so that common factors cancel.
@@ -577,7 +579,7 @@ def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
     return {k: g.call("mul", scales[k], drifts[k]) for k in held.sums}
 
 
-def _back(g: Graph, held: Newton, parts: Vector) -> Vector:
+def _back(g: Graph, held: NewtonsLaws, parts: Vector) -> Vector:
     """Return the forces C^T F on the masses due to forces F on sums.
 
     parts : sum -> node of F.

@@ -17,7 +17,7 @@ from lagsim.methods import unrestricted
 from lagsim.methods.parts.embedded import (
     BETA,
     Embedded,
-    Pair,
+    EmbeddedPair,
     interpolate,
     interpolate_rates,
     start,
@@ -145,7 +145,7 @@ DENSE = (
 # is a seventh of the largest value of the term, for any h a; over the shipped models, a
 # step bounded by accuracy has less than 250 tolerances at 1e-9, and one bounded by
 # stability from 300 to 1e5.
-PAIR = Pair(
+PAIR = EmbeddedPair(
     A, C, (ERROR5, ERROR3), DENSE, ORDER,
     exponent=0.125 - 0.2 * BETA, held=0.5 * IMAGINARY_LIMIT, early=0.184,
     most_last=300.0,

@@ -17,7 +17,7 @@ from lagsim.methods import unrestricted
 from lagsim.methods.parts.embedded import (
     BETA,
     Embedded,
-    Pair,
+    EmbeddedPair,
     interpolate,
     interpolate_rates,
     start,
@@ -64,7 +64,7 @@ DENSE = (
 )  # fmt: skip
 # A step with h w = 0.9 of an oscillation has an estimate of 5e-4 of its amplitude:
 # accuracy seldom allows it.
-PAIR = Pair(
+PAIR = EmbeddedPair(
     A, C, (ERROR,), (DENSE,), ORDER, exponent=0.2 - 0.75 * BETA, held=0.9, early=0.1
 )
 TABLEAU = PAIR.tableau

@@ -24,7 +24,15 @@ import yaml
 from lagsim import files, limits
 from lagsim.errors import Place, Problem, unusable
 from lagsim.language.parser import ExpressionError, parse, parse_relation
-from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, Source
+from lagsim.model.nodes import (
+    Broken,
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    SourceText,
+)
 
 if TYPE_CHECKING:
     from lagsim.codes.known import ErrorCode
@@ -92,10 +100,10 @@ def load(text: str, file: str) -> Document:
     file
         The file's name in places and messages.
     """
-    original = Source(file, text.removeprefix("\ufeff"))
+    original = SourceText(file, text.removeprefix("\ufeff"))
     if match := _FORBIDDEN.search(original.text):
         message = f"the character U+{ord(match[0]):04X} is not allowed in YAML"
-        shown = Source(file, _FORBIDDEN.sub("\ufffd", original.text))
+        shown = SourceText(file, _FORBIDDEN.sub("\ufffd", original.text))
         place = shown.place(match.start())
         return Document(None, (Problem("yaml-character", message, place),))
     source, spoilt, found = original, set[tuple[int, int]](), list[Problem]()
@@ -115,7 +123,7 @@ def load(text: str, file: str) -> Document:
             break
         reached = diagnosis.line
         spoilt.add(diagnosis.spoilt)
-        source = Source(file, diagnosis.repaired, original)
+        source = SourceText(file, diagnosis.repaired, original)
     return Document(root, (*found, *builder.problems))
 
 
@@ -139,7 +147,7 @@ class _Open:
 class _Builder:
     """Builder of nodes from YAML events, with a stack instead of recursion."""
 
-    def __init__(self, source: Source, spoilt: set[tuple[int, int]]) -> None:
+    def __init__(self, source: SourceText, spoilt: set[tuple[int, int]]) -> None:
         self.source = source
         self.spoilt = spoilt
         self.problems: list[Problem] = []
@@ -386,7 +394,7 @@ class Diagnosis(NamedTuple):
     spoilt: At = (0, 0)
 
 
-def diagnose(source: Source, error: Exception) -> Diagnosis:
+def diagnose(source: SourceText, error: Exception) -> Diagnosis:
     """Return the diagnosis of a syntax error that the YAML parser raised."""
     case = _Case(source, error)
     for rule in (
@@ -417,7 +425,7 @@ class _Case:
         The entry or item in whose value the parser stopped.
     """
 
-    def __init__(self, source: Source, error: Exception) -> None:
+    def __init__(self, source: SourceText, error: Exception) -> None:
         self.source = source
         self.problem = getattr(error, "problem", None) or str(error)
         self.context = getattr(error, "context", None) or ""

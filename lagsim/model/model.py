@@ -359,7 +359,7 @@ class Scene(NamedTuple):
         return max([*map(len, self.points.values()), *of_shapes], default=0)
 
 
-class Curve(NamedTuple):
+class DrawnExpression(NamedTuple):
     """Expression that is plotted or drawn, with its text in the file."""
 
     node: int
@@ -373,13 +373,13 @@ class Plot(NamedTuple):
     among `x`, `y` and `y2`.
     """
 
-    x: Curve
-    y: tuple[Curve, ...]
-    y2: tuple[Curve, ...] = ()
+    x: DrawnExpression
+    y: tuple[DrawnExpression, ...]
+    y2: tuple[DrawnExpression, ...] = ()
     log: frozenset[str] = frozenset()
     title: str = ""
 
-    def curves(self, number: int) -> dict[str, Curve]:
+    def curves(self, number: int) -> dict[str, DrawnExpression]:
         """Return each expression by its column, for the plot `number`, from 0."""
         found = {f"plot:{number}.x": self.x}
         for axis, curves in (("y", self.y), ("y2", self.y2)):
@@ -537,7 +537,7 @@ class Table(NamedTuple):
         return "t" not in g.depends([rate])
 
 
-class State(NamedTuple):
+class FirstOrderState(NamedTuple):
     """First-order state s with s' = `rate`, a node of t, q, q' and all states."""
 
     name: str
@@ -609,7 +609,7 @@ class Model:
     description: str = ""
     source: str = ""
     unused: tuple[str, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[FirstOrderState, ...] = ()
     events: tuple[Transition, ...] = ()
     gimbals: tuple[Gimbal, ...] = ()
     quaternions: frozenset[str] = frozenset()
@@ -624,7 +624,7 @@ class Model:
         return ".".join([self.sha256, *(t.sha256 for t in self.tables if t.file)])
 
     @property
-    def variables(self) -> tuple[Coordinate | State, ...]:
+    def variables(self) -> tuple[Coordinate | FirstOrderState, ...]:
         """The coordinates, then the first-order states."""
         return (*self.coordinates, *self.states)
 

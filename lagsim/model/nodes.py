@@ -23,7 +23,7 @@ _LONG_ESCAPES = {"x": 4, "u": 6, "U": 10}
 _BLANK_ESCAPES = frozenset(" \ttnvfr_NLP\n\r\x85\u2028\u2029")
 
 
-class Source:
+class SourceText:
     """Text with its lines; converts offsets to places.
 
     Parameters
@@ -43,7 +43,7 @@ class Source:
         Offset of the first character of each line.
     """
 
-    def __init__(self, file: str, text: str, shown: Source | None = None) -> None:
+    def __init__(self, file: str, text: str, shown: SourceText | None = None) -> None:
         self.file = file
         self.text = text
         self.lines = _BREAK.split(text)
@@ -92,7 +92,7 @@ class Scalar(NamedTuple):
 
     text: str
     place: Place
-    source: Source
+    source: SourceText
     start: int
     end: int
     style: str = ""
@@ -205,7 +205,7 @@ def argument(option: str, value: str) -> Scalar:
     """
     # Bytes that are not UTF-8 arrive as lone surrogates, which cannot be printed.
     value = value.encode(errors="replace").decode()
-    source = Source(option + value, option + value)
+    source = SourceText(option + value, option + value)
     place = source.place(len(option), max(1, len(value)))
     return Scalar(value, place, source, len(option), len(source.text), "=")
 

@@ -18,7 +18,7 @@ T = TypeVar("T")
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 
 
-class Format(StrEnum):
+class TableFormat(StrEnum):
     """Format of a table, which is the ending of its name."""
 
     CSV = "csv"

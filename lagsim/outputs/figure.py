@@ -549,7 +549,7 @@ PANEL, PATH, SPECTRUM, MAP = 1.65, 4.2, 3.2, 2.2
 SHOWN = 1e-5
 
 
-class Column(NamedTuple):
+class PlottedColumn(NamedTuple):
     """Column of a picture: typeset name, unit, values (rows,), kind of scale."""
 
     name: str
@@ -568,7 +568,9 @@ def stack_height(count: int, height: float) -> float:
 
 
 @in_house_style
-def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
+def figure(
+    title: str, against: PlottedColumn, columns: Sequence[PlottedColumn]
+) -> Picture:
     """Draw columns against another column, one panel for each unit.
 
     If all columns have the unit of `against`, both axes have equal scales.
@@ -588,7 +590,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
 
 
 @in_house_style
-def crossed(title: str, x: Column, y: Column, kind: str) -> Picture:
+def crossed(title: str, x: PlottedColumn, y: PlottedColumn, kind: str) -> Picture:
     """Draw points: the states of a section; `kind` is written after their number."""
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} {kind}")
     axes = found.subplots()
@@ -603,14 +605,17 @@ def crossed(title: str, x: Column, y: Column, kind: str) -> Picture:
 
 @in_house_style
 def spectrum_figure(
-    title: str, across: Column, up: Column, peaks: Sequence[tuple[float, float]]
+    title: str,
+    across: PlottedColumn,
+    up: PlottedColumn,
+    peaks: Sequence[tuple[float, float]],
 ) -> Picture:
     """Draw amplitudes against frequencies, with marks at the peaks and their list.
 
     Parameters
     ----------
     title : str
-    across, up : Column
+    across, up : PlottedColumn
         Frequencies and amplitudes.
     peaks : sequence of (float, float)
         Frequency and amplitude of each.
@@ -647,9 +652,9 @@ def spectrum_figure(
 @in_house_style
 def map_figure(
     title: str,
-    across: Column,
-    up: Column,
-    maps: Sequence[Column],
+    across: PlottedColumn,
+    up: PlottedColumn,
+    maps: Sequence[PlottedColumn],
     *,
     subject: str = "",
     abreast: int = 1,
@@ -660,9 +665,9 @@ def map_figure(
     Parameters
     ----------
     title, subject : str
-    across, up : Column
+    across, up : PlottedColumn
         Borders of the cells.
-    maps : sequence of Column
+    maps : sequence of PlottedColumn
         Values of the cells; cells with nan are grey, and values that differ by rounding
         have one colour.
     abreast : int
@@ -704,8 +709,8 @@ def map_figure(
     return found
 
 
-def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
-    groups: dict[str, list[Column]] = {}
+def _grouped(columns: Sequence[PlottedColumn]) -> Iterable[list[PlottedColumn]]:
+    groups: dict[str, list[PlottedColumn]] = {}
     for column in columns:
         # Each column without a known unit has a scale of its own.
         own = "energies" if column.name in ENERGIES else column.name
@@ -715,7 +720,7 @@ def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
             yield group[start : start + len(PENS)]
 
 
-def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
+def _draw(axes: Axes, against: PlottedColumn, group: Sequence[PlottedColumn]) -> None:
     for column, pen in zip(group, PENS, strict=False):
         axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
     axes.margins(x=0.0 if against.name == "t" else 0.03)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _UNSPEAKABLE = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-class Outcome(NamedTuple):
+class CaseResult(NamedTuple):
     """Test case and its outcome.
 
     Attributes
@@ -36,12 +36,12 @@ class Outcome(NamedTuple):
     text: str = ""
 
 
-def document(suite: str, cases: Sequence[Outcome]) -> bytes:
+def document(suite: str, cases: Sequence[CaseResult]) -> bytes:
     """Return the JUnit XML document of the suite called `suite`.
 
     Examples
     --------
-    >>> found = document("golden", [Outcome("pendulum", "pendulum.yaml", 0.25)])
+    >>> found = document("golden", [CaseResult("pendulum", "pendulum.yaml", 0.25)])
     >>> b'tests="1" failures="0"' in found
     True
     """

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.columns import KINDS, parsed
 from lagsim.language.names import rated
-from lagsim.show.names import GREEK, Name, UnicodeNames
+from lagsim.show.names import GREEK, PrintedName, UnicodeNames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -91,7 +91,7 @@ class Letters:
         of_constraint = head in _HEADS and not rest[:1].isdigit()
         if point and of_constraint and not self._typeset.knows(base):
             return f"{head}.{self.name(name.partition('.')[2])}"
-        return self._typeset.show(Name(base, order))
+        return self._typeset.show(PrintedName(base, order))
 
     def text(self, text: str) -> str:
         """Return an expression with its names typeset: q₁ for `q(1)`.

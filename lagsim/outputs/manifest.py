@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.examination import StartReport
-    from lagsim.admissibility.verdict import Verdict
+    from lagsim.admissibility.verdict import RelationResiduals
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
     from lagsim.notes import Caution, Choice
@@ -196,7 +196,7 @@ def _combined(of: Any, **more: Any) -> dict[str, Any]:
     return {"name": of.name, "combination": dict(of.combination), **more}
 
 
-def _constraint(verdict: Verdict) -> dict[str, Any]:
+def _constraint(verdict: RelationResiduals) -> dict[str, Any]:
     about = ("name", "kind", "scleronomic", "pfaffian", "integrable", "undecided")
     found = {key: getattr(verdict, key) for key in about}
     for level, at in (("", verdict.position), ("velocity_", verdict.velocity)):

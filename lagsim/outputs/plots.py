@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
-    from lagsim.model.model import Curve, Model, Plot, Scene
+    from lagsim.model.model import DrawnExpression, Model, Plot, Scene
     from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
     from lagsim.outputs.record import Band, Record
@@ -461,7 +461,7 @@ def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scal
 
 
 def _are_directions(
-    record: Record, curves: Mapping[str, Curve], scene: Scene, drawn: Curves
+    record: Record, curves: Mapping[str, DrawnExpression], scene: Scene, drawn: Curves
 ) -> bool:
     """Whether abscissa and ordinate are lengths that one scale can show.
 

@@ -31,7 +31,7 @@ import orjson
 from lagsim import files, limits
 from lagsim.errors import InputError, several, unusable
 from lagsim.notes import Caution
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -413,7 +413,7 @@ def put(path: Path, content: bytes, *, held: bool = False) -> None:
 
 # Bytes per number: in CSV about 16 digits, a sign and a comma, in packed formats a
 # double; Parquet may compress to half.
-USUAL = {Format.CSV: 19.0, Format.NPZ: 8.0, Format.PARQUET: 8.0}
+USUAL = {TableFormat.CSV: 19.0, TableFormat.NPZ: 8.0, TableFormat.PARQUET: 8.0}
 # Least size of a table relative to `USUAL`, except for columns of zeros.
 LEAST = 0.5
 # Numbers in a table above which the free disk space is checked: 20 megabytes.
@@ -421,7 +421,7 @@ MANY = 1_000_000
 
 
 def refuse_without_room(
-    folder: Path, form: Format, settings: Settings, columns: int, *, ends: bool
+    folder: Path, form: TableFormat, settings: Settings, columns: int, *, ends: bool
 ) -> str:
     """Refuse a table that exceeds the free disk space; return a warning if it may.
 
@@ -429,7 +429,7 @@ def refuse_without_room(
     ----------
     folder : Path
         Folder of the table; it need not exist.
-    form : Format
+    form : TableFormat
     settings : Settings
     columns : int
         Number of columns.

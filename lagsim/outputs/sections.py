@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FIXED, ROUNDED = 1e-6, 2.0**-40
 
 
-class Found(NamedTuple):
+class RecordedSections(NamedTuple):
     """Sections of a run.
 
     Attributes
@@ -39,34 +39,34 @@ class Found(NamedTuple):
     rows: Mapping[str, Floats]
 
 
-def tables(found: Found) -> Iterator[Made]:
+def tables(found: RecordedSections) -> Iterator[Made]:
     """Yield file name and content of the table of each section."""
     for name, rows in found.rows.items():
         yield f"section_{name}.csv", table_of(found.columns, rows.tolist())
 
 
 def pictures(
-    equations: Equations, found: Found, ranges: Floats, form: str
+    equations: Equations, found: RecordedSections, ranges: Floats, form: str
 ) -> Iterator[Made]:
     """Yield file name and content of the picture of each section.
 
     Parameters
     ----------
     equations : Equations
-    found : Found
+    found : RecordedSections
     ranges : ndarray, shape (2, columns)
         Least and greatest value of each column in the run.
     form : str
         png, svg or pdf.
     """
-    from lagsim.outputs.figure import Column, content, crossed
+    from lagsim.outputs.figure import PlottedColumn, content, crossed
 
     names = found.columns
     letters, known = letters_of(equations.model), units(equations, names)
     for section in equations.model.output.sections:
         rows = found.rows[section.name]
         x, y = (
-            Column(
+            PlottedColumn(
                 letters.name(n), raised(known.get(n, "")), drawn(n, names, rows, ranges)
             )
             for n in section.plot or shown(names, rows, ranges)

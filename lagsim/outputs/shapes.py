@@ -272,7 +272,7 @@ def _prism(
 # --- As seen from one side
 
 
-class Seen(NamedTuple):
+class ProjectedBody(NamedTuple):
     """Projection of a body: corners (n, 2) each.
 
     Attributes
@@ -292,7 +292,7 @@ class Seen(NamedTuple):
     depth: float
 
 
-def seen(body: Body, row: int, view: Floats) -> Seen | None:
+def seen(body: Body, row: int, view: Floats) -> ProjectedBody | None:
     """Return the projection of a body in one row; None if its place is not finite.
 
     Parameters
@@ -330,7 +330,7 @@ def seen(body: Body, row: int, view: Floats) -> Seen | None:
         outline = body.at[row] @ view.T + _circle(body.radius, ROUND)
         faces = [(outline, 1.0)]
         lines = np.concatenate((outline, outline[:1], np.full((1, 2), np.nan), lines))
-    return Seen(faces, lines, hidden, depth)
+    return ProjectedBody(faces, lines, hidden, depth)
 
 
 def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:

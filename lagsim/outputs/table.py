@@ -22,7 +22,7 @@ import orjson
 
 from lagsim.errors import unusable
 from lagsim.language.columns import DEVIATION, SENSITIVITY, made
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -259,11 +259,11 @@ class TableWriter(Writer):
 class PackedWriter(Writer):
     """Writer of rows to a temporary file, which `finish` packs."""
 
-    def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
+    def __init__(self, form: TableFormat, path: Path, units: Mapping[str, str]) -> None:
         file = tempfile.TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115
         super().__init__(file, len(units))
         self._path, self._units = path, units
-        self._pack: Pack = _as_parquet if form is Format.PARQUET else _as_npz
+        self._pack: Pack = _as_parquet if form is TableFormat.PARQUET else _as_npz
 
     def finish(self) -> None:
         """Write the packed table.
@@ -285,7 +285,7 @@ class PackedWriter(Writer):
             yield np.frombuffer(data).reshape(count, self._width)
 
 
-def check_format(form: Format, *, show_units: bool) -> None:
+def check_format(form: TableFormat, *, show_units: bool) -> None:
     """Refuse options that a packed table does not have, or a missing pyarrow.
 
     Raises
@@ -296,7 +296,7 @@ def check_format(form: Format, *, show_units: bool) -> None:
         text = f"a table in the format {form} has no line of units"
         hint = "run.json has the units of all columns, and Parquet its own"
         raise unusable("usage", text, hint=hint)
-    if form is Format.PARQUET:
+    if form is TableFormat.PARQUET:
         arrow()
 
 
@@ -347,13 +347,13 @@ def _as_parquet(
 
 
 def table_writer(
-    form: Format, path: Path, units: Mapping[str, str], *, show_units: bool
+    form: TableFormat, path: Path, units: Mapping[str, str], *, show_units: bool
 ) -> Writer:
     """Return the writer of a table with the columns of `units`.
 
     Parameters
     ----------
-    form : Format
+    form : TableFormat
     path : Path
     units : mapping of str to str
         Units of the columns.
@@ -365,7 +365,7 @@ def table_writer(
     OSError
         If the file cannot be opened.
     """
-    if form is Format.CSV:
+    if form is TableFormat.CSV:
         line = [numberless(unit) for unit in units.values()] if show_units else None
         return TableWriter(path, list(units), line)
     return PackedWriter(form, path, units)

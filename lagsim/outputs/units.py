@@ -43,7 +43,7 @@ from lagsim.program.functions import stated_units
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from lagsim.language.columns import Made
+    from lagsim.language.columns import ColumnKind
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
@@ -282,7 +282,9 @@ def _following(
         yield name, unit, kind.names
 
 
-def _owners(equations: Equations) -> Iterator[tuple[Made, str, int | None, Level]]:
+def _owners(
+    equations: Equations,
+) -> Iterator[tuple[ColumnKind, str, int | None, Level]]:
     """Yield kind, name, node of the owner, and level of its rows, of columns.
 
     Of constraint forces, multipliers, impulses, friction, reactions, and of the run.

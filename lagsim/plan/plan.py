@@ -43,14 +43,14 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.mechanics.linearisation import Newton
+    from lagsim.mechanics.linearisation import NewtonMatrix
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.model.model import Settings
     from lagsim.plan.formulation import Subsystem
 
 
-def newton_of(name: str, equations: Equations) -> Newton | None:
+def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """Return the sparse Newton matrix of an implicit method, or None.
 
     None if the method has no sparse solver, or if a dense matrix is cheaper.
@@ -149,7 +149,7 @@ class Plan:
         )  # fmt: skip
 
     @property
-    def newton(self) -> Newton | None:
+    def newton(self) -> NewtonMatrix | None:
         """Sparse Newton matrix of an implicit method; None where there is none."""
         if self.elimination is None:
             return None

@@ -25,7 +25,7 @@ from lagsim.methods.parts.search import POINTS
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
-from lagsim.native.link.cache import Part, graph_part, kernel_part, runtime
+from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
 from lagsim.plan.formulation import GAIN, evaluation_cost
 from lagsim.plan.plan import coupled
@@ -93,7 +93,7 @@ _TABULATE = (
 )
 
 
-def kernels(system: System) -> Iterator[Part]:
+def kernels(system: System) -> Iterator[ProgramPart]:
     """Iterate over the kernels that a method calls besides the model's functions."""
     statics = {"LAWS": bool(system.laws)}
     ends: list[Callable[..., Any]] = []
@@ -159,7 +159,7 @@ class System:
         Systems of separately integrated subsystems.
     indicators : list of Indicator
         Activity indicators of localized terms, see `localized`.
-    program : list of Part
+    program : list of ProgramPart
         The model's functions, and the kernels that a method calls with them.
     operations : int
         Approximate number of operations of one evaluation of y', or of its series.
@@ -534,7 +534,7 @@ class Runner:
     Attributes
     ----------
     method : module
-    program : list of Part
+    program : list of ProgramPart
         All linked parts.
     pace : Pace
         Pace of the runs so far.

@@ -30,7 +30,7 @@ from lagsim.program.system import BLOCK
 from lagsim.run.arc import first_arc, largest_shift
 from lagsim.run.events.conditions import located_within, wait
 from lagsim.run.events.constraints import (
-    Dependence,
+    NearDependence,
     RankLosses,
     at_start,
     before_event,
@@ -40,7 +40,7 @@ from lagsim.run.events.constraints import (
 from lagsim.run.events.contacts import Contacts, comes_to_rest
 from lagsim.run.events.sequence import STUCK
 from lagsim.run.events.switching import Switching
-from lagsim.run.events.times import Knots, Pulses, TimeBreaks, clocks
+from lagsim.run.events.times import KnotTimes, Pulses, TimeBreaks, clocks
 from lagsim.run.events.transitions import NOTHING, Transitions
 from lagsim.run.failures import (
     FAILED,
@@ -776,7 +776,7 @@ def _sources(arc: Arc) -> Iterator[Source]:
         yield Unmet()
     yield Fallback()
     if clocks(arc):
-        yield Knots(arc)
+        yield KnotTimes(arc)
     yield TimeBreaks(arc)
     if arc.equations.model.events or arc.equations.model.located:
         yield Transitions(arc)
@@ -786,7 +786,7 @@ def _sources(arc: Arc) -> Iterator[Source]:
     if contacts is not None:
         yield contacts
     if arc.system.m:
-        yield Dependence()
+        yield NearDependence()
         yield RankLosses()
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:

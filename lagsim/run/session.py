@@ -36,7 +36,7 @@ LAPS = (
 )  # fmt: skip
 
 
-class Clock:
+class Stopwatch:
     """Elapsed time of each stage in seconds."""
 
     def __init__(self) -> None:
@@ -128,7 +128,9 @@ class Case(NamedTuple):
         self.equations.graph.unbind()
         return found
 
-    def ready(self, plan: Plan | None = None, *, clock: Clock | None = None) -> Session:
+    def ready(
+        self, plan: Plan | None = None, *, clock: Stopwatch | None = None
+    ) -> Session:
         """Compile the case by `plan`, by default by its own plan.
 
         Raises
@@ -138,7 +140,7 @@ class Case(NamedTuple):
         """
         from lagsim.program.system import System
 
-        clock = clock or Clock()
+        clock = clock or Stopwatch()
         clock.lap("import")
         plan = plan or self.plan()
         clock.lap("derive")
@@ -276,7 +278,7 @@ class Session(NamedTuple):
 
 
 def open_case(
-    model: Model, settings: Settings | None = None, clock: Clock | None = None
+    model: Model, settings: Settings | None = None, clock: Stopwatch | None = None
 ) -> Case:
     """Derive the equations of a model and examine its start.
 
@@ -293,14 +295,14 @@ def open_case(
     """
     from lagsim.mechanics.reduction import equations_of_motion
 
-    clock = clock or Clock()
+    clock = clock or Stopwatch()
     clock.lap("import")
     equations = equations_of_motion(model)
     clock.lap("derive")
     return _examined(equations, settings or model.settings(), clock)
 
 
-def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
+def _examined(equations: Equations, settings: Settings, clock: Stopwatch) -> Case:
     clock.lap("import")
     equations, examined = begun(equations, settings)
     clock.lap("derive")
@@ -351,7 +353,7 @@ def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     """
     equations.graph.unbind()  # they were examined before
     if model.graph is equations.graph and equations.has_pieces_of(model):
-        return _examined(equations.of(model), settings, Clock())
+        return _examined(equations.of(model), settings, Stopwatch())
     return open_case(model, settings)
 
 

@@ -34,7 +34,7 @@ from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.conserved import conserved_quantities, evident
-from lagsim.show.names import Name
+from lagsim.show.names import PrintedName
 from lagsim.show.separation import Separation, is_long, refuse_long, words_of
 from lagsim.show.symbols import Translation, number, symbol, to_sympy
 from lagsim.show.tidy import MOST_PRODUCTS, cost
@@ -173,7 +173,11 @@ class _Solver:
             hint = f"such as along `{lacking}`; give every coordinate some mass"
             raise unusable("singular-mass", text, hint=hint)
         free = [
-            x.add(symbol(f"a.{q}"), Name(q.name, 0, "unconstrained"), (4, len(x.q) + j))
+            x.add(
+                symbol(f"a.{q}"),
+                PrintedName(q.name, 0, "unconstrained"),
+                (4, len(x.q) + j),
+            )
             for j, q in enumerate(x.q)
         ]
         apart = [*enumerate(a - b for a, b in zip(x.a, free, strict=True))]
@@ -262,7 +266,7 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
         (value,) = to_sympy(g, [n], known=known)
         if cost(value) > 2:
             name = f"{prefix}{len(steps) + 1}"
-            s = x.add(symbol(name), Name(name), (1, len(x.rank)))
+            s = x.add(symbol(name), PrintedName(name), (1, len(x.rank)))
             steps[name], known[n] = value, s
     to_sympy(g, wanted, known=known)
     return steps

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from lagsim.show import LATEX, on_velocities
-from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
+from lagsim.show.names import LatexNames, PrintedName, plain_latex, upright_latex
 from lagsim.show.printers import FormulaPrinter, signed
 from lagsim.show.text import Outline
 
@@ -79,7 +79,7 @@ def as_latex(content: Content) -> str:
     x, found = content
     plain = x.own_names
     names = LatexNames(plain)
-    shown = {names.show(Name(n)) for n in plain}
+    shown = {names.show(PrintedName(n)) for n in plain}
     # The letters of mechanics give way to the file's names.
     letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
     signs = {k: text.replace("LETTER", letters["G"]) for k, text in _SIGNS.items()}

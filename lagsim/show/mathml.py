@@ -9,7 +9,7 @@ import sympy as sp
 
 from lagsim.language.functions import FUNCTIONS
 from lagsim.show import always
-from lagsim.show.names import Name, UnicodeNames
+from lagsim.show.names import PrintedName, UnicodeNames
 from lagsim.show.printers import TextPrinter
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def as_mathml(content: Content) -> str:
         for line in c["equations"]:
             yield row(write(line["left"]), line["right"])
         for name, rate in (c.get("states") or {}).items():
-            yield row(_name(write.names.show(Name(name, 1))), rate)
+            yield row(_name(write.names.show(PrintedName(name, 1))), rate)
         for k in c["constraints"]:
             zero = "<mn>0</mn>"
             sign = "=" if always(k) else "≥"

@@ -54,7 +54,7 @@ def called(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class PrintedName:
     """Symbol to print: a name, its order of differentiation, and its kind.
 
     `kind` is "" for a name of the file, "multiplier" for that of a constraint,
@@ -104,12 +104,12 @@ class ModelNames:
         """Whether `name` is a name of the file."""
         return name in self._shown
 
-    def show(self, name: Name) -> str:
+    def show(self, name: PrintedName) -> str:
         """Return `name` typeset."""
         if name.kind == "multiplier":
             return called(self.of_multiplier.format(self.verbatim(name.base)[0]))
         if name.kind:
-            below = self.below.format(self.show(Name(name.base)))
+            below = self.below.format(self.show(PrintedName(name.base)))
             letters = self.letters[name.kind]
             looks = [self.joined(x, below, name.order) for x in letters]
             more = (looks[0] + "_" * k for k in itertools.count(1))

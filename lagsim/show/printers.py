@@ -18,7 +18,7 @@ from sympy.printing.str import StrPrinter
 
 from lagsim.language.functions import FUNCTIONS
 from lagsim.show import ASCII, conditions
-from lagsim.show.names import RAISED, ModelNames, Name, upright_latex
+from lagsim.show.names import RAISED, ModelNames, PrintedName, upright_latex
 from lagsim.show.symbols import LARGEST_DENOMINATOR
 from lagsim.version import __version__
 
@@ -419,7 +419,7 @@ def as_json(content: Content) -> dict[str, Any]:
 
     model, gauss, called = x.equations.model, found["gauss"], ("function", "rate")
     if gauss is not None:
-        names = [write.names.show(Name(q.name, 0, "unconstrained")) for q in x.q]
+        names = [write.names.show(PrintedName(q.name, 0, "unconstrained")) for q in x.q]
         a = gauss["a"] or (None,) * len(names)
         gauss = {**gauss, "a": dict(zip(names, a, strict=True))}
     document: dict[str, Any] = written({

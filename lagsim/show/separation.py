@@ -32,7 +32,7 @@ from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
 from lagsim.show import has_many_rows
-from lagsim.show.names import Name
+from lagsim.show.names import PrintedName
 from lagsim.show.symbols import Extent, extent_of, physics_of, together, written_out
 from lagsim.show.tidy import too_long
 
@@ -53,7 +53,7 @@ Found = dict[str, int]
 LONGEST = 2_500
 
 
-def words_of(model: Model) -> dict[int, Name]:
+def words_of(model: Model) -> dict[int, PrintedName]:
     """Names of the nodes of definitions and their rates, in the order of evaluation.
 
     Of a frame or a body that is a name without the section: `arm.2.xy`.
@@ -63,7 +63,7 @@ def words_of(model: Model) -> dict[int, Name]:
     flow = Flow(g, [c.name for c in model.coordinates], velocities, model.states)
     taken = {x.name for x in (*model.definitions, *model.parameters, *model.variables)}
     cone = frozenset(g.cone(physics_of(model)))
-    found: dict[int, Name] = {}
+    found: dict[int, PrintedName] = {}
     named = [(d, d.name) for d in model.definitions]
     for d in model.hidden:
         short = d.name.partition(".")[2]
@@ -79,11 +79,11 @@ def words_of(model: Model) -> dict[int, Name]:
             continue
         for order, node in enumerate(nodes):
             if g.ops[node] not in (CONSTANT, VARIABLE):
-                found.setdefault(node, Name(name, order))
+                found.setdefault(node, PrintedName(name, order))
     return dict(sorted(found.items()))
 
 
-def refuse_long(model: Model, words: Mapping[int, Name]) -> None:
+def refuse_long(model: Model, words: Mapping[int, PrintedName]) -> None:
     """Refuse a model whose energies are too long to be written in these definitions.
 
     Raises
@@ -110,7 +110,7 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
     return together([*extents[: len(nodes)], *(extent_of(g, n, found) for n in words)])
 
 
-def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
+def is_long(e: Equations, words: Mapping[int, PrintedName]) -> bool:
     """Whether equations are shown in the file's definitions, being long otherwise."""
     if has_many_rows(e.model):
         return True
@@ -146,7 +146,7 @@ class Separation:
         For each coordinate the nodes p, left and Q (with multipliers): left = Q.
     """
 
-    def __init__(self, e: Equations, words: Mapping[int, Name]) -> None:
+    def __init__(self, e: Equations, words: Mapping[int, PrintedName]) -> None:
         self._e, self._g, self._words, self._flow = e, e.graph, words, e.flow
         g, flow = e.graph, e.flow
         definitions = (*e.model.definitions, *e.model.hidden)
@@ -162,7 +162,7 @@ class Separation:
         self._owner = {v: n for n, v in reversed(self._rate.items())}
         self._still = frozenset(self._rate)
         self._moving = frozenset((*self._owner, *self._speeds))
-        self.names: dict[str, Name] = {}
+        self.names: dict[str, PrintedName] = {}
         # Rates by which all is differentiated in time; of words they are variables.
         accelerations = map(g.variable, e.accelerations)
         self._seed = flow.forward | dict(zip(flow.rates, accelerations, strict=True))
@@ -176,7 +176,7 @@ class Separation:
         self.equations = self._separated()
         self.rates = self._rates_of_words()
 
-    def _variable(self, name: Name) -> int:
+    def _variable(self, name: PrintedName) -> int:
         """Return a new variable with the displayed name `name`."""
         called = f"{name.kind}.{name.base}" if name.kind else name.base
         called = rate_of(called, name.order)
@@ -205,7 +205,7 @@ class Separation:
         g, word = self._g, self._words[n]
         made: Found = {}
         if g.ops[node] not in (VARIABLE, CONSTANT):
-            name = self._variable(Name(word.base, word.order, kind))
+            name = self._variable(PrintedName(word.base, word.order, kind))
             made[str(g.payload(name))] = node
             node = name
         for v, slope in pulled_within(g, n, node, variables).items():

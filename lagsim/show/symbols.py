@@ -29,7 +29,7 @@ from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.language.tables import arguments, written
 from lagsim.model.model import APPROACH_SPEED, Level
-from lagsim.show.names import Name
+from lagsim.show.names import PrintedName
 from lagsim.show.tidy import Tidier, not_finite, too_long
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class Translation:
         equations: Equations,
         *,
         substitute: bool = False,
-        named: Mapping[int, Name] | None = None,
+        named: Mapping[int, PrintedName] | None = None,
     ) -> None:
         model, g = equations.model, equations.graph
         self.equations, self.g = equations, g
@@ -280,7 +280,7 @@ class Translation:
         self._extents = dict.fromkeys(named or (), Extent(1, 1))
         self._operations = 0
 
-    def _well_read(self, physics: list[int]) -> dict[int, Name]:
+    def _well_read(self, physics: list[int]) -> dict[int, PrintedName]:
         """Return the nodes of definitions that keep their names, see the module."""
         g = self.g
         used = set(g.cone(physics))
@@ -291,7 +291,7 @@ class Translation:
             for a in g.args[n]
         }
         variables = {*self.equations.moving}
-        wanted: dict[int, Name] = {}
+        wanted: dict[int, PrintedName] = {}
         for d in self.equations.model.definitions:
             n = d.node
             if d.level is not Level.POSITION or n not in used or n in wanted:
@@ -302,7 +302,7 @@ class Translation:
             sum_inside = n in arguments and g.ops[n] in ("add", "sub")
             named = constant and not self.substitute
             if named or g.ops[n] in _ROOTS or sum_inside:
-                wanted[n] = Name(d.name)
+                wanted[n] = PrintedName(d.name)
         return wanted
 
     def _value(self, node: int) -> Any:
@@ -322,17 +322,17 @@ class Translation:
     # Symbols
 
     def _shown(
-        self, parameters: list[Any], kept: Mapping[int, Name]
-    ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
+        self, parameters: list[Any], kept: Mapping[int, PrintedName]
+    ) -> tuple[dict[Any, PrintedName], dict[Any, tuple[int, int]]]:
         model = self.equations.model
         named = {self.known[n]: name for n, name in sorted(kept.items())}
         values = {s: name for s, name in named.items() if not name.order}
-        names = {s: Name(s.name) for s in parameters} | named
-        names |= {s: Name(s.name) for s in (*self.states, *self.speeds, self.t)}
+        names = {s: PrintedName(s.name) for s in parameters} | named
+        names |= {s: PrintedName(s.name) for s in (*self.states, *self.speeds, self.t)}
         for order, group in enumerate((self.q, self.v, self.a)):
-            shown = (Name(q.name, order) for q in self.q)
+            shown = (PrintedName(q.name, order) for q in self.q)
             names |= dict(zip(group, shown, strict=True))
-        shown = (Name(c.name, 0, "multiplier") for c in model.constraints)
+        shown = (PrintedName(c.name, 0, "multiplier") for c in model.constraints)
         names |= dict(zip(self.multipliers, shown, strict=True))
         groups = [
             _as_people_order(model.parameters), values,
@@ -345,7 +345,7 @@ class Translation:
         }
         return names, rank
 
-    def add(self, s: Any, name: Name, rank: tuple[int, int]) -> Any:
+    def add(self, s: Any, name: PrintedName, rank: tuple[int, int]) -> Any:
         """Store the displayed name and the rank of a symbol; return the symbol."""
         self.names[s], self.rank[s] = name, rank
         return s

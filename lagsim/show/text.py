@@ -24,7 +24,13 @@ from lagsim.show import (
     in_ascii,
     on_velocities,
 )
-from lagsim.show.names import LETTERS_OF_MEMBERS, ModelNames, Name, UnicodeNames, called
+from lagsim.show.names import (
+    LETTERS_OF_MEMBERS,
+    ModelNames,
+    PrintedName,
+    UnicodeNames,
+    called,
+)
 from lagsim.show.printers import ModelPrinter, TextPrinter
 from lagsim.show.symbols import symbol
 
@@ -38,7 +44,7 @@ if TYPE_CHECKING:
     Row = tuple[str, Any] | tuple[str, Any, str]
     Rows = Sequence[Sequence[str]]  # of a matrix, written
     Part = dict[str, Any]  # of the document
-    Named = tuple[Name, tuple[Any, ...]]  # the parts of a row
+    Named = tuple[PrintedName, tuple[Any, ...]]  # the parts of a row
     from collections.abc import Iterable, Sequence
 
     from lagsim.show.symbols import Translation
@@ -107,7 +113,7 @@ class Outline:
 
     def show(self, q: str, order: int = 0) -> str:
         """Return the typeset name of a coordinate or its derivative."""
-        return self.names.show(Name(q, order))
+        return self.names.show(PrintedName(q, order))
 
     def _phrase(self, key: str) -> str:
         return self.signs[f"{key} held" if self.c["constraints"] else key]
@@ -131,7 +137,7 @@ class Outline:
             self._where(words)
 
     def _of_families(
-        self, rows: Sequence[tuple[Name, Any]], tail: str = ""
+        self, rows: Sequence[tuple[PrintedName, Any]], tail: str = ""
     ) -> list[Row]:
         """Return labelled rows; rows of the members of a family are merged into one."""
         return [
@@ -178,17 +184,17 @@ class Outline:
             if rows := c["separated"][key].items():
                 self._title(key.capitalize())
                 pairs = ("w", kind), ("u", kind), ("v", kind), ("u", "force")
-                letters = (self.names.show(Name(u, 0, of)) for u, of in pairs)
+                letters = (self.names.show(PrintedName(u, 0, of)) for u, of in pairs)
                 self._say(self.sign(key, *letters))
                 named = [(x.names[symbol(name)], e) for name, e in rows]
                 self._rows(self._of_families(named))
         if held := [k for k in c["constraints"] if always(k)]:
             self._title("Constraints")
-            rows = [(Name(k["name"]), k["function"]) for k in held]
+            rows = [(PrintedName(k["name"]), k["function"]) for k in held]
             self._rows(self._of_families(rows, " = 0"))
         self._title("Equations of motion")
         lines = [
-            (Name(line["coordinate"]), (line["left"], line["right"]))
+            (PrintedName(line["coordinate"]), (line["left"], line["right"]))
             for line in c["equations"]
         ]
         for row in self.families.rows(lines):
@@ -213,7 +219,7 @@ class Outline:
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")
         given = [
-            (Name(force["on"]), (force["force"], force["direction"]))
+            (PrintedName(force["on"]), (force["force"], force["direction"]))
             for force in self.c["forces"]
         ]
         for row in self.families.rows(given):
@@ -301,7 +307,9 @@ class Outline:
         principle, names = self.c["gauss"], self.coordinates
         self._title("Gauss's principle")
         self._say(self._phrase("principle"))
-        free = [self.names.show(Name(q.name, 0, "unconstrained")) for q in self.x.q]
+        free = [
+            self.names.show(PrintedName(q.name, 0, "unconstrained")) for q in self.x.q
+        ]
         rows = [(self.signs["G"], principle["G"])]
         self._rows([*rows, *zip(free, principle["a"] or (), strict=False)])
         held = [self._label(k["name"]) for k in self.c["constraints"] if always(k)]
@@ -330,7 +338,7 @@ class Outline:
             keys = [key for key, e in first.items() if isinstance(e, sp.Basic)]
             keys = [key for key in keys if key not in ("b", "acceleration")]
             rows = [
-                (Name(k["name"]), (s, *(k[key] for key in keys), *k["slip"]))
+                (PrintedName(k["name"]), (s, *(k[key] for key in keys), *k["slip"]))
                 for k, s in group
             ]
             for row in self.families.rows(rows):
@@ -518,7 +526,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
     write = ModelPrinter(x, names) if ascii_only else TextPrinter(x, names)
     signs = in_ascii(_SIGNS) if ascii_only else dict(_SIGNS)
-    shown = {names.show(Name(n)) for n in plain}
+    shown = {names.show(PrintedName(n)) for n in plain}
     # The letters of mechanics give way to the file's names.
     words = {"T": "kinetic", "V": "potential", "L": "lagrangian"}
     signs |= {k: word if k in shown else k for k, word in words.items()}
@@ -595,7 +603,7 @@ class Members(NamedTuple):
     letter instead of the numbers of members.
     """
 
-    name: Name
+    name: PrintedName
     parts: tuple[Any, ...]
     members: tuple[int, ...]
 
@@ -623,7 +631,7 @@ class Families:
         bases = {name.base for name in x.names.values()}
         self._stems = Counter(_NUMBER.sub("", base, count=1) for base in bases)
 
-    def member_of(self, name: Name) -> int | None:
+    def member_of(self, name: PrintedName) -> int | None:
         """Return the number of the member that a name denotes, or None."""
         found = _NUMBER.search(name.base)
         if found is None or not self.found:
@@ -631,7 +639,7 @@ class Families:
         alike = self._stems[_NUMBER.sub("", name.base, count=1)]
         return int(found[2]) if found[1] or alike > FEW else None
 
-    def rows(self, rows: Iterable[tuple[Name, Sequence[Any]]]) -> list[Members]:
+    def rows(self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]) -> list[Members]:
         """Return the rows, merged by family at the place of the first member."""
         found: dict[Any, list[tuple[int, Named, Named]]] = {}
         for place, (name, parts) in enumerate(rows):
@@ -656,7 +664,7 @@ class Families:
             result.append(Members(name, tuple(map(self.sums, alike)), numbers))
         return result
 
-    def _name(self, name: Name, k: int, letter: str) -> Name:
+    def _name(self, name: PrintedName, k: int, letter: str) -> PrintedName:
         """Return a name with its number relative to k: `x.3` is `x.i+1` for k = 2."""
 
         def counted(number: re.Match[str]) -> str:

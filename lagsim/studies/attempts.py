@@ -81,7 +81,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.program.system import System
     from lagsim.run.observers.appended import Appended
-    from lagsim.run.session import Case, Clock, Session
+    from lagsim.run.session import Case, Session, Stopwatch
 
     # Called with a run, and with its `relay` and `session` as keywords.
     Joined: TypeAlias = Callable[..., None]
@@ -518,7 +518,7 @@ class Attempts:
 
     store: Store
     interrupt: Interrupt
-    clock: Clock
+    clock: Stopwatch
     _: KW_ONLY
     error_bars: ErrorBars = ErrorBars.AUTO
     replaces: bool = True

@@ -59,7 +59,7 @@ BISECTIONS, CONVERGED = 48, 1e-12
 NEAR = 0.02
 
 
-class Place(NamedTuple):
+class BranchPoint(NamedTuple):
     """Point of a branch.
 
     Attributes
@@ -91,10 +91,10 @@ class Special(NamedTuple):
     """Special point: its kind, and its place."""
 
     kind: str
-    place: Place
+    place: BranchPoint
 
 
-class Curve:
+class RestCurve:
     """Curve of rests with given active rows, through one rest.
 
     Parameters
@@ -213,7 +213,7 @@ class Curve:
                 return y, k
         return None
 
-    def place(self, y: Floats, along: Floats) -> Place:
+    def place(self, y: Floats, along: Floats) -> BranchPoint:
         """Return the point of the curve at y (k + 1,), tangent along a direction.
 
         along : (k + 1,); the tangent's sign is that for which their product is
@@ -224,9 +224,9 @@ class Curve:
         tangent = V[-1] * (1.0 if V[-1] @ along >= 0.0 else -1.0)
         sign, _ = np.linalg.slogdet(np.vstack([J, tangent]))
         steady = self._steady(y)
-        return Place(y, tangent, float(sign), steady, stability(steady)[0])
+        return BranchPoint(y, tangent, float(sign), steady, stability(steady)[0])
 
-    def aside(self, place: Place) -> Floats:
+    def aside(self, place: BranchPoint) -> Floats:
         """Return the direction (k + 1,) of the other branch at a branch point."""
         _, J = self._scaled(place.y)
         _, _, V = np.linalg.svd(J)
@@ -260,7 +260,7 @@ class Curve:
             sticks,
         )
 
-    def holds(self, place: Place) -> bool:
+    def holds(self, place: BranchPoint) -> bool:
         """Whether contacts in force push, and no other contact is penetrated."""
         values, names = place.steady.values, {row.name for row in self._held}
         e, own = self._e, place.steady.state
@@ -277,8 +277,8 @@ class Curve:
     # Along the curve
 
     def followed(
-        self, first: Place, interrupt: Interrupt | None = None
-    ) -> Iterator[Place]:
+        self, first: BranchPoint, interrupt: Interrupt | None = None
+    ) -> Iterator[BranchPoint]:
         """Generate the points of the curve from one on, to the ends of the range.
 
         After an interrupt no more are generated.
@@ -308,13 +308,13 @@ class Curve:
             if iterations <= FEW:
                 step = min(GREATEST, 1.5 * step)
 
-    def _leaves(self, first: Place) -> bool:
+    def _leaves(self, first: BranchPoint) -> bool:
         """Whether the curve leaves the range at once, from a point at its end."""
         value, rate = self.value(first.y), float(first.tangent[-1])
         low, high = self.ends
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
 
-    def _next(self, here: Place, step: float) -> tuple[Place | None, int]:
+    def _next(self, here: BranchPoint, step: float) -> tuple[BranchPoint | None, int]:
         """Return the point after a step, None where it fails, and the iterations."""
         found = self.returned(here.y + step * here.tangent, here.tangent)
         if found is None:
@@ -322,7 +322,7 @@ class Curve:
         there = self.place(found[0], here.tangent)
         return (there if there.tangent @ here.tangent > TURNED else None), found[1]
 
-    def _at_end(self, here: Place, there: Place) -> Place | None:
+    def _at_end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
         """Return the point at the end of the range, if it lies between two points."""
         low, high = self.ends
         value = self.value(there.y)
@@ -335,9 +335,9 @@ class Curve:
         found = self.returned(y, np.eye(len(y))[-1])
         return self.place(found[0] if found else y, here.tangent)
 
-    def specials(self, here: Place, there: Place) -> Iterator[Special]:
+    def specials(self, here: BranchPoint, there: BranchPoint) -> Iterator[Special]:
         """Generate the special points between two points of the curve."""
-        tests: list[tuple[str, Callable[[Place], bool]]] = [
+        tests: list[tuple[str, Callable[[BranchPoint], bool]]] = [
             (FOLD, lambda x: x.tangent[-1] > 0.0),
             (BRANCH, lambda x: x.sign > 0.0),
             (HOPF, lambda x: x.whirls),
@@ -347,8 +347,8 @@ class Curve:
                 yield Special(kind, self._located(here, there, test))
 
     def _located(
-        self, here: Place, there: Place, test: Callable[[Place], bool]
-    ) -> Place:
+        self, here: BranchPoint, there: BranchPoint, test: Callable[[BranchPoint], bool]
+    ) -> BranchPoint:
         """Locate the point between two points at which a test changes, by bisection."""
         low, high, before = 0.0, float((there.y - here.y) @ here.tangent), test(here)
         best = there
@@ -377,20 +377,20 @@ class Branches:
     ----------
     name : str
     ends : (float, float)
-    branches : list of list of Place
+    branches : list of list of BranchPoint
         With the curve of each in `curves`.
-    points : list of (Curve, Special)
+    points : list of (RestCurve, Special)
     skipped : int
         The number of rests in continuous families, which are not followed.
     """
 
     def __init__(self, model: Model, name: str, ends: tuple[float, float]) -> None:
         self.model, self.name, self.ends = model, name, ends
-        self.branches: list[list[Place]] = []
-        self.curves: list[Curve] = []
-        self.points: list[tuple[Curve, Special]] = []
+        self.branches: list[list[BranchPoint]] = []
+        self.curves: list[RestCurve] = []
+        self.points: list[tuple[RestCurve, Special]] = []
         self.skipped = 0
-        self._waiting: list[tuple[Curve, Place, Floats]] = []
+        self._waiting: list[tuple[RestCurve, BranchPoint, Floats]] = []
 
     def follow(
         self,
@@ -420,7 +420,7 @@ class Branches:
                 continue
             rests = rests or found
             for one in found:
-                curve = Curve(
+                curve = RestCurve(
                     self.model, self.name, self.ends, search, one.steady, value
                 )
                 self.skipped += not curve.is_regular
@@ -430,7 +430,9 @@ class Branches:
                 progress((k + 1) / len(values))
         return rests
 
-    def _both_ways(self, curve: Curve, y: Floats, interrupt: Interrupt | None) -> None:
+    def _both_ways(
+        self, curve: RestCurve, y: Floats, interrupt: Interrupt | None
+    ) -> None:
         """Follow a curve from a point in both directions, and its branches."""
         along = np.eye(len(y))[-1]
         first = curve.place(y, along)
@@ -451,7 +453,9 @@ class Branches:
                 more = curve.followed(begun, interrupt)
                 self._add(curve, [place, begun, *more], begins=1)
 
-    def _add(self, curve: Curve, places: list[Place], begins: int = 0) -> None:
+    def _add(
+        self, curve: RestCurve, places: list[BranchPoint], begins: int = 0
+    ) -> None:
         self.branches.append(places)
         self.curves.append(curve)
         # The first step aside from a branch point is no part of a smooth curve.
@@ -468,7 +472,7 @@ class Branches:
                         aside = curve.aside(special.place)
                         self._waiting.append((curve, special.place, aside))
 
-    def _is_new(self, curve: Curve, special: Special) -> bool:
+    def _is_new(self, curve: RestCurve, special: Special) -> bool:
         y = curve.visible(special.place.y)
         return not any(
             other.kind == special.kind
@@ -477,7 +481,7 @@ class Branches:
             for own, other in self.points
         )
 
-    def _is_known(self, curve: Curve, y: Floats) -> bool:
+    def _is_known(self, curve: RestCurve, y: Floats) -> bool:
         """Whether a point of a curve lies on a branch that has been followed."""
         y = curve.visible(y)
         for places, own in zip(self.branches, self.curves, strict=True):
@@ -519,7 +523,7 @@ def _alone(found: Sequence[Special]) -> list[Special]:
     ]
 
 
-def _entry(curve: Curve, place: Place) -> dict[str, Any]:
+def _entry(curve: RestCurve, place: BranchPoint) -> dict[str, Any]:
     e, at = place.steady.equations, place.steady.state
     found: dict[str, Any] = {
         "value": curve.value(place.y),

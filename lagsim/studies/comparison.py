@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Settings
     from lagsim.notes import Event
-    from lagsim.studies.tables import Table
+    from lagsim.studies.tables import StoredTable
 
 IMPACT = "impact"
 
@@ -308,7 +308,7 @@ class Deviation(NamedTuple):
         return self.cells == 0
 
 
-class Pair(NamedTuple):
+class ComparedColumn(NamedTuple):
     """Values of a column in two runs, and the tolerance of each, shape (rows,)."""
 
     t: Floats
@@ -370,7 +370,7 @@ class Verdict:
     faults : tuple of str
         Other differences that make the comparison fail.
     of : callable
-        Returns the `Pair` of a column.
+        Returns the `ComparedColumn` of a column.
     rows : Matched, optional
         The matched rows of two tables.
     notes : tuple of str
@@ -385,7 +385,7 @@ class Verdict:
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     faults: tuple[str, ...]
-    of: Callable[[str], Pair]
+    of: Callable[[str], ComparedColumn]
     rows: Matched | None = None
     notes: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
@@ -414,13 +414,16 @@ def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
 
 
 def compare(
-    golden: Table, new: Table, rtol: float | None = None, atol: float | None = None
+    golden: StoredTable,
+    new: StoredTable,
+    rtol: float | None = None,
+    atol: float | None = None,
 ) -> Verdict:
     """Compare two tables: |difference| <= atol + rtol * scale of the column.
 
     Parameters
     ----------
-    golden, new : Table
+    golden, new : StoredTable
     rtol : float, optional
         None allows a difference of one unit in the last place of the larger value.
     atol : float, optional
@@ -433,13 +436,13 @@ def compare(
     rows = match(golden.t, new.t, bounds["t"])
     mine, theirs = (rows.golden, rows.new) if rows.golden is not rows.new else ALL
 
-    def of(column: str) -> Pair:
+    def of(column: str) -> ComparedColumn:
         g, n = golden[column][mine], new[column][theirs]
         bound = np.full(len(g), bounds[column])
         if rtol is None:
             with np.errstate(invalid="ignore", over="ignore"):
                 bound += np.spacing(np.maximum(np.abs(g), np.abs(n)))
-        return Pair(golden.t[mine], g, n, bound)
+        return ComparedColumn(golden.t[mine], g, n, bound)
 
     exact = rtol == 0.0 and absolute == 0.0
     return Verdict(

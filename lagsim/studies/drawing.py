@@ -38,9 +38,11 @@ def events(made: Attempt) -> Iterator[Made]:
         named = bool(made.session.case.model.events)
         yield "events.csv", events_table(made.trajectory.events, named=named)
     if made.sections:
-        from lagsim.outputs.sections import Found, tables
+        from lagsim.outputs.sections import RecordedSections, tables
 
-        yield from tables(Found(made.session.columns.of_table, made.sections))
+        yield from tables(
+            RecordedSections(made.session.columns.of_table, made.sections)
+        )
 
 
 def drawings(
@@ -70,9 +72,9 @@ def drawings(
     else:
         yield from (draw or drawn)(record, model)
     if made.extremes is not None:
-        from lagsim.outputs.sections import Found, pictures
+        from lagsim.outputs.sections import RecordedSections, pictures
 
-        found = Found(made.session.columns.of_table, made.sections)
+        found = RecordedSections(made.session.columns.of_table, made.sections)
         ranges = made.extremes.stacked[1:]
         yield from pictures(made.session.equations, found, ranges, form)
 

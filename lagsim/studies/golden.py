@@ -33,15 +33,15 @@ from lagsim.program.functions import stated_units
 from lagsim.run.error import could_push
 from lagsim.studies.alarms import HIGHER
 from lagsim.studies.comparison import (
+    ComparedColumn,
     Deviation,
-    Pair,
     Verdict,
     kind,
     ordered,
     scales,
 )
 from lagsim.studies.motions import (
-    Motion,
+    SampledMotion,
     at_impacts,
     before_impacts,
     jumps,
@@ -74,7 +74,7 @@ MOST_CELLS = 2400
 BALANCE = "energy - work"
 
 
-def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
+def invariants(equations: Equations, motion: SampledMotion) -> dict[str, Floats]:
     """Return the conserved quantities of a motion by name, each of shape (rows,).
 
     These are the energy (less the work), the residual of each constraint that always
@@ -167,7 +167,9 @@ class Golden:
         return np.asarray(bounds[np.maximum(place, 0)])
 
 
-def measure(case: Case, compiled: Compiled | None = None) -> tuple[Golden, Motion]:
+def measure(
+    case: Case, compiled: Compiled | None = None
+) -> tuple[Golden, SampledMotion]:
     """Return the golden of a case, and the motion that the golden was made from.
 
     Parameters
@@ -191,7 +193,9 @@ def measure(case: Case, compiled: Compiled | None = None) -> tuple[Golden, Motio
         stride = max(1, len(golden.rows) * stride // (LEAST_ROWS + 2))
 
 
-def _measured(case: Case, base: Motion, stride: int, compiled: Compiled) -> Golden:
+def _measured(
+    case: Case, base: SampledMotion, stride: int, compiled: Compiled
+) -> Golden:
     spacing = case.settings.output_step
     others = [*variants(case, base, stride, compiled)]
     periodic = [x.name for x in case.model.events if x.at is None]
@@ -285,7 +289,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     return tuple(name for name in columns if name in wanted)
 
 
-def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
+def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
     """Return lower limits (k, columns) of the bounds: tolerance plus rounding."""
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations)
@@ -314,7 +318,7 @@ class _Rest(NamedTuple):
     rounding: Floats
 
 
-def _rest(case: Case, base: Motion, rows: Floats) -> _Rest:
+def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     """Return the motion of coordinates at rest by each force alone, and its rounding.
 
     A coordinate rests if it moves no farther than the rounding of its forces moves it.
@@ -354,7 +358,7 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     problems.refuse()
 
 
-def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
+def _roundings(case: Case, base: SampledMotion, rows: Floats) -> Floats:
     """Return the rounding errors (k, columns) of the definitions in each row."""
     model = case.model
     shown = [d for d in model.definitions if d.name in base.columns]
@@ -408,7 +412,7 @@ def rounded_up(x: float) -> float:
 
 
 def _bounded(
-    case: Case, base: Motion, others: Sequence[Motion]
+    case: Case, base: SampledMotion, others: Sequence[SampledMotion]
 ) -> dict[str, Invariant]:
     """Return the conserved quantities by name, with bounds from the variants."""
     found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
@@ -516,7 +520,7 @@ def _inputs(model: Model) -> dict[str, Document]:
     }
 
 
-def _about(case: Case, golden: Golden, base: Motion) -> Document:
+def _about(case: Case, golden: Golden, base: SampledMotion) -> Document:
     """Return the entry `about` of a golden's JSON: the run that it was made from.
 
     Later versions of lagsim add keys to it and remove none.
@@ -642,7 +646,7 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Motion:
+def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> SampledMotion:
     """Return the motion of a case with rows at the times of the golden.
 
     Parameters
@@ -657,7 +661,7 @@ def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Motion:
     return motion_of(other, golden.stride, compiled)
 
 
-def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
+def judge(case: Case, motion: SampledMotion, golden: Golden) -> Verdict:
     """Compare a motion with the golden of its model, and return the verdict."""
     about, model = golden.about, case.model
     pairs = dict(_pairs(case, motion, golden))
@@ -715,7 +719,9 @@ def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     return found
 
 
-def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pair]]:
+def _pairs(
+    case: Case, motion: SampledMotion, golden: Golden
+) -> Iterator[tuple[str, ComparedColumn]]:
     """Return the pairs to compare, by name.
 
     Columns of both motions are compared in the rows of the golden, and invariants in
@@ -729,15 +735,15 @@ def _pairs(case: Case, motion: Motion, golden: Golden) -> Iterator[tuple[str, Pa
             bounds = golden.bounds(name)
             if name == "t":  # the same times as far as they were looked for
                 bounds = bounds + np.where(at_impacts(t), 0.0, near)
-            yield name, Pair(t, old, new[name], bounds)
+            yield name, ComparedColumn(t, old, new[name], bounds)
     now, t = invariants(case.equations, motion), motion.rows[:, 0]
     for name, kept in golden.invariants.items():
         if name in now:
             value, bound = (np.full(len(t), x) for x in kept)
-            yield f"{name}{CONSTANT}", Pair(t, value, now[name], bound)
+            yield f"{name}{CONSTANT}", ComparedColumn(t, value, now[name], bound)
 
 
-def _faults(motion: Motion, about: Document) -> Iterator[str]:
+def _faults(motion: SampledMotion, about: Document) -> Iterator[str]:
     trial = motion.trial
     if not trial.complete:
         yield f"the run does not finish: {trial.reason}"
@@ -746,7 +752,7 @@ def _faults(motion: Motion, about: Document) -> Iterator[str]:
 
 
 def _notes(
-    case: Case, motion: Motion, about: Document, changed: list[str] | None
+    case: Case, motion: SampledMotion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
     """Yield notes on changes of file, method, versions or end, not of the motion."""
     if case.model.sha256 != about.get("model_sha256"):

@@ -11,7 +11,7 @@ import numpy as np
 from lagsim.errors import did_you_mean, unusable
 from lagsim.language.derivatives import tangent
 from lagsim.language.names import member_hint, rate_of
-from lagsim.mechanics.linearisation import Mode, modes
+from lagsim.mechanics.linearisation import EigenMode, modes
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.state_space import Input, StateSpace, state_space
 from lagsim.model.model import Level
@@ -39,7 +39,7 @@ AROUND, LEAST_DAMPING = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0), 1e-3
 STEP = 1e-4
 
 
-class Response(NamedTuple):
+class FrequencyResponse(NamedTuple):
     """Frequency response of outputs to inputs.
 
     Attributes
@@ -69,7 +69,7 @@ class Small:
     ----------
     setting : Setting
     steady : Steady
-    modes : tuple of Mode
+    modes : tuple of EigenMode
         By increasing natural frequency.
     """
 
@@ -80,7 +80,9 @@ class Small:
             if at == START
             else Search(self.setting).nearest()
         )
-        self.modes: tuple[Mode, ...] = modes(self.steady.linear, self.steady.spectrum)
+        self.modes: tuple[EigenMode, ...] = modes(
+            self.steady.linear, self.steady.spectrum
+        )
 
     @property
     def document(self) -> Document:
@@ -95,7 +97,7 @@ class Small:
             found["warnings"] = [c.record for c in cautions]
         return found
 
-    def _record(self, mode: Mode) -> Document:
+    def _record(self, mode: EigenMode) -> Document:
         e = self.steady.equations
         found = {
             "eigenvalue": _pair(mode.eigenvalue),
@@ -200,7 +202,7 @@ class Small:
         self,
         pairs: Sequence[tuple[str, str]],
         between: tuple[float, float] | None = None,
-    ) -> tuple[StateSpace, Response]:
+    ) -> tuple[StateSpace, FrequencyResponse]:
         """Return the matrices and the frequency response of pairs (input, output).
 
         Parameters
@@ -227,7 +229,7 @@ class Small:
         columns = {
             f"{x}:{y}": found[:, outputs.index(y), inputs.index(x)] for x, y in pairs
         }
-        return space, Response(frequencies, columns)
+        return space, FrequencyResponse(frequencies, columns)
 
     def _frequencies(self, low: float, high: float) -> Floats:
         """Return frequencies (k,) from low to high, denser around each mode."""
@@ -284,7 +286,7 @@ class Small:
         ]
 
 
-def tables(small: Small, response: Response | None = None) -> dict[str, bytes]:
+def tables(small: Small, response: FrequencyResponse | None = None) -> dict[str, bytes]:
     """Return modes.csv and, with a response, response.csv."""
     rows = ([row[name] for name in small.columns] for row in small.rows)
     found = {"modes.csv": table_of(small.columns, rows)}

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.linearisation import Mode
-    from lagsim.studies.modes import Response, Small
+    from lagsim.mechanics.linearisation import EigenMode
+    from lagsim.studies.modes import FrequencyResponse, Small
 
 # Frames of a cycle on a page, cycles, the seconds that one takes there; most modes.
 FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
@@ -56,7 +56,11 @@ AMPLITUDE, PHASE = 2.4, 1.3
 
 
 def drawings(
-    small: Small, response: Response | None, form: str = "png", *, plots: bool = True
+    small: Small,
+    response: FrequencyResponse | None,
+    form: str = "png",
+    *,
+    plots: bool = True,
 ) -> dict[str, Callable[[], bytes]]:
     """Return the functions that draw the pictures and the page, by file name."""
     found: dict[str, Callable[[], bytes]] = {}
@@ -67,7 +71,7 @@ def drawings(
     return {**found, NAME: partial(page, small)}
 
 
-def titled(number: int, mode: Mode) -> str:
+def titled(number: int, mode: EigenMode) -> str:
     """Return the title of a mode: its number, frequency and damping."""
     if mode.frequency > 0.0:
         text = f"{number}:  {mode.frequency:.4g} Hz"
@@ -106,14 +110,14 @@ def picture(small: Small, form: str = "png") -> bytes:
     return content(found, form)
 
 
-def bode(small: Small, response: Response, form: str = "png") -> bytes:
+def bode(small: Small, response: FrequencyResponse, form: str = "png") -> bytes:
     """Return the picture of amplitudes and phases against frequency: response.png."""
     modes = [x.frequency for x in small.modes if abs(x.damping_ratio) < UNDAMPED]
     return content(_bode(small.setting.model.name, response, modes), form)
 
 
 @in_house_style
-def _bode(name: str, response: Response, undamped: Sequence[float]) -> Picture:
+def _bode(name: str, response: FrequencyResponse, undamped: Sequence[float]) -> Picture:
     f, pairs = response.frequencies, response.pairs
     pens = {key: PENS[k % len(PENS)] for k, key in enumerate(pairs)}
     legend = [(key.replace(":", " → "), pen) for key, pen in pens.items()]

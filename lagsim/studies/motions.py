@@ -45,7 +45,7 @@ METHODS = ("dop853", "taylor", "radau")
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class SampledMotion:
     """Rows of a run: one of `stride` rows, the first and the last, and rows of impacts.
 
     Both rows of an impact are stored; they have one time.
@@ -142,7 +142,9 @@ def perturbed(case: Case, seed: int) -> Case:
     return case._replace(equations=equations).at(state)
 
 
-def motion_of(case: Case, stride: int, compiled: Compiled | None = None) -> Motion:
+def motion_of(
+    case: Case, stride: int, compiled: Compiled | None = None
+) -> SampledMotion:
     """Return the motion of a case: one of `stride` output times, impacts and the end.
 
     Parameters
@@ -167,12 +169,12 @@ def motion_of(case: Case, stride: int, compiled: Compiled | None = None) -> Moti
     sizes = {RESIDUAL.of(name): scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
     made = trial._replace(rows=NO_ROWS)
-    return Motion(names, rows[wanted], sizes, len(rows), made, session.plan)
+    return SampledMotion(names, rows[wanted], sizes, len(rows), made, session.plan)
 
 
 def variants(
-    case: Case, base: Motion, stride: int, compiled: Compiled
-) -> Iterator[Motion]:
+    case: Case, base: SampledMotion, stride: int, compiled: Compiled
+) -> Iterator[SampledMotion]:
     """Return the variants of the golden run that reach its end."""
     for other in _asked(case, base.plan):
         with contextlib.suppress(InputError):
@@ -242,8 +244,8 @@ class Near(NamedTuple):
 
 
 def kept_rows(
-    base: Motion,
-    others: Sequence[Motion],
+    base: SampledMotion,
+    others: Sequence[SampledMotion],
     settings: Settings,
     periodic: Collection[str] = (),
 ) -> Near:
@@ -325,7 +327,7 @@ def pairs_within(
     return first[events] + within, events
 
 
-def jumps(case: Case, base: Motion, near: Near, compiled: Compiled) -> Floats:
+def jumps(case: Case, base: SampledMotion, near: Near, compiled: Compiled) -> Floats:
     """Return the jumps of all columns near each stored row, shape (rows, columns).
 
     A jump is the difference across an event, less the change that the slopes on both

@@ -21,7 +21,7 @@ from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
 from lagsim.outputs.letters import raised
 from lagsim.outputs.results import MANIFEST
-from lagsim.studies.tables import Table, of_another_run, read_results, thinned
+from lagsim.studies.tables import StoredTable, of_another_run, read_results, thinned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -39,13 +39,13 @@ MOST_COLUMNS, MOST_NAMED = 4, 2
 MOST_MODELS = 3
 
 
-class Shown(NamedTuple):
+class OverlaidRun(NamedTuple):
     """Result of a run: its label, folder, run.json and table."""
 
     label: str
     folder: Path
     record: Document
-    table: Table
+    table: StoredTable
 
     @property
     def model(self) -> str:
@@ -61,7 +61,7 @@ class Shown(NamedTuple):
         return np.inf if found is None else float(found)
 
 
-def read(folders: Sequence[Path]) -> list[Shown]:
+def read(folders: Sequence[Path]) -> list[OverlaidRun]:
     """Read results, and label each with a distinct name.
 
     Raises
@@ -70,7 +70,7 @@ def read(folders: Sequence[Path]) -> list[Shown]:
         With a problem for each folder that holds no results.
     """
     records: list[Document] = []
-    tables: list[Table] = []
+    tables: list[StoredTable] = []
     problems = Problems()
     for folder in folders:
         with problems.gathered():
@@ -79,7 +79,7 @@ def read(folders: Sequence[Path]) -> list[Shown]:
     problems.refuse()
     labels = _labels(folders, records)
     found = zip(labels, folders, records, tables, strict=True)
-    return [Shown(*each) for each in found]
+    return [OverlaidRun(*each) for each in found]
 
 
 def _record(folder: Path) -> Document:
@@ -120,7 +120,7 @@ def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
     ]
 
 
-def _common(runs: Sequence[Shown]) -> list[str]:
+def _common(runs: Sequence[OverlaidRun]) -> list[str]:
     """Return the columns that all results have."""
     others = [set(run.table.columns) for run in runs]
     return [c for c in runs[0].table.columns if all(c in x for x in others)]
@@ -136,14 +136,14 @@ def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
     ]
 
 
-def title(runs: Sequence[Shown]) -> str:
+def title(runs: Sequence[OverlaidRun]) -> str:
     """Return the title: the names of the models, shortened if there are many."""
     models = list(dict.fromkeys(run.model for run in runs))
     named = ", ".join(models[:MOST_MODELS])
     return f"{named} and others" if len(models) > MOST_MODELS else named
 
 
-def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
+def _order(runs: Sequence[OverlaidRun]) -> tuple[str, list[float]]:
     """Return the quantity that distinguishes runs, and its values, for colours.
 
     The quantity is the only parameter that differs, or the only start value that
@@ -167,7 +167,9 @@ def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
     return "run", [float(k + 1) for k in range(len(runs))]
 
 
-def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[str]:
+def chosen(
+    runs: Sequence[OverlaidRun], names: Sequence[str] | None = None
+) -> list[str]:
     """Return the columns to show: named ones, or the coordinates that all runs have.
 
     Raises
@@ -199,7 +201,9 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
     return list(dict.fromkeys(names))
 
 
-def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> bytes:
+def picture(
+    runs: Sequence[OverlaidRun], columns: Sequence[str], form: str = "png"
+) -> bytes:
     """Draw columns of all runs on common axes; return a PNG, SVG or PDF."""
     from lagsim.outputs.figure import content
     from lagsim.outputs.plots import overlay
@@ -216,7 +220,9 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
     return content(drawn, form)
 
 
-def _bands(table: Table, columns: Sequence[str], rows: Thinning) -> dict[str, Band]:
+def _bands(
+    table: StoredTable, columns: Sequence[str], rows: Thinning
+) -> dict[str, Band]:
     """Return the band of one standard deviation of each column that has one."""
     found = {}
     for name in columns:
@@ -228,7 +234,7 @@ def _bands(table: Table, columns: Sequence[str], rows: Thinning) -> dict[str, Ba
     return found
 
 
-def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
+def motions(runs: Sequence[OverlaidRun]) -> tuple[list[Document], list[str]]:
     """Return the records for a page of all runs, and notes on runs without one."""
     found: list[Document] = []
     told: list[str] = []
@@ -246,7 +252,7 @@ def motions(runs: Sequence[Shown]) -> tuple[list[Document], list[str]]:
     return found, told
 
 
-def _recorded(run: Shown) -> list[Document]:
+def _recorded(run: OverlaidRun) -> list[Document]:
     """Return the records that the page of a run plays; [] if the run has no page."""
     if animation.NAME not in run.record.get("files", ()):
         return []
@@ -259,7 +265,7 @@ def _recorded(run: Shown) -> list[Document]:
     return animation.recorded(content) or []
 
 
-def _film(run: Shown) -> animation.Film | None:
+def _film(run: OverlaidRun) -> animation.Film | None:
     table = run.table
     columns = dict(zip(table.columns, table.data, strict=True))
     known = table.units

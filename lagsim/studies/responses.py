@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model, Table
     from lagsim.run.session import Case
-    from lagsim.studies.motions import Motion
+    from lagsim.studies.motions import SampledMotion
 
     Document = dict[str, Any]
 
@@ -92,7 +92,7 @@ class Response(NamedTuple):
 
 
 def responses(
-    case: Case, golden: Golden, base: Motion, compiled: Compiled | None = None
+    case: Case, golden: Golden, base: SampledMotion, compiled: Compiled | None = None
 ) -> Document:
     """Return the responses to all changes, under `parameters`, `initial` and `tables`.
 
@@ -100,7 +100,7 @@ def responses(
 
     Parameters
     ----------
-    base : Motion
+    base : SampledMotion
         The motion that the golden was made from.
     compiled : Compiled, optional
         Compiled functions of the model, which are used if they fit.
@@ -149,7 +149,7 @@ def _parameters(model: Model) -> Iterator[tuple[str, float]]:
         yield p.name, abs(p.value) or min(alike, default=1.0)
 
 
-def _starts(case: Case, base: Motion) -> Iterator[tuple[str, float]]:
+def _starts(case: Case, base: SampledMotion) -> Iterator[tuple[str, float]]:
     """Yield name and size of each start value that the file states.
 
     The size of a start value 0 is the scale of its column, or 1.
@@ -190,7 +190,7 @@ class _Changes:
     """Runs of changed models, each compared with a golden."""
 
     def __init__(
-        self, case: Case, golden: Golden, base: Motion, compiled: Compiled
+        self, case: Case, golden: Golden, base: SampledMotion, compiled: Compiled
     ) -> None:
         self.case, self.golden, self.base = case, golden, base
         self.compiled = compiled

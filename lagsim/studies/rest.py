@@ -17,7 +17,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rest import AtRest, Rest, Way, find_rest
 from lagsim.admissibility.verdict import (
-    Verdict,
+    RelationResiduals,
     acting,
     at_rest,
     judge_laws,
@@ -31,7 +31,12 @@ from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Equations, Instant
-from lagsim.mechanics.linearisation import Linear, Linearisation, Spectrum, spectrum
+from lagsim.mechanics.linearisation import (
+    BoundedEigenvalues,
+    Linear,
+    Linearisation,
+    spectrum,
+)
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
@@ -160,7 +165,7 @@ class Steady(NamedTuple):
     state : Instant
     linearisation : Linearisation
     linear : Linear
-    spectrum : Spectrum
+    spectrum : BoundedEigenvalues
     values : dict of str to float
         The values of all variables, with accelerations and multipliers.
     free : tuple of str
@@ -173,7 +178,7 @@ class Steady(NamedTuple):
     state: Instant
     linearisation: Linearisation
     linear: Linear
-    spectrum: Spectrum
+    spectrum: BoundedEigenvalues
     values: dict[str, float]
     free: tuple[str, ...] = ()
     sticks: bool = False
@@ -279,7 +284,7 @@ def steady_start(setting: Setting) -> Steady:
     return found
 
 
-def _judged_states(point: Point) -> list[Verdict]:
+def _judged_states(point: Point) -> list[RelationResiduals]:
     """Return verdicts on the rates of first-order states, which are to be zero."""
     found = []
     for state in point.e.states:

@@ -128,12 +128,12 @@ class Spectrum(NamedTuple):
         title : str, optional
             The text before the name of the column; by default the name of the model.
         """
-        from lagsim.outputs.figure import Column, spectrum_figure
+        from lagsim.outputs.figure import PlottedColumn, spectrum_figure
         from lagsim.outputs.letters import Letters, raised
 
-        across = Column("frequency", "Hz", self.frequency)
+        across = PlottedColumn("frequency", "Hz", self.frequency)
         name = Letters().name(self.column)
-        up = Column(f"amplitude of {name}", raised(self.unit), self.amplitude)
+        up = PlottedColumn(f"amplitude of {name}", raised(self.unit), self.amplitude)
         return spectrum_figure(title or self.model, across, up, self.peaks)
 
 

@@ -165,7 +165,7 @@ FEW = 20
 SLOW = 1e-3
 
 
-class Seen(NamedTuple):
+class LinearisedState(NamedTuple):
     """Model linearised at one state of the motion.
 
     Attributes
@@ -198,14 +198,16 @@ def about_steps(
     h = span / steps if plan.step is None else plan.step
     if plan.formulation == "baumgarte":
         return _penalty(module, h, plan, _seen(equations, monitor, 1.0 / plan.gain))
-    check = _Check(equations, module, h, span, _seen(equations, monitor, h))
+    check = _StepCheck(equations, module, h, span, _seen(equations, monitor, h))
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
         return check.held() if steps > FEW else []
     found = [] if plan.step is None else check.unstable()
     return found or check.damping(monitor.energy_in_play)
 
 
-def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
+def _seen(
+    equations: Equations, monitor: EnergyMonitor, h: float
+) -> list[LinearisedState]:
     linearisation = Linearisation(equations)
     most = min(STATES, MOST_NODES // max(1, linearisation.nodes))
     found = []
@@ -218,7 +220,9 @@ def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
     return found
 
 
-def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
+def _analysed(
+    t: float, linear: Linear, v: Floats, a: Floats, h: float
+) -> LinearisedState:
     """Return the modes of a linearised motion, with their energies.
 
     v, a : velocities and accelerations at the state. h : the step.
@@ -233,11 +237,11 @@ def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
     energies = 2.0 * amplitudes**2 * np.sum(np.abs(moved) ** 2, axis=0)
     energies *= modes.swing(OSCILLATING) * (modes.values.imag > 0.0)
     shapes = modes.parts(linear.Zh @ moved, np.diag(G), len(first))
-    return Seen(t, modes.values, shapes, energies)
+    return LinearisedState(t, modes.values, shapes, energies)
 
 
 def _penalty(
-    module: ModuleType, h: float, plan: Plan, seen: list[Seen]
+    module: ModuleType, h: float, plan: Plan, seen: list[LinearisedState]
 ) -> list[Caution]:
     """Return a warning if the gain of Baumgarte's formulation makes the model stiff.
 
@@ -263,7 +267,7 @@ def _penalty(
     return [Caution("step-at-stability-bound", text)]
 
 
-class _Check(NamedTuple):
+class _StepCheck(NamedTuple):
     """Steps of a method in a run, and the model linearised along the motion.
 
     Attributes
@@ -278,7 +282,7 @@ class _Check(NamedTuple):
     module: ModuleType
     h: float
     span: float
-    seen: list[Seen]
+    seen: list[LinearisedState]
 
     def held(self) -> list[Caution]:
         """Return a warning if stability, not accuracy, limits the chosen steps.
@@ -303,7 +307,7 @@ class _Check(NamedTuple):
     def unstable(self) -> list[Caution]:
         """Return a warning if a fixed step is past or close to a stability bound."""
         amplification, h = self.module.amplification, self.h
-        best: tuple[float, Seen] | None = None
+        best: tuple[float, LinearisedState] | None = None
         for there in self.seen:
             bound = predicted(amplification, there.eigenvalues, self.span)
             if bound is not None and (best is None or bound < best[0]):
@@ -375,7 +379,7 @@ class _Check(NamedTuple):
         span = self.span if left is None else left
         return -math.expm1(min(0.0, 2.0 * rate * span))
 
-    def named(self, there: Seen, k: int) -> str:
+    def named(self, there: LinearisedState, k: int) -> str:
         """Return the names of coordinates or states with the largest part in a mode."""
         every = *self.equations.q, *(x.name for x in self.equations.states)
         shapes = zip(every, there.shapes[:, k], strict=True)

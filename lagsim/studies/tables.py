@@ -27,7 +27,7 @@ import orjson
 from lagsim import files, limits
 from lagsim.errors import unusable
 from lagsim.language.columns import DEVIATION, SENSITIVITY, made
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import arrow, numberless, unguarded
 
@@ -52,7 +52,7 @@ TIME = "s"
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class StoredTable:
     """Table of numbers, one column of which is the time `t`.
 
     Attributes
@@ -82,7 +82,7 @@ class Table:
         return np.asarray(self.data[self.columns.index(column)])
 
 
-def read_results(path: Path) -> Table:
+def read_results(path: Path) -> StoredTable:
     """Read the table of a folder of results, with its run.json, or a table file.
 
     Raises
@@ -92,8 +92,8 @@ def read_results(path: Path) -> Table:
     """
     if not path.is_dir():
         return read_table(path)
-    found = [path / form.file for form in Format if (path / form.file).exists()]
-    table = read_table((found or [path / Format.CSV.file])[0])
+    found = [path / form.file for form in TableFormat if (path / form.file).exists()]
+    table = read_table((found or [path / TableFormat.CSV.file])[0])
     units = table.units
     remarks: tuple[str, ...] = ()
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -102,7 +102,7 @@ def read_results(path: Path) -> Table:
         if not manifest["complete"]:
             remarks = (f"{path} is incomplete: {manifest['reason']}",)
         remarks += of_another_run(path, (found or [path])[0].name, manifest)
-    return Table(table.name, table.columns, table.data, units, remarks)
+    return StoredTable(table.name, table.columns, table.data, units, remarks)
 
 
 def thinned(columns: Mapping[str, Floats]) -> Thinning:
@@ -136,7 +136,7 @@ class _FaultError(Exception):
     """Reason why a file is not a table of numbers."""
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> StoredTable:
     """Read a table of numbers: CSV with a header, NPZ or Parquet, by its extension.
 
     Raises
@@ -162,7 +162,7 @@ def _refuse_large(size: int) -> None:
         raise _FaultError(f"it has {amount} of {limits.size(limits.TABLE_BYTES)}")
 
 
-def _read(file: BinaryIO) -> Table:
+def _read(file: BinaryIO) -> StoredTable:
     head = file.readline(LONGEST_LINE)
     columns = _header(head)
     second = file.readline(LONGEST_LINE)
@@ -177,7 +177,7 @@ def _read(file: BinaryIO) -> Table:
         rows = _cells(file, line, columns)
     if not len(rows):
         raise _FaultError("there are no rows after the header")
-    return Table("", columns, rows.T, units)
+    return StoredTable("", columns, rows.T, units)
 
 
 def _numbers(file: BinaryIO, count: int) -> Floats | None:
@@ -254,7 +254,7 @@ def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
     return found if found["t"] == TIME else {}
 
 
-def _read_npz(file: BinaryIO) -> Table:
+def _read_npz(file: BinaryIO) -> StoredTable:
     """Read an archive with an array of numbers for each column."""
     try:
         archive = np.load(file, allow_pickle=False)
@@ -266,7 +266,7 @@ def _read_npz(file: BinaryIO) -> Table:
         raise _FaultError("it is no archive of arrays of numbers") from None
 
 
-def _read_parquet(file: BinaryIO) -> Table:
+def _read_parquet(file: BinaryIO) -> StoredTable:
     try:
         about = arrow().read_metadata(file)
         _refuse_large(8 * about.num_rows * about.num_columns)
@@ -283,7 +283,7 @@ def _read_parquet(file: BinaryIO) -> Table:
 _PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
 
 
-def _joined(arrays: dict[str, Any]) -> Table:
+def _joined(arrays: dict[str, Any]) -> StoredTable:
     """Return arrays of columns as a table; they must be numbers of equal length."""
     if "t" not in arrays:
         raise _FaultError("there is no column `t`, the time")
@@ -293,7 +293,9 @@ def _joined(arrays: dict[str, Any]) -> Table:
             raise _FaultError(f"{column} is no column of as many numbers as `t`")
     if not many[0]:
         raise _FaultError("there are no rows")
-    return Table("", tuple(arrays), np.array([*arrays.values()], dtype=np.float64))
+    return StoredTable(
+        "", tuple(arrays), np.array([*arrays.values()], dtype=np.float64)
+    )
 
 
 def _header(head: bytes) -> tuple[str, ...]:

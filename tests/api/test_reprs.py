@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.outputs.figure import Column, map_figure
+from lagsim.outputs.figure import PlottedColumn, map_figure
 from lagsim.outputs.notebook import listed
 from tests.api.test_notebooks import SWING, Texts
 
@@ -200,10 +200,11 @@ def test_maps_of_constants_are_of_one_colour():
     found = lagsim.sweep(lagsim.load(text), values, ends=True, duration=0.1)
     noise = 1e-13 * np.arange(6)
     figure = map_figure(
-        "m", Column("u", "", np.arange(3.0)), Column("w", "", np.arange(4.0)),
-        [Column("a", "m", (0.3 + noise).reshape(3, 2)),
-         Column("b", "m", noise.reshape(3, 2) * 1e-3),
-         Column("c", "m", np.arange(6.0).reshape(3, 2))],
+        "m", PlottedColumn("u", "", np.arange(3.0)),
+        PlottedColumn("w", "", np.arange(4.0)),
+        [PlottedColumn("a", "m", (0.3 + noise).reshape(3, 2)),
+         PlottedColumn("b", "m", noise.reshape(3, 2) * 1e-3),
+         PlottedColumn("c", "m", np.arange(6.0).reshape(3, 2))],
     )  # fmt: skip
     colours = []
     for axes in figure.axes[:3]:

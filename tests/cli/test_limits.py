@@ -13,7 +13,7 @@ import pytest
 
 from lagsim import limits
 from lagsim.model.model import Settings
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs.results import refuse_without_room
 
 MODEL = """
@@ -143,7 +143,7 @@ def test_a_table_without_room_is_refused_before_it_is_computed(
 def test_a_table_that_may_not_fit_is_warned_of(monkeypatch):
     settings = Settings(end=1e5, output_step=0.1)
     needed = (10**6 + 1) * 7 * 19
-    ask = partial(refuse_without_room, Path("out"), Format.CSV, settings, 7)
+    ask = partial(refuse_without_room, Path("out"), TableFormat.CSV, settings, 7)
     with_free(monkeypatch, needed)
     assert ask(ends=False) == ""
     with_free(monkeypatch, needed - 1)

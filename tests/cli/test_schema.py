@@ -6,7 +6,7 @@ import re
 import pytest
 import yaml
 
-from lagsim.api import Settings
+from lagsim.api import SimulationKeys
 from lagsim.errors import UNSEEN as INVISIBLE
 from lagsim.language.functions import JOINING
 from lagsim.methods import options
@@ -76,7 +76,7 @@ def test_the_shipped_file_names_what_is_declared_elsewhere():
 
 
 def test_options_have_a_type_in_python_and_a_text_in_the_schema():
-    assert {*Settings.__annotations__, *options()} == {*OPTIONS}
+    assert {*SimulationKeys.__annotations__, *options()} == {*OPTIONS}
     keys = SCHEMA["properties"]["simulation"]["properties"]
     assert all(keys[name]["description"] for name in OPTIONS)
 

@@ -23,7 +23,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from PIL import Image
 
-from lagsim.model.model import Curve, Plot, Scene
+from lagsim.model.model import DrawnExpression, Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, Picture, content
 from lagsim.outputs.record import Record
@@ -244,7 +244,7 @@ def pixels(picture):
 
 def against(x, *ys, **more):
     """A plot of curves; the nodes of its expressions do not count."""
-    return Plot(Curve(0, x), tuple(Curve(0, y) for y in ys), **more)
+    return Plot(DrawnExpression(0, x), tuple(DrawnExpression(0, y) for y in ys), **more)
 
 
 def finite(x, y):

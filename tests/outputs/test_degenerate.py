@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagsim.model.model import Curve, Scene
+from lagsim.model.model import DrawnExpression, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, WIDTH, content
 from lagsim.run.observers.thinning import DRIFT
@@ -53,7 +53,7 @@ def draw_all(t, values, **fields):
         plots.constraint_forces(known, ["a"], ["r"]),
     ]
     for x, log in (("t", ()), ("a", ()), ("a", ("x", "y", "y2"))):
-        wanted = against(x, "a", y2=(Curve(0, "a"),), log=frozenset(log))
+        wanted = against(x, "a", y2=(DrawnExpression(0, "a"),), log=frozenset(log))
         sheets.append(plots.plot(known, 0, wanted, PLANE))
     for sheet in sheets:
         assert content(sheet).startswith(b"\x89PNG")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from lagsim.model.model import Curve, Scene
+from lagsim.model.model import DrawnExpression, Scene
 from lagsim.model.reader import read
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, PENS
@@ -319,7 +319,9 @@ def test_scales_of_their_own(a, b, unit):
 
 
 def test_points_of_a_scene_have_one_scale_without_units():
-    wanted = against("2*u", "v")._replace(x=Curve(5, "2*u"), y=(Curve(6, "v"),))
+    wanted = against("2*u", "v")._replace(
+        x=DrawnExpression(5, "2*u"), y=(DrawnExpression(6, "v"),)
+    )
     *_, (width, height) = ellipse(1.0, 1.0, {}, wanted, Scene({"bob": (5, 6)}))
     assert width == pytest.approx(height, rel=1e-9)
     *_, (width, height) = ellipse(1.0, 1.0, {}, wanted, Scene({"bob": (5, 7)}))
@@ -345,7 +347,7 @@ def test_several_curves_are_told_apart_and_named():
 def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own():
     columns = {"t": T, "plot:0.x": T, "plot:0.y.1": T, "plot:0.y2.1": 1e2 * T}
     units = {"t": "s", "plot:0.y.1": "m", "plot:0.y2.1": "N"}
-    wanted = against("t", "x")._replace(y2=(Curve(0, "F"),))
+    wanted = against("t", "x")._replace(y2=(DrawnExpression(0, "F"),))
     drawing = plotted(columns, wanted, units=units)
     left, right = drawing.panels
     assert (left.labels[1], right.labels[1]) == ("x (m)", "F (N)")

@@ -2,7 +2,7 @@
 
 from xml.etree import ElementTree as ET
 
-from lagsim.outputs.junit import Outcome, document
+from lagsim.outputs.junit import CaseResult, document
 
 # What such files hold, by the servers that read them: no other attributes.
 KNOWN = {
@@ -14,9 +14,9 @@ KNOWN = {
 }
 
 FOUND = [
-    Outcome("good", "models/good.yaml", 0.25),
-    Outcome("bad", "models/bad.yaml", 1.5, "failure", "differs", "two columns\n  x"),
-    Outcome("ugly", "models/ugly.yaml", 0.0, "error", "no-golden", "there is none"),
+    CaseResult("good", "models/good.yaml", 0.25),
+    CaseResult("bad", "models/bad.yaml", 1.5, "failure", "differs", "two columns\n  x"),
+    CaseResult("ugly", "models/ugly.yaml", 0.0, "error", "no-golden", "there is none"),
 ]
 
 
@@ -42,7 +42,9 @@ def test_counts_times_and_texts():
 def test_no_letter_spoils_it():
     # What markup is made of, what XML cannot hold at all, and half a surrogate pair.
     odd = '<a b="c">&\'\x00\x1b[31m\ufffe\ud800\U0001f600\n]]>'
-    root = ET.fromstring(document("s", [Outcome(odd, odd, 0.0, "failure", "x", odd)]))
+    root = ET.fromstring(
+        document("s", [CaseResult(odd, odd, 0.0, "failure", "x", odd)])
+    )
     [failure] = root.iter("failure")
     told = '<a b="c">&\'\\x00\\x1b[31m\\ufffe\\ud800\U0001f600\n]]>'
     assert failure.text == told

@@ -173,7 +173,10 @@ def test_a_level_curve_is_level_between_two_pixels():
 
 def test_numbers_of_charts_count_in_the_power_at_their_axis():
     t = np.arange(5.0)
-    across, up = figure.Column("t", "s", t), figure.Column("x", "m", 1e-10 * t)
+    across, up = (
+        figure.PlottedColumn("t", "s", t),
+        figure.PlottedColumn("x", "m", 1e-10 * t),
+    )
     [axes] = (sheet := figure.figure("x", across, [up])).axes
     content(sheet)
     assert axes.get_ylabel() == "x (10⁻¹⁰ m)"

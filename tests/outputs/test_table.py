@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs import table as module
 from lagsim.outputs.table import TableWriter, guarded, table_of, table_writer, unguarded
 from lagsim.studies.tables import read_table
@@ -107,11 +107,11 @@ PEAK = """
 import sys
 import numpy as np
 from pathlib import Path
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs.table import table_writer
 blocks, path = int(sys.argv[1]), Path(sys.argv[2])
 names = dict.fromkeys([f"c{k}" for k in range(15)], "")
-form = Format(path.suffix[1:])
+form = TableFormat(path.suffix[1:])
 writer = table_writer(form, path, names, show_units=False)
 block = np.random.default_rng(1).standard_normal((2000, 15))
 for _ in range(blocks):
@@ -204,9 +204,9 @@ def columns_of(path):
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
-@pytest.mark.parametrize("form", [Format.NPZ, Format.PARQUET])
+@pytest.mark.parametrize("form", [TableFormat.NPZ, TableFormat.PARQUET])
 def test_columns_come_back_to_the_bit(tmp_path, monkeypatch, form):
-    if form is Format.PARQUET:
+    if form is TableFormat.PARQUET:
         pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
     paths = [tmp_path / f"{k}.{form}" for k in range(3)]
     packed_rows(paths[0], form)
@@ -224,7 +224,7 @@ def test_columns_come_back_to_the_bit(tmp_path, monkeypatch, form):
 
 
 def test_no_rows_are_no_fault(tmp_path):
-    writer = table_writer(Format.NPZ, tmp_path / "t.npz", UNITS, show_units=False)
+    writer = table_writer(TableFormat.NPZ, tmp_path / "t.npz", UNITS, show_units=False)
     writer.add(ROWS[:0])
     writer.finish()
     writer.close()
@@ -233,7 +233,7 @@ def test_no_rows_are_no_fault(tmp_path):
 
 def test_a_full_disk_leaves_whole_rows_to_pack(tmp_path):
     path = tmp_path / "t.npz"
-    writer = table_writer(Format.NPZ, path, UNITS, show_units=False)
+    writer = table_writer(TableFormat.NPZ, path, UNITS, show_units=False)
     writer.add(ROWS[:2])
     writer._file = Full(writer._file, 3 * 8 * len(UNITS) + 17)
     with pytest.raises(OSError, match="No space left"):

@@ -4,7 +4,7 @@ import itertools
 import time
 
 from lagsim.model.reader import read
-from lagsim.run.session import LAPS, Clock, StartError, check, open_case
+from lagsim.run.session import LAPS, StartError, Stopwatch, check, open_case
 from tests.small_scenes import spring
 from tests.support import case_of, refused
 
@@ -36,7 +36,7 @@ def test_a_check_tells_the_choices_of_the_run():
 def test_the_laps_of_a_clock_are_all_the_time_there_was(monkeypatch):
     ticks = itertools.count()
     monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
-    clock = Clock()
+    clock = Stopwatch()
     began = clock._last
     open_case(read(SPRING, "spring.yaml"), clock=clock).ready(clock=clock)
     assert tuple(clock.timings) == LAPS

@@ -5,7 +5,7 @@ import unicodedata
 import pytest
 
 from lagsim.show.latex import as_latex
-from lagsim.show.names import LatexNames, Name, UnicodeNames
+from lagsim.show.names import LatexNames, PrintedName, UnicodeNames
 from lagsim.show.text import as_text
 from tests.show.cases import small
 
@@ -27,11 +27,11 @@ def test_a_letter(name):
     letter = unicodedata.lookup(f"GREEK {size} LETTER {spelled}")
     text, latex = UnicodeNames([name, letter + "_x"]), LatexNames([name])
     for order, dots in enumerate(("", "\u0307", "\u0308")):
-        assert text.show(Name(name, order)) == letter + dots
+        assert text.show(PrintedName(name, order)) == letter + dots
     command = rf"\mathrm{{{ALIKE[name]}}}" if name in ALIKE else f"\\{name}"
     for shown in (name, letter):
-        assert latex.show(Name(shown)) == command
-        assert LatexNames([shown]).show(Name(f"{shown}3")) == f"{command}_{{3}}"
+        assert latex.show(PrintedName(shown)) == command
+        assert LatexNames([shown]).show(PrintedName(f"{shown}3")) == f"{command}_{{3}}"
 
 
 NUMBERS = """

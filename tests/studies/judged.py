@@ -3,7 +3,7 @@
 from lagsim.model.reader import read
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
-from lagsim.run.session import Clock, open_case
+from lagsim.run.session import Stopwatch, open_case
 from lagsim.studies.alarms import Evidence, alarms, audit
 from lagsim.studies.attempts import Allowance, Attempts, ErrorBars
 
@@ -45,7 +45,7 @@ def repeated(session, trajectory, checkpoints, allowance=None, always=False):
     own = Evidence(session).end(trajectory, "none")
     own.checkpoints = checkpoints
     bars = ErrorBars.ALWAYS if always else ErrorBars.AUTO
-    attempts = Attempts(Keep(), None, Clock(), error_bars=bars)
+    attempts = Attempts(Keep(), None, Stopwatch(), error_bars=bars)
     attempts.allowance = allowance or Allowance(session.system, trajectory)
     return attempts.repeated(own)
 

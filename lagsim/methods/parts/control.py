@@ -17,7 +17,7 @@ from lagsim.language.arrays import Floats
 from lagsim.methods.parts.parameters import SLIDING, Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
-    Output,
+    ArcRows,
     derivative,
     energies_masses,
     rounding,
@@ -64,7 +64,7 @@ FARTHEST = 100.0
 MOST_GUESSES = 20
 
 
-class Control(Output):
+class Control(ArcRows):
     """Memory of error control: ranges, tolerances, energies, roundoff."""
 
     rtol: float

@@ -1,8 +1,8 @@
 """Embedded explicit Runge-Kutta pairs: steps, error control, dense output.
 
 A pair is a file of `methods` with its tableau, its error estimates and its dense output
-as a `Pair`, which is static in the kernels below. What any pair owes to constraints,
-rounding, switches and losses of rank stands here.
+as an `EmbeddedPair`, which is static in the kernels below. The treatment of
+constraints, rounding, switches and losses of rank, common to all pairs, stands here.
 
 Source: E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations
 I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (methods) and II.6 (dense output).
@@ -47,7 +47,7 @@ BESIDE = 0.3
 ASIDE = 0.85
 
 
-class Pair(NamedTuple):
+class EmbeddedPair(NamedTuple):
     """An embedded explicit pair whose last stage is the first of the next step.
 
     Attributes
@@ -127,7 +127,7 @@ class Pair(NamedTuple):
 
 
 # The pair of the kernels below, a static value: that of the method's own module.
-PAIR = cast("Pair", None)
+PAIR = cast("EmbeddedPair", None)
 
 
 class Embedded(State):

@@ -73,7 +73,7 @@ GOLDEN = 0.6180339887498949
 PASSED = 1e4
 
 
-class Table(Rank):
+class SearchTable(Rank):
     """Memory of the rows (functions) searched in a step, and of sizes before it.
 
     Rows are event functions of surfaces and laws, then those of conditions, then
@@ -105,22 +105,22 @@ class Table(Rank):
     high_before: Floats = array("size")
 
 
-def events(s: Table) -> int:
+def events(s: SearchTable) -> int:
     """Return the number of event functions, which are the first rows."""
     return s.surfaces + s.conditions
 
 
-def relations(s: Table) -> int:
+def relations(s: SearchTable) -> int:
     """Return the index of the first row that is the relation of a section."""
     return s.surfaces + s.conditions + s.signals
 
 
-def rows(s: Table) -> int:
+def rows(s: SearchTable) -> int:
     """Return the number of rows."""
     return relations(s) + s.sections + 1
 
 
-def next_end(s: Table, p: Parameters) -> float:
+def next_end(s: SearchTable, p: Parameters) -> float:
     """Return the latest time at which a step may end: the arc's end, or a knot."""
     if p.passed < p.known:
         knot = p.knot_times[int(p.passed)]
@@ -130,7 +130,7 @@ def next_end(s: Table, p: Parameters) -> float:
 
 
 def check_features(
-    s: Table,
+    s: SearchTable,
     p: Parameters,
     h: float,
     old: Floats,
@@ -154,7 +154,7 @@ def check_features(
 
 
 def sample_roughly(
-    s: Table,
+    s: SearchTable,
     p: Parameters,
     h: float,
     old: Floats,
@@ -193,7 +193,7 @@ def sample_roughly(
     out[count : 2 * count] = (out[count : 2 * count] - s.values[:count]) / beside
 
 
-def may_approach(s: Table, k: int, width: float) -> bool:
+def may_approach(s: SearchTable, k: int, width: float) -> bool:
     """Whether signal k may come closer to its value inside a stretch than at its ends.
 
     width : of the stretch, as a fraction of the step. Also true if values and slopes at
@@ -225,7 +225,7 @@ def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
     return a + x * (A + x * (P + x * Q))
 
 
-def off(s: Table, k: int, width: float) -> float:
+def off(s: SearchTable, k: int, width: float) -> float:
     """Return how far row k at the middle of a stretch is from the cubic of its ends.
 
     width : of the stretch, as a fraction of the step. The cubic has the values and
@@ -237,7 +237,7 @@ def off(s: Table, k: int, width: float) -> float:
     return float(abs(value - s.middles[k]))
 
 
-def turned(s: Table, k: int, width: float) -> float:
+def turned(s: SearchTable, k: int, width: float) -> float:
     """Return how far row k's slope at the middle is from that of the cubic of its ends.
 
     The difference is weighted to be comparable with `off`.
@@ -251,13 +251,13 @@ def turned(s: Table, k: int, width: float) -> float:
     return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
 
 
-def variation(s: Table, k: int) -> float:
+def variation(s: SearchTable, k: int) -> float:
     """Return the largest change of row k from the middle of a stretch to its ends."""
     m = s.middles[k]
     return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
 
 
-def signal_is_known(s: Table, k: int, width: float) -> bool:
+def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
     """Whether values and slopes at the ends determine signal k within a stretch.
 
     width : of the stretch. It suffices that its distance is determined.
@@ -292,12 +292,12 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
-def away(s: Table, k: int, at_point: Floats) -> float:
+def away(s: SearchTable, k: int, at_point: Floats) -> float:
     """Return the distance of signal k, with the rows' values in `at_point`."""
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
-def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> float:
+def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
     """Return a lower bound of the distance of signal k between two points.
 
     left, right : rows and slopes (2 R,) at the points, `width` apart.
@@ -313,7 +313,7 @@ def closest(s: Table, k: int, left: Floats, right: Floats, width: float) -> floa
 
 
 def lowest(
-    way: float, s: Table, k: int, left: Floats, right: Floats, width: float
+    way: float, s: SearchTable, k: int, left: Floats, right: Floats, width: float
 ) -> float:
     """Return a lower bound of `way` times row k on its cubic between two points.
 
@@ -331,7 +331,7 @@ def lowest(
     return float(low)
 
 
-def is_missed(s: Table, p: Parameters, x: float) -> bool:
+def is_missed(s: SearchTable, p: Parameters, x: float) -> bool:
     """Whether the dense output lacks a feature of y' at a fraction x of the step."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
@@ -358,7 +358,7 @@ LEFT = 1e3
 EXPECTED = 1e-2
 
 
-def find_defect(s: Table, p: Parameters) -> float:
+def find_defect(s: SearchTable, p: Parameters) -> float:
     """Return the fraction of the last step at a row with a defect, or 0."""
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
@@ -379,7 +379,7 @@ def find_defect(s: Table, p: Parameters) -> float:
     return 0.0
 
 
-def expect(s: Table) -> None:
+def expect(s: SearchTable) -> None:
     """Raise the sizes of components by the change that the defect at a row causes.
 
     Otherwise the first traces of the motion would be controlled as finely as denormal
@@ -395,17 +395,17 @@ def expect(s: Table) -> None:
                 sizes[i - n] = max(sizes[i - n], delta * push)
 
 
-def time_of(s: Table, k: float) -> float:
+def time_of(s: SearchTable, k: float) -> float:
     """Return the time of output row k of the arc."""
     return float(s.row_start + k * s.row_step)
 
 
-def place(s: Table, k: float) -> float:
+def place(s: SearchTable, k: float) -> float:
     """Return the fraction of the last step at which output row k lies."""
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
-def is_off(s: Table, p: Parameters, x: float) -> bool:
+def is_off(s: SearchTable, p: Parameters, x: float) -> bool:
     """Whether the defect at x exceeds rounding and tolerances.
 
     x : the fraction of the last step.
@@ -415,7 +415,7 @@ def is_off(s: Table, p: Parameters, x: float) -> bool:
     return is_beyond(s, p, x)
 
 
-def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
+def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect computed by `differs` is the state's rounding alone.
 
     Near a root no slope shows the effect of rounding. most : the bound, in tolerances,
@@ -429,7 +429,7 @@ def is_rounding(s: Table, p: Parameters, x: float, most: float) -> bool:
     return not exceeds(s, most, s.far_before)
 
 
-def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
+def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone on a stretch.
 
     x is the end of the stretch. Its variation is compared with its change if the state
@@ -450,7 +450,7 @@ def hardly_varies(s: Table, p: Parameters, k: int, x: float) -> bool:
     return variation(s, k) <= most
 
 
-def is_zero(s: Table, p: Parameters, k: int, x: float) -> bool:
+def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k is 0 on a stretch except for roundoff; x is the end of it.
 
     Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
@@ -467,7 +467,7 @@ def is_zero(s: Table, p: Parameters, k: int, x: float) -> bool:
     return largest <= CLEAR_OF_ROUNDING * most
 
 
-def is_beyond(s: Table, p: Parameters, x: float) -> bool:
+def is_beyond(s: SearchTable, p: Parameters, x: float) -> bool:
     """Whether the defect computed by `differs` exceeds the tolerances.
 
     The state has an error of LEFT tolerances. The change of y' by such an error, where
@@ -484,7 +484,7 @@ def is_beyond(s: Table, p: Parameters, x: float) -> bool:
     return exceeds(s, LEFT, s.spare)
 
 
-def exceeds(s: Table, most: float, besides: Floats) -> bool:
+def exceeds(s: SearchTable, most: float, besides: Floats) -> bool:
     """Whether the defect exceeds `most` tolerances plus `besides` (size,) anywhere."""
     for i in range(s.n, s.size):
         allowed = most * s.tolerances[i] / s.step_h + besides[i]
@@ -494,7 +494,7 @@ def exceeds(s: Table, most: float, besides: Floats) -> bool:
     return False
 
 
-def move_within(s: Table, tolerances: float, way: int, z: Floats) -> None:
+def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
     """Move a state by about a number of its tolerances.
 
     By a part and sign for each component, since equal changes may cancel.
@@ -505,7 +505,7 @@ def move_within(s: Table, tolerances: float, way: int, z: Floats) -> None:
         z[i] += part * tolerances * s.tolerances[i]
 
 
-def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
+def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect at x exceeds `most` tolerances; store both rates."""
     interpolate_rates(s, x, s.point_rates)
     interpolate(s, p, x, s.point)
@@ -514,21 +514,21 @@ def differs(s: Table, p: Parameters, x: float, most: float) -> bool:
     return exceeds(s, most, s.far_before)
 
 
-def keep_extents(s: Table) -> None:
+def keep_extents(s: SearchTable) -> None:
     """Store sizes and ranges of the state before a step that may be shortened later."""
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high
 
 
-def restore_extents(s: Table) -> None:
+def restore_extents(s: SearchTable) -> None:
     """Restore the sizes before the last step."""
     s.sizes[:] = s.sizes_before
     s.low[:] = s.low_before
     s.high[:] = s.high_before
 
 
-def reject_step(s: Table, p: Parameters, x: float) -> None:
+def reject_step(s: SearchTable, p: Parameters, x: float) -> None:
     """Reject the last step; the next step ends halfway to its fraction x."""
     interpolate(s, p, 0.0, s.point)
     s.y[:] = s.point[: s.size]

@@ -86,7 +86,7 @@ class Blocks(Memory):
     quadratures: Block = block("size", lambda s: s.dynamic.stop)
 
 
-class Scene(Blocks):
+class ModelParameters(Blocks):
     """The sizes and the parameters of a model, set by the run."""
 
     m: int  # constraint rows, those of laws last
@@ -102,7 +102,7 @@ class Scene(Blocks):
     worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
 
 
-class Knots(Scene):
+class KnownPoints(ModelParameters):
     """Points of tables at known times, where y' has no jump.
 
     The run sets the next knots, and the kernel continues with the cell after each.
@@ -122,7 +122,7 @@ class Knots(Scene):
     cells_after: Floats = array("knots")
 
 
-class Surfaces(Knots):
+class Surfaces(KnownPoints):
     """Surfaces on which switches lie, their modes, and the motion along them."""
 
     surfaces: int  # number of surfaces of switches

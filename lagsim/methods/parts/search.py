@@ -36,7 +36,7 @@ from lagsim.methods.parts.missed import (
     BESIDE,
     BETWEEN,
     GOLDEN,
-    Table,
+    SearchTable,
     events,
     relations,
     rows,
@@ -65,7 +65,7 @@ ADAPTIVE = True
 EVENT, SIGNAL, RANK, CROSSING = 0, 1, 2, 3
 
 
-class Events(Table):
+class Events(SearchTable):
     """Memory of the conditions that are watched, and of the event found."""
 
     event: float  # the number, from 1, of the condition that has been located; or 0

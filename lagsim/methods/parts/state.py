@@ -45,7 +45,7 @@ class Clock(Blocks):
 MOST_LISTED = 64
 
 
-class Output(Clock):
+class ArcRows(Clock):
     """The end of the arc and its rows: set by the run, used by `driver`."""
 
     end: float  # where the arc ends

@@ -2,7 +2,7 @@
 
 `Expansion` stands between the YAML nodes and the reader. It returns nodes with one
 entry for each member and component, under names with dots (`q.3`, `G.3.x`), whose
-scalars have a `Reading` for their member. The reader then handles scalars only.
+scalars have a `MemberReading` for their member. The reader then handles scalars only.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from lagsim.model.expansion import trees
 from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
 from lagsim.model.expansion.scope import (
     Family,
-    Made,
-    Reading,
+    HiddenReading,
+    MemberReading,
     Scope,
     UnresolvedError,
     dotted,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Parsed, ParsedRelation
-    from lagsim.model.expansion.bodies import Drawn, Frames
+    from lagsim.model.expansion.bodies import Drawn, FrameReader
     from lagsim.model.expansion.scope import Indices
 
 # Keys of the value in an entry of each section.
@@ -62,7 +62,7 @@ _COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 
 
 # Function that expands a node, or such functions by key (`*`: each key).
-Rules: TypeAlias = "Callable[[Node, Reading], Node] | dict[str, Any] | None"
+Rules: TypeAlias = "Callable[[Node, MemberReading], Node] | dict[str, Any] | None"
 Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
 
@@ -122,7 +122,7 @@ class Expansion:
         self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
         self.units: list[Entry] = []
-        self.frames: Frames | None = None
+        self.frames: FrameReader | None = None
         # Hidden definitions of positions, by the scalars that they are of.
         self.moving: dict[str, Scalar] = {}
         self._drawn: list[Drawn] = []
@@ -130,7 +130,7 @@ class Expansion:
         self.idle: list[str] = []
         self.broken: set[str] = set()
         self.complete = True
-        self.plain = Reading(self.scope, {})
+        self.plain = MemberReading(self.scope, {})
         self.hidden: list[Entry] = []
         self._count = 0
         self.silent: list[Scalar] = []
@@ -166,7 +166,7 @@ class Expansion:
 
         `text`: the text of its value, where it is not that of `at`.
         """
-        reading = Made(self.scope, parsed)
+        reading = HiddenReading(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)
         return value._replace(text=name), value
 
@@ -219,9 +219,9 @@ class Expansion:
     def _make_frames(self) -> None:
         """Prepare the frames of the file, if any; each is built on its first use."""
         if "frames" in self._top:
-            from lagsim.model.expansion.bodies import Frames
+            from lagsim.model.expansion.bodies import FrameReader
 
-            self.frames = Frames(self, self._top["frames"])
+            self.frames = FrameReader(self, self._top["frames"])
             self.scope.frame = self.frames.named_by
 
     def _energy(self) -> list[Entry]:
@@ -237,7 +237,7 @@ class Expansion:
         self._drawn = bodies.drawn
         for k, (key, value) in enumerate(entries_of(node)):
             if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):
-                reading = Reading(self.scope, {"bodies": tree})
+                reading = MemberReading(self.scope, {"bodies": tree})
                 found[k] = key, self.bound(value, reading)
         self.idle = bodies.idle()
         return found
@@ -268,7 +268,7 @@ class Expansion:
         return entries_of(self._top.get(section))
 
     def bound(
-        self, node: Node, reading: Reading | None = None, rules: Rules = None
+        self, node: Node, reading: MemberReading | None = None, rules: Rules = None
     ) -> Node:
         """Return a node whose scalars are read for a member, or outside of families.
 
@@ -592,14 +592,16 @@ class Expansion:
             self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         if not (letters or parsed.subscripts):
-            yield key, self.bound(node, Reading(self.scope, one.members[0][0]))
+            yield key, self.bound(node, MemberReading(self.scope, one.members[0][0]))
             return
         for (indices, member), value in zip(one.members, values, strict=True):
             for c, letter in enumerate(letters or ("",)):
                 if parsed.letter not in ("", letter):
                     continue
                 component = c if letters and not parsed.letter else None
-                reading = Reading(self.scope, indices, component, len(letters) or 1)
+                reading = MemberReading(
+                    self.scope, indices, component, len(letters) or 1
+                )
                 full = key._replace(
                     text=dotted(parsed.name, member, letter), reading=reading
                 )
@@ -620,7 +622,7 @@ class Expansion:
             if not isinstance(item, Scalar):
                 return False
             try:
-                reading = Reading(self.scope, one.members[0][0], 0, len(letters))
+                reading = MemberReading(self.scope, one.members[0][0], 0, len(letters))
                 reading.parsed(item.text, parse)
             except ExpressionError as fault:
                 if fault.code == "size":
@@ -628,14 +630,14 @@ class Expansion:
         return False
 
     def _placed(
-        self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar
+        self, node: Node, keys: tuple[str, ...], reading: MemberReading, key: Scalar
     ) -> Node:
         """Return the value of an entry for one component of a member."""
         inner, outer = _inner(node, keys), reading
         if reading.component is None:
             new = self.bound(inner, reading)
         else:
-            outer = Reading(self.scope, reading.indices)
+            outer = MemberReading(self.scope, reading.indices)
             if not isinstance(inner, Sequence):
                 new = self.bound(inner, reading)
             elif len(inner.items) == reading.size:
@@ -692,7 +694,7 @@ class Expansion:
         if found is None or family is None:
             several = isinstance(node, Sequence)  # of a vector that is not given
             known = Broken(node.place) if several else node
-            return key, self.bound(known, Reading(self.scope, outer or {}))
+            return key, self.bound(known, MemberReading(self.scope, outer or {}))
         parsed, members = found
         if family.broken:
             return None
@@ -711,7 +713,7 @@ class Expansion:
             return None
         return _Given(key, node, family, parsed, members)
 
-    def spread(self, node: Node, reading: Reading) -> Node:
+    def spread(self, node: Node, reading: MemberReading) -> Node:
         """Return a vector-valued expression as the list of its components.
 
         Another node is returned with `reading` as its interpretation.
@@ -723,7 +725,9 @@ class Expansion:
             return Broken(node.place)
         if size < min(_SIZES):
             return self.bound(node, reading)
-        readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
+        readings = (
+            MemberReading(self.scope, reading.indices, c, size) for c in range(size)
+        )
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
 
     def _scene(self, node: Node | None) -> Node:
@@ -747,7 +751,7 @@ class Expansion:
             entries.append((at._replace(text="shapes"), Mapping(found, at.place)))
         return Mapping(tuple(entries), node.place if node else entries[0][0].place)
 
-    def _points(self, node: Node, reading: Reading) -> Node:
+    def _points(self, node: Node, reading: MemberReading) -> Node:
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
         found = [
@@ -759,7 +763,7 @@ class Expansion:
 
     def _named(
         self, key: Scalar, node: Node, space: dict[str, Family]
-    ) -> Iterator[tuple[Scalar, Reading, Node]]:
+    ) -> Iterator[tuple[Scalar, MemberReading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
 
         Of points and shapes, whose names are not names of variables. space : their
@@ -783,11 +787,11 @@ class Expansion:
             self.report("wrong-count", text, node)
             return
         for k, (indices, member) in enumerate(members):
-            reading = Reading(self.scope, indices)
+            reading = MemberReading(self.scope, indices)
             full = key._replace(text=dotted(parsed.name, member), reading=reading)
             yield full, reading, items[k] if several else node
 
-    def _sets(self, node: Node, reading: Reading) -> Node:
+    def _sets(self, node: Node, reading: MemberReading) -> Node:
         """Return the assignments of an event, expanded to members of modes."""
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
@@ -796,7 +800,7 @@ class Expansion:
         broken = not found and not names.isdisjoint(self.broken)
         return Broken(node.place) if broken else node._replace(entries=found)
 
-    def _links(self, node: Node, reading: Reading) -> Node:
+    def _links(self, node: Node, reading: MemberReading) -> Node:
         """Return the links of a scene.
 
         A link to a family joins its consecutive points.
@@ -858,13 +862,13 @@ class Expansion:
             for c in letters
         ]
 
-    def _names(self, node: Node, reading: Reading) -> Node:
+    def _names(self, node: Node, reading: MemberReading) -> Node:
         if not isinstance(node, Sequence):
             return self.bound(node, reading)
         items = (n for item in node.items for n in self.denoted(item))
         return node._replace(items=tuple(items))
 
-    def _axis(self, node: Node, _: Reading) -> Node:
+    def _axis(self, node: Node, _: MemberReading) -> Node:
         curves = [c for item in items_of(node) for c in self._curves(item)]
         if len(curves) == 1 and not isinstance(node, Sequence):
             return curves[0]

@@ -26,7 +26,7 @@ from lagsim.language.parser import (
     silent,
 )
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.scope import Reading, dotted
+from lagsim.model.expansion.scope import MemberReading, dotted
 from lagsim.model.expansion.trees import (
     LETTERS,
     ONE,
@@ -77,7 +77,7 @@ _ROTATED = (
 _ROTATED += "{angles: [a, b, c], axes: zxz}, or in the plane {angle: q}"
 
 
-class _Given(NamedTuple):
+class _DeclaredFrame(NamedTuple):
     """Frame as the file declares it, for one member: values by their keys."""
 
     key: Scalar
@@ -90,7 +90,7 @@ def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
     return any(k not in keys and not k.startswith("x-") for k in below)
 
 
-class Section:
+class SectionReader:
     """Reader of values in the sections of frames and bodies.
 
     A fault is reported first; then an ExpressionError without a message is raised.
@@ -168,7 +168,7 @@ class Section:
         return found
 
 
-class Frames(Section):
+class FrameReader(SectionReader):
     """Frames of a file; each is created on its first use.
 
     Attributes
@@ -179,7 +179,7 @@ class Frames(Section):
 
     def __init__(self, x: Expansion, section: Node | None) -> None:
         super().__init__(x)
-        self._given: dict[Called, _Given] = {}
+        self._given: dict[Called, _DeclaredFrame] = {}
         self._broken: set[str] = set()
         self._making: set[Called] = set()
         given = entries_of(section)
@@ -213,7 +213,7 @@ class Frames(Section):
                 text = f"the frame `{dotted(name, member)}` {what}"
                 self.report("duplicate-member", text, key)
                 return
-            self._given[name, member] = _Given(key, below, indices)
+            self._given[name, member] = _DeclaredFrame(key, below, indices)
 
     def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
         """Whether the keys of a frame's entry form a rotation.
@@ -351,7 +351,7 @@ class Frames(Section):
             return None
         return composed(name, parent, own, partial(self.x.hide, at=given.key))
 
-    def _number(self, given: _Given, key: str) -> tuple[Tree, Scalar]:
+    def _number(self, given: _DeclaredFrame, key: str) -> tuple[Tree, Scalar]:
         what = f"the `{key}` of the frame `{given.key.text}`"
         return self.number(given.below[key], given.indices, what)
 
@@ -372,7 +372,7 @@ class Frames(Section):
 
     # Rotations
 
-    def _planar(self, given: _Given, parent: Frame, hidden: str) -> Frame:
+    def _planar(self, given: _DeclaredFrame, parent: Frame, hidden: str) -> Frame:
         """Return a frame in the plane; its angle is added to that of its parent."""
         angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
@@ -383,7 +383,7 @@ class Frames(Section):
         c, s = call("cos", angle), call("sin", angle)
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
-    def _axis(self, given: _Given, name: str) -> Vector:
+    def _axis(self, given: _DeclaredFrame, name: str) -> Vector:
         """Return the unit vector of a frame's `axis`, made of parameters only."""
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
@@ -576,7 +576,7 @@ class Drawn(NamedTuple):
     frame: Frame | None
 
 
-class Bodies(Section):
+class Bodies(SectionReader):
     """Bodies of a file: their energies, and their shapes for the scene.
 
     Attributes
@@ -771,7 +771,7 @@ class Bodies(Section):
 # --- The shapes of a scene: frames as entries of matrices, and those of bodies
 
 
-class Shapes(Section):
+class Shapes(SectionReader):
     """Expansion of the section `shapes`, and the shapes of bodies."""
 
     def given(self, section: Node | None) -> Iterator[Entry]:
@@ -781,7 +781,7 @@ class Shapes(Section):
                 yield key, self._written(node, self.x.plain)
             elif found := self.x.members(key, "a shape"):
                 for indices, member in found[1]:
-                    reading = Reading(self.scope, indices)
+                    reading = MemberReading(self.scope, indices)
                     name = dotted(found[0].name, member)
                     full = key._replace(text=name, reading=reading)
                     yield full, self._written(node, reading)
@@ -790,7 +790,7 @@ class Shapes(Section):
         """Return entries of the section `shapes` for the shapes of bodies."""
         for one in drawn:
             key, value = one.kind
-            reading = Reading(self.scope, one.indices)
+            reading = MemberReading(self.scope, one.indices)
             below = [(key, self.x.bound(value, reading))]
             below.append((key._replace(text="at"), self._list(one.origin, key)))
             if one.frame:
@@ -799,11 +799,11 @@ class Shapes(Section):
             name = key._replace(text=one.name, reading=reading)
             yield name, Mapping(tuple(below), key.place)
 
-    def _written(self, node: Node, reading: Reading) -> Node:
+    def _written(self, node: Node, reading: MemberReading) -> Node:
         rules = {"frame": self._turned, "at": self._point, "arrow": self.x.spread}
         return self.x.bound(node, reading, rules)
 
-    def _turned(self, node: Node, reading: Reading) -> Node:
+    def _turned(self, node: Node, reading: MemberReading) -> Node:
         """Return the rotation matrix of a shape.
 
         An expression that names no frame is an angle.
@@ -817,7 +817,7 @@ class Shapes(Section):
                 pass
         return self.x.bound(node, reading)
 
-    def _point(self, node: Node, reading: Reading) -> Node:
+    def _point(self, node: Node, reading: MemberReading) -> Node:
         """Return the position of a shape: a point, a family's point, or a vector."""
         name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
         if name in self.x.points:

@@ -2,8 +2,8 @@
 
 A `Family` is the meaning of one name of the file: members by their subscripts, each a
 number or a vector. `Scope.value` evaluates the steps of an expression at given indices
-and returns trees of scalars. An expanded scalar has a `Reading`, which returns the
-expression of its member, with offsets in the text of the file.
+and returns trees of scalars. An expanded scalar has a `MemberReading`, which returns
+the expression of its member, with offsets in the text of the file.
 """
 
 from __future__ import annotations
@@ -545,7 +545,7 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
     return Tree(op, args=tuple(a for a in args if isinstance(a, Tree)))
 
 
-class Reading:
+class MemberReading:
     """Interpretation of an expanded scalar's text for a member and component.
 
     `component` is the number of the component, of `size`; None for a number.
@@ -607,7 +607,7 @@ class Reading:
         return f" for {', '.join(values)}" if values else ""
 
 
-class Made(Reading):
+class HiddenReading(MemberReading):
     """Reading of a hidden definition: its tree as it was created."""
 
     __slots__ = ("_parsed",)

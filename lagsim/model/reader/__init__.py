@@ -39,7 +39,7 @@ from lagsim.model.nodes import (
     words,
 )
 from lagsim.model.reader import equations, runs, values
-from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
+from lagsim.model.reader.expressions import Expressions, NameKind, Names, check_columns
 from lagsim.model.reader.fields import (
     BODY,
     FRAME,
@@ -74,12 +74,12 @@ FORMAT_VERSION = "1"
 _NO_FILE_NAMES = ("", ".", "..")
 # The sections that give names of variables, in the order in which they are read.
 NAMED = {
-    "parameters": Kind.PARAMETER,
-    "modes": Kind.MODE,
-    "coordinates": Kind.COORDINATE,
-    "states": Kind.STATE,
-    "definitions": Kind.DEFINITION,
-    "tables": Kind.TABLE,
+    "parameters": NameKind.PARAMETER,
+    "modes": NameKind.MODE,
+    "coordinates": NameKind.COORDINATE,
+    "states": NameKind.STATE,
+    "definitions": NameKind.DEFINITION,
+    "tables": NameKind.TABLE,
 }
 
 
@@ -260,7 +260,7 @@ class File:
             from lagsim.model.reader.tables import read_tables
 
             functions = read_tables(self.tables, x, self.file, self.shifts)
-        read = values.Parameters(x, self.instead).read
+        read = values.ParameterReader(x, self.instead).read
         parameters = read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
@@ -394,7 +394,7 @@ class File:
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
         new.starting = {**self.starting, **initial}
-        read = values.Parameters(x, new.instead).read
+        read = values.ParameterReader(x, new.instead).read
         numbers = read(self.parameters, self.modes)
         laws = equations.again(model.constraints, self.constraints, x)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
@@ -494,7 +494,7 @@ class File:
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Return `model` in further coordinates, see `Stated.separated`."""
         old = self.x
-        held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
+        held = dict.fromkeys(model.output.reactions, NameKind.COORDINATE)
         names = replace(old.names, variables={**old.names.variables, **held})
         faults = Faults(model.file)
         x = Expressions(old.graph, names, faults)

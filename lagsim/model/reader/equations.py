@@ -14,11 +14,11 @@ from lagsim.model.model import (
     APPROACH_SPEED,
     SLIP_SPEED,
     Constraint,
+    FirstOrderState,
     Force,
     Level,
     OneSided,
     Relation,
-    State,
     Transition,
 )
 from lagsim.model.nodes import (
@@ -31,7 +31,7 @@ from lagsim.model.nodes import (
     items_of,
 )
 from lagsim.model.reader import hints
-from lagsim.model.reader.expressions import Kind, check_name
+from lagsim.model.reader.expressions import NameKind, check_name
 from lagsim.model.reader.fields import (
     CONSTRAINT,
     CONTACT,
@@ -104,13 +104,13 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
     return Energies(lagrangian, kinetic, potential, dissipation)
 
 
-def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
+def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ...]:
     """Return the first-order states with their rates; faults are reported.
 
     Rates of states within a rate, also in definitions, are replaced by their
     expressions.
     """
-    found: dict[str, State] = {}
+    found: dict[str, FirstOrderState] = {}
     for key, node in given:
         name, what = key.text, f"the state `{key.text}`"
         below = fields(node, what, STATE, x.faults, key.place)
@@ -120,7 +120,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
         built = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
         unit, about = below.text("unit"), below.text("description")
         if built is not None:
-            found[name] = State(name, built, unit, about)
+            found[name] = FirstOrderState(name, built, unit, about)
     g, rates = x.graph, {name: s.rate for name, s in found.items()}
     for _ in found:
         new = {g.variable(rate_of(s)): node for s, node in rates.items()}
@@ -165,15 +165,15 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
             faults.add("unknown-name", text, place, hint)
         return None
     kind, base = meaning
-    if kind is Kind.COORDINATE:
+    if kind is NameKind.COORDINATE:
         return x.graph.variable(name), Level.POSITION
     text, hint = f"a force cannot work on `{name}`", ""
     code: ErrorCode | Literal[""] = ""
     node, level = x.definitions.get(name, (None, Level.POSITION))
-    if kind is not Kind.DEFINITION:
+    if kind is not NameKind.DEFINITION:
         code, text = "not-a-direction", f"{text}, {kind.text}"
         hint = "it works on a coordinate or on a definition"
-        if kind in (Kind.VELOCITY, Kind.RATE):
+        if kind in (NameKind.VELOCITY, NameKind.RATE):
             hint = f"write `{base}`: a force on `{base}` has the power p*{name}"
     elif level is Level.OUTPUT:
         code, text = "output-only", f"{text}: it uses {level.text}"
@@ -222,7 +222,7 @@ def read_relation(
     if parsed.right is not None:
         sides = (gap, x.build(parsed.right))
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
-    moving = {Kind.COORDINATE, Kind.STATE, *([Kind.MODE] if modes else ())}
+    moving = {NameKind.COORDINATE, NameKind.STATE, *([NameKind.MODE] if modes else ())}
     if not _named(gap, moving, x):
         text = f"{what} depends on no coordinate and no velocity"
         hint = "an event at given times has `every`" if modes else ""
@@ -234,7 +234,7 @@ def read_relation(
     return Relation(gap, equality, text, scalar.place), equality
 
 
-def _named(node: int, kinds: Collection[Kind], x: Expressions) -> set[str]:
+def _named(node: int, kinds: Collection[NameKind], x: Expressions) -> set[str]:
     """Return the names of given kinds on which a node depends, itself or by rates."""
     known, used = x.names.variables, x.graph.depends([node])
     return {name for name in used if known.get(rated(name)[0]) in kinds}
@@ -281,7 +281,7 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
 
 def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ...]:
     """Return the constraints of the entries `given`; faults are reported."""
-    readers = [_Reader(key, node, x) for key, node in given]
+    readers = [_ConstraintReader(key, node, x) for key, node in given]
     return _with_limits([reader.read() for reader in readers], readers)
 
 
@@ -292,7 +292,7 @@ def again(
 
     known : the constraints at the first values; equalities that always hold are kept.
     """
-    readers = [_Reader(key, node, x) for key, node in given]
+    readers = [_ConstraintReader(key, node, x) for key, node in given]
     found = [
         c if c.always else (reader.read() or c)
         for c, reader in zip(known, readers, strict=True)
@@ -301,7 +301,7 @@ def again(
 
 
 def _with_limits(
-    found: SequenceType[Constraint | None], readers: SequenceType[_Reader]
+    found: SequenceType[Constraint | None], readers: SequenceType[_ConstraintReader]
 ) -> tuple[Constraint, ...]:
     """Return constraints with their bounds while held and while sliding.
 
@@ -334,7 +334,7 @@ def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[
     """
     g = x.graph
     forward = {
-        g.variable(q): g.variable(rate_of(q)) for q in x.names.of(Kind.COORDINATE)
+        g.variable(q): g.variable(rate_of(q)) for q in x.names.of(NameKind.COORDINATE)
     }
     forward[g.variable("t")] = g.one
     fast = x.names.velocities()
@@ -367,7 +367,7 @@ class _Bound(NamedTuple):
 _NO_BOUND = _Bound("limit")
 
 
-class _Reader:
+class _ConstraintReader:
     """Reader of one constraint: its relation and its law."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
@@ -396,7 +396,9 @@ class _Reader:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
             self._refuse("not-one-sided", CONTACT, "is an equality", hint)
             if relation:  # a multiple root is taken once
-                moving = _named(relation.node, (Kind.COORDINATE, Kind.VELOCITY), x)
+                moving = _named(
+                    relation.node, (NameKind.COORDINATE, NameKind.VELOCITY), x
+                )
                 root = simple_root(x.graph, relation.node, moving)
                 multiple = root != relation.node
                 relation = relation._replace(node=root, multiple=multiple)
@@ -436,7 +438,7 @@ class _Reader:
         if relation is None or _has_velocity(relation.node, x):
             return
         used = x.graph.depends([relation.node])
-        if found := [s for s in x.names.of(Kind.STATE) if s in used]:
+        if found := [s for s in x.names.of(NameKind.STATE) if s in used]:
             text = f"{self.what}, between positions, depends on states: {listed(found)}"
             hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
             x.faults.add("state-misplaced", text, relation.place, hint)
@@ -457,7 +459,7 @@ class _Reader:
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
         if node is None or condition is None:
             return None
-        fixed = {"t", *x.names.of(Kind.PARAMETER), *x.names.of(Kind.MODE)}
+        fixed = {"t", *x.names.of(NameKind.PARAMETER), *x.names.of(NameKind.MODE)}
         if moving := sorted(g.depends([condition]) - fixed):
             text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
             hint = "it is a condition of t, parameters and modes, such as t < 1"
@@ -728,10 +730,10 @@ def _factors(
 _BY_IMPACTS = "velocities jump by impacts alone: an event sets a mode, with which a "
 _BY_IMPACTS += "constraint comes into force (`when: held > 0`), or a short force acts"
 _HINTS = {
-    Kind.COORDINATE: "no event moves a body; " + _BY_IMPACTS,
-    Kind.VELOCITY: _BY_IMPACTS,
-    Kind.STATE: "its rate may depend on a mode, or make it a mode",
-    Kind.PARAMETER: "write it in `modes` instead of `parameters`",
+    NameKind.COORDINATE: "no event moves a body; " + _BY_IMPACTS,
+    NameKind.VELOCITY: _BY_IMPACTS,
+    NameKind.STATE: "its rate may depend on a mode, or make it a mode",
+    NameKind.PARAMETER: "write it in `modes` instead of `parameters`",
 }
 
 
@@ -773,8 +775,8 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
 def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
     """Whether a key is the name of a mode; if not, a fault is reported."""
     name, names = key.text, x.names
-    meaning, modes = names.meaning(name), names.of(Kind.MODE)
-    if meaning is not None and meaning.kind is Kind.MODE:
+    meaning, modes = names.meaning(name), names.of(NameKind.MODE)
+    if meaning is not None and meaning.kind is NameKind.MODE:
         return True
     if meaning is None and (names.is_faulty(name) or not names.readable):
         return False

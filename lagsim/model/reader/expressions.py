@@ -61,7 +61,7 @@ _OF_MEMBERS = ("size", "component", "member", "subscript", "range", "too-many", 
 _A_COLUMN = "it is in the table and in its pictures in any case: leave it out here"
 
 
-class Kind(Enum):
+class NameKind(Enum):
     """Kinds of names in expressions: a text for messages, and a level."""
 
     PI = "the number pi", Level.NUMBER
@@ -88,22 +88,23 @@ class Kind(Enum):
 
 
 # Derived names: prefix and suffix, and the derived kind for each kind of the base.
-_Kinds = dict[Kind | None, Kind]
+_Kinds = dict[NameKind | None, NameKind]
 _DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
     ("", "_dot",
-     {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE,
-      Kind.STATE: Kind.STATE_RATE}),
+     {NameKind.COORDINATE: NameKind.VELOCITY, NameKind.DEFINITION: NameKind.RATE,
+      NameKind.STATE: NameKind.STATE_RATE}),
     ("", "_ddot",
-     {Kind.COORDINATE: Kind.ACCELERATION, Kind.DEFINITION: Kind.SECOND_RATE}),
+     {NameKind.COORDINATE: NameKind.ACCELERATION,
+      NameKind.DEFINITION: NameKind.SECOND_RATE}),
     (MULTIPLIER.prefix, "", {}),  # of constraints
-    (FORCE.prefix, "", {Kind.COORDINATE: Kind.CONSTRAINT_FORCE}),
+    (FORCE.prefix, "", {NameKind.COORDINATE: NameKind.CONSTRAINT_FORCE}),
 )  # fmt: skip
 
 
 class Meaning(NamedTuple):
     """Meaning of a name: its kind and base (`x` for `x_dot`, `c` for `lambda_c`)."""
 
-    kind: Kind
+    kind: NameKind
     base: str
 
 
@@ -137,7 +138,7 @@ class Names:
 
     has_lagrangian: bool
     readable: bool = True
-    variables: dict[str, Kind] = field(default_factory=dict)
+    variables: dict[str, NameKind] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)
     constraints: dict[str, Place] = field(default_factory=dict)
     reactions: list[str] = field(default_factory=list)
@@ -152,10 +153,10 @@ class Names:
     @property
     def complete(self) -> bool:
         """Whether all declared names are known, so that any other name is a fault."""
-        return self.readable and bool(self.of(Kind.COORDINATE) or self.broken)
+        return self.readable and bool(self.of(NameKind.COORDINATE) or self.broken)
 
     def section(
-        self, section: Node | None, what: str, kind: Kind, faults: Faults
+        self, section: Node | None, what: str, kind: NameKind, faults: Faults
     ) -> list[Entry]:
         """Declare the names of a section and return the valid entries."""
         if section is None:
@@ -164,7 +165,7 @@ class Names:
         self.readable &= is_mapping(section)
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
-    def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
+    def declare(self, key: Scalar, kind: NameKind, faults: Faults) -> bool:
         """Declare a name as a variable of the file; return whether it is valid."""
         name, self._known, self._meanings = key.text, {}, {}
         if not check_name(key, kind.text, faults):
@@ -184,27 +185,27 @@ class Names:
         faults.add("name-clash", text, here, hint)
         return False
 
-    def of(self, kind: Kind) -> list[str]:
+    def of(self, kind: NameKind) -> list[str]:
         """Return the names of one kind, in the order of the file."""
         if not self._known:
-            kinds: dict[object, list[str]] = {k: [] for k in Kind}
+            kinds: dict[object, list[str]] = {k: [] for k in NameKind}
             for name, k in self.variables.items():
                 if name[:1] != HIDDEN:
                     kinds[k].append(name)
-            velocities = frozenset(map(rate_of, kinds[Kind.COORDINATE]))
+            velocities = frozenset(map(rate_of, kinds[NameKind.COORDINATE]))
             self._known = {**kinds, "velocities": velocities}
         found: list[str] = self._known[kind]
         return found
 
     def velocities(self) -> frozenset[str]:
         """Return the names of the velocities."""
-        self.of(Kind.COORDINATE)
+        self.of(NameKind.COORDINATE)
         found: frozenset[str] = self._known["velocities"]
         return found
 
     def moving(self) -> list[str]:
         """Return the names that have rates: coordinates and definitions."""
-        return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
+        return self.of(NameKind.COORDINATE) + self.of(NameKind.DEFINITION)
 
     def meaning(self, name: str) -> Meaning | None:
         """Return kind and base of a name in an expression: (velocity, `x`) for `x_dot`.
@@ -219,22 +220,22 @@ class Names:
         return self._meanings[name]
 
     def _meaning(self, name: str) -> Meaning | None:
-        if self.variables.get(name, Kind.TABLE) is not Kind.TABLE:
+        if self.variables.get(name, NameKind.TABLE) is not NameKind.TABLE:
             return Meaning(self.variables[name], name)
         if name in ("t", "pi"):
-            return Meaning(Kind.TIME if name == "t" else Kind.PI, name)
+            return Meaning(NameKind.TIME if name == "t" else NameKind.PI, name)
         known = ["energy", *([] if self.has_lagrangian else ("kinetic", "potential"))]
         if name in known:
-            return Meaning(Kind.ENERGY, name)
+            return Meaning(NameKind.ENERGY, name)
         base = name.removeprefix(REACTION.prefix)
         if base != name and base in self.reactions:
-            return Meaning(Kind.REACTION, base)
+            return Meaning(NameKind.REACTION, base)
         for base, kinds in _parted(name):
             if kind := kinds.get(self.variables.get(base)):
                 return Meaning(kind, base)
         base = name.removeprefix(MULTIPLIER.prefix)
         constraint = base != name and base in self.constraints
-        return Meaning(Kind.MULTIPLIER, base) if constraint else None
+        return Meaning(NameKind.MULTIPLIER, base) if constraint else None
 
     def is_faulty(self, name: str) -> bool:
         """Whether `name` depends on a name with a reported fault."""
@@ -251,7 +252,7 @@ class Names:
         """
         base = name.removeprefix(REACTION.prefix)
         if base != name:
-            near = faults.guess(base, self.of(Kind.DEFINITION)) or base
+            near = faults.guess(base, self.of(NameKind.DEFINITION)) or base
             hint = f"add output: {{reactions: [{near}]}}"
             return f"there is no column `{name}`: `reactions` does not list it", hint
         for ending in ("_ddot", "_dot"):
@@ -323,7 +324,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
-    elif what == Kind.TABLE.text and name in FUNCTIONS:
+    elif what == NameKind.TABLE.text and name in FUNCTIONS:
         text, hint = f"`{name}` is a function already and cannot be {what} too", ""
     elif name in JOINING:
         text, hint = f"`{name}` is an operator and cannot be the name of {what}", ""
@@ -377,7 +378,7 @@ def _undecorated(name: str, decoration: str, *, called: bool) -> str:
 
 
 # The kinds of names with a column; a parameter has none, but its name is an expression.
-_SHOWN = (Kind.COORDINATE, Kind.STATE, Kind.MODE, Kind.DEFINITION)
+_SHOWN = (NameKind.COORDINATE, NameKind.STATE, NameKind.MODE, NameKind.DEFINITION)
 
 
 def _owner(name: str, names: Names) -> tuple[str, Place | None]:
@@ -409,7 +410,7 @@ def _place_of(of: str, owner: Owner, names: Names) -> Place | None:
         whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips
         return names.constraints.get(of, names.constraints.get(whole))
     of = of if of in names.variables else of.replace("_dot", "")
-    kinds = _SHOWN if owner is Owner.COLUMN else (Kind.COORDINATE,)
+    kinds = _SHOWN if owner is Owner.COLUMN else (NameKind.COORDINATE,)
     return names.places.get(of) if names.variables.get(of) in kinds else None
 
 
@@ -427,7 +428,7 @@ def check_columns(names: Names, faults: Faults) -> None:
 
 # --- Expressions
 
-OF_DEFINITIONS = (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE)
+OF_DEFINITIONS = (NameKind.DEFINITION, NameKind.RATE, NameKind.SECOND_RATE)
 _FOR_OUTPUT = "such names are allowed only in definitions for output, and in plots"
 
 
@@ -731,13 +732,13 @@ class Expressions:
             return self.refuse(used, scalar, *_misplaced(name, kind, what, most))
         if kind not in OF_DEFINITIONS:
             # A parameter without a value is reported already; only numbers need it.
-            unvalued = kind is Kind.PARAMETER and name not in self.known
-            unbuilt = kind is Kind.ENERGY and self.energies.get(name, 0) is None
+            unvalued = kind is NameKind.PARAMETER and name not in self.known
+            unbuilt = kind is NameKind.ENERGY and self.energies.get(name, 0) is None
             return not (unvalued and most is Level.NUMBER) and not unbuilt
         node, level = self.definitions.get(base, (None, Level.POSITION))
         code: ErrorCode | Literal[""] = ""
         text, hint = f"the definition `{name.lstrip(HIDDEN)}`", ""
-        if kind is not Kind.DEFINITION and level is not Level.POSITION:
+        if kind is not NameKind.DEFINITION and level is not Level.POSITION:
             code = "no-rate"
             text = f"`{name}` is the rate of `{base}`, which depends on "
             text += level.text
@@ -796,15 +797,15 @@ class Expressions:
         meaning = self.names.meaning(name)
         assert meaning is not None
         kind, base = meaning.kind, meaning.base
-        if kind is Kind.PI:
+        if kind is NameKind.PI:
             return self.graph.constant(math.pi)
-        if kind is Kind.DEFINITION:
+        if kind is NameKind.DEFINITION:
             node = self.definitions[base].node
-        elif kind in (Kind.RATE, Kind.SECOND_RATE):
-            node = self.rate_of(base, second=kind is Kind.SECOND_RATE)
-        elif kind is Kind.ENERGY and name != "energy":
+        elif kind in (NameKind.RATE, NameKind.SECOND_RATE):
+            node = self.rate_of(base, second=kind is NameKind.SECOND_RATE)
+        elif kind is NameKind.ENERGY and name != "energy":
             node = self.energies[name]
-        elif kind is Kind.STATE_RATE:
+        elif kind is NameKind.STATE_RATE:
             node = self.states.get(base, self.graph.variable(name))
         else:
             node = self.graph.variable(name)
@@ -835,7 +836,7 @@ class Expressions:
         """
         if node is None or not self.with_rates:
             return
-        moving = self.names.velocities().union(self.names.of(Kind.COORDINATE))
+        moving = self.names.velocities().union(self.names.of(NameKind.COORDINATE))
         used = {s for word in words(node) for s in self.with_rates.get(word, ())}
         for s in sorted(used):
             if depends := sorted(self.graph.depends([self.states[s]]) & moving):
@@ -857,9 +858,9 @@ class Expressions:
         while len(self._rates) < 2 + second:
             g, nodes = self.graph, self._rates[-1]
             motion = {g.variable("t"): g.one}
-            for s in self.names.of(Kind.STATE):
+            for s in self.names.of(NameKind.STATE):
                 motion[g.variable(s)] = self.states.get(s, g.variable(rate_of(s)))
-            for q in self.names.of(Kind.COORDINATE):
+            for q in self.names.of(NameKind.COORDINATE):
                 motion[g.variable(q)] = g.variable(rate_of(q))
                 motion[g.variable(rate_of(q))] = g.variable(rate_of(q, 2))
             rates = tangent(g, nodes.values(), motion)
@@ -868,7 +869,7 @@ class Expressions:
 
 
 def _misplaced(
-    name: str, kind: Kind, what: str, most: Level
+    name: str, kind: NameKind, what: str, most: Level
 ) -> tuple[ErrorCode, str, str]:
     """Return code, text and hint of a known name that is not allowed in its place."""
     text = f"`{name}` is {kind.text}"

@@ -18,7 +18,7 @@ from lagsim.model.model import (
     DEFAULT_ROWS,
     LINKS,
     SHAPES,
-    Curve,
+    DrawnExpression,
     Level,
     Output,
     Plot,
@@ -41,7 +41,7 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.equations import read_relation
-from lagsim.model.reader.expressions import Kind, check_name
+from lagsim.model.reader.expressions import NameKind, check_name
 from lagsim.model.reader.fields import (
     AXES,
     LINK,
@@ -210,7 +210,7 @@ class _Simulation:
 
 def read_output(found: Fields, x: Expressions) -> Output:
     """Return the columns, plots and options of the section `output`."""
-    columns = tuple(x.names.of(Kind.DEFINITION))
+    columns = tuple(x.names.of(NameKind.DEFINITION))
     node = found.value("columns")
     named = items(node, "`columns`", x.faults)
     if isinstance(node, Sequence):
@@ -236,7 +236,7 @@ def read_output(found: Fields, x: Expressions) -> Output:
 def _varied(node: Node | None, x: Expressions) -> tuple[str, ...]:
     """Return the parameters and start values named in the list `sensitivities`."""
     moving, found = x.names.moving(), dict[str, None]()
-    known = [*x.names.of(Kind.PARAMETER), *moving, *x.names.of(Kind.STATE)]
+    known = [*x.names.of(NameKind.PARAMETER), *moving, *x.names.of(NameKind.STATE)]
     known += map(rate_of, moving)
     given = items(node, "`sensitivities`", x.faults)
     for part in named(given, "`sensitivities` lists names", x.faults):
@@ -288,9 +288,13 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
         return
     for part in named(given, "`plot` names columns", x.faults):
         meaning = x.names.meaning(part.text)
-        hidden = meaning is not None and meaning.kind is Kind.DEFINITION
+        hidden = meaning is not None and meaning.kind is NameKind.DEFINITION
         hidden &= part.text not in columns
-        if meaning is None or hidden or meaning.kind in (Kind.PARAMETER, Kind.PI):
+        if (
+            meaning is None
+            or hidden
+            or meaning.kind in (NameKind.PARAMETER, NameKind.PI)
+        ):
             text = f"there is no column `{part.text}`"
             hint = x.faults.did_you_mean(part.text, [*x.names.moving(), *columns])
             x.faults.add("unknown-name", text, part, hint)
@@ -319,7 +323,7 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
         definition = x.definitions.get(name)
         if definition is None or definition.node is None:
             continue  # faulty itself, and reported
-        states = set(x.names.of(Kind.STATE)) & x.graph.depends([definition.node])
+        states = set(x.names.of(NameKind.STATE)) & x.graph.depends([definition.node])
         if definition.level is Level.POSITION and not states:
             found.append(name)
             continue
@@ -348,13 +352,13 @@ def _definitions(
         if name in found:
             text = f"the {what} `{name}` is given twice"
             faults.add(_TWICE[what], text, place)
-        elif kind is Kind.DEFINITION:
+        elif kind is NameKind.DEFINITION:
             found[name] = place
         elif kind is not None or names.meaning(name) or name in RESERVED:
             text, more = _no_definition(name, what, hint, names)
             faults.add("not-a-definition", text, place, more)
         elif name not in names.faulty and names.complete:
-            near = faults.did_you_mean(name, names.of(Kind.DEFINITION))
+            near = faults.did_you_mean(name, names.of(NameKind.DEFINITION))
             near = near or f"define it in `definitions`: {name}: ..."
             faults.add("unknown-name", f"there is no definition `{name}`", place, near)
     return found
@@ -367,11 +371,11 @@ def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, 
     """
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
-    columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
-    columns |= {Kind.STATE, Kind.STATE_RATE}
+    columns = {NameKind.VELOCITY, NameKind.ENERGY, NameKind.TIME, NameKind.REACTION}
+    columns |= {NameKind.STATE, NameKind.STATE_RATE}
     if meaning is None or meaning.kind in columns:
         hint = "leave it out: it is a column in any case"
-    elif meaning.kind is not Kind.COORDINATE:
+    elif meaning.kind is not NameKind.COORDINATE:
         hint = f"define it: {name}_given: {name}, and name that"
     return f"{text}; {what}s are definitions", hint
 
@@ -390,7 +394,9 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
     return Plot(right[0], up, other, log, title) if right and up else None
 
 
-def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
+def _curves(
+    node: Node | None, axis: str, x: Expressions
+) -> tuple[DrawnExpression, ...]:
     """Return the expressions of a plot's axis; of the horizontal axis, one only.
 
     axis : `x`, `y` or `y2`.
@@ -407,7 +413,7 @@ def _curves(node: Node | None, axis: str, x: Expressions) -> tuple[Curve, ...]:
     for part in nodes:
         compiled = x.compile(part, f"`{axis}` of the plot", Level.OUTPUT)
         if compiled is not None and isinstance(part, Scalar):
-            found.append(Curve(compiled, " ".join(part.text.split())))
+            found.append(DrawnExpression(compiled, " ".join(part.text.split())))
     return tuple(found)
 
 
@@ -438,10 +444,10 @@ _Link: TypeAlias = "tuple[tuple[str, str], str, StringLength | None]"
 
 def read_scene(found: Fields, x: Expressions) -> Scene:
     """Return the points, the links between points, and the shapes."""
-    return _Reader(found, x).read()
+    return _SceneReader(found, x).read()
 
 
-class _Reader:
+class _SceneReader:
     """Reader of a scene: `points` has the sound points, `named` the names of all.
 
     `whole`: all names of points were readable, so that another name is a fault.

@@ -21,7 +21,7 @@ SAMPLED = 20
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
 
 
-class Row(NamedTuple):
+class SheetLine(NamedTuple):
     """Cells of a line, its number in the file from 1, and its text."""
 
     number: int
@@ -40,7 +40,7 @@ class Sheet(NamedTuple):
         Whether numbers have decimal commas.
     """
 
-    rows: list[Row]
+    rows: list[SheetLine]
     separator: str
     comma: bool
 
@@ -58,7 +58,7 @@ class Sheet(NamedTuple):
             return math.nan
         return value if math.isfinite(value) else math.nan
 
-    def excess(self, row: Row) -> str:
+    def excess(self, row: SheetLine) -> str:
         """Return the fault of a row longer than the header, or an empty text."""
         many = len(row.cells)
         if many <= len(self.header) or not any(row.cells[len(self.header) :]):
@@ -68,7 +68,7 @@ class Sheet(NamedTuple):
             text += ": with decimal commas, `;` or a tab separates cells"
         return text
 
-    def span(self, row: Row, column: int) -> tuple[int, int]:
+    def span(self, row: SheetLine, column: int) -> tuple[int, int]:
         """Return the position in the line at which a cell begins, and its length."""
         begin = sum(len(cell) + 1 for cell in row.cells[:column])
         cells = row.cells[column : column + 1]
@@ -83,7 +83,7 @@ def read_sheet(text: str) -> Sheet:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     separator = _separator([line for _, line in lines[: SAMPLED + 1]])
-    rows = [Row(k, _cells(line, separator), line) for k, line in lines]
+    rows = [SheetLine(k, _cells(line, separator), line) for k, line in lines]
     numbers = [cell for row in rows[1:] for cell in row.cells]
     comma = separator != "," and _has_decimal_commas(numbers)
     rows = [row for row in rows if any(cell.strip() for cell in row.cells)]

@@ -13,7 +13,7 @@ from lagsim.language import tables
 from lagsim.model.loading import STDIN, TEXT
 from lagsim.model.model import Table
 from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
-from lagsim.model.reader.expressions import Kind
+from lagsim.model.reader.expressions import NameKind
 from lagsim.model.reader.fields import LISTED, TABLE, fields, items, kind_of, listed
 from lagsim.model.reader.sheets import read_sheet
 
@@ -56,7 +56,7 @@ def read_tables(
         of the range of all values.
     """
     for key, node in given:
-        table = _Reader(key, node, x, file).table(shifts.get(key.text))
+        table = _TableReader(key, node, x, file).table(shifts.get(key.text))
         if table is None:
             x.names.faulty.add(key.text)
         else:
@@ -64,7 +64,7 @@ def read_tables(
     return tuple(x.names.tables.values())
 
 
-class _Reader:
+class _TableReader:
     """Reader of one table."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
@@ -100,7 +100,7 @@ class _Reader:
             return None
         made = tables.made(self.name, axes, values, how, outside)
         path, of = self.below.text("file"), self.x.names.of
-        constants = frozenset(of(Kind.PARAMETER) + of(Kind.MODE))
+        constants = frozenset(of(NameKind.PARAMETER) + of(NameKind.MODE))
         return Table(self.name, *made, how, outside, path, self.sha256, constants)
 
     def _is_sound(self) -> bool:
@@ -155,7 +155,7 @@ class _Reader:
             if math.isfinite(value):
                 return value
         x = self.x.over(self.x.faults, {})
-        for name in sorted(words(node).intersection(x.names.of(Kind.PARAMETER))):
+        for name in sorted(words(node).intersection(x.names.of(NameKind.PARAMETER))):
             text = f"points are numbers, and `{name}` is a parameter"
             hint = f"scale the table where it is called: {name}*{self.name}(...)"
             self._fault("not-constant", text, node, hint)

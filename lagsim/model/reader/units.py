@@ -91,10 +91,10 @@ def mismatches(
 
     read : every expression, with its name in messages.
     """
-    return _Check(model, read).run()
+    return _UnitCheck(model, read).run()
 
 
-class _Check:
+class _UnitCheck:
     """Evaluation of the units of all expressions; `read` has these by their names."""
 
     def __init__(

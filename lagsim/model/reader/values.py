@@ -27,7 +27,7 @@ from lagsim.model.nodes import (
     texts_of,
 )
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import OF_DEFINITIONS, Kind, Resolved, Value
+from lagsim.model.reader.expressions import OF_DEFINITIONS, NameKind, Resolved, Value
 from lagsim.model.reader.fields import (
     COORDINATE,
     DEFINITION,
@@ -117,7 +117,7 @@ class Definitions:
         levels = dict.fromkeys(self._about, Level.POSITION)
         for name, (_, parsed) in self._texts.items():
             for used in parsed.names:
-                kind, base = x.names.meaning(used.text) or (Kind.PI, "")
+                kind, base = x.names.meaning(used.text) or (NameKind.PI, "")
                 levels[name] = max(levels[name], kind.level)
                 if kind in OF_DEFINITIONS and base in self._about:
                     self._uses[name].setdefault(base, used)
@@ -266,7 +266,7 @@ class _Numbers:
         return (scalar, parsed, value) if is_finite else None
 
 
-class Parameters(_Numbers):
+class ParameterReader(_Numbers):
     """Reader of parameters and modes."""
 
     def read(self, given: list[Entry], modes: list[Entry]) -> tuple[Parameter, ...]:
@@ -275,9 +275,9 @@ class Parameters(_Numbers):
         below = {key.text for key, _ in given}  # the parameter being read, and later
         found = []
         for key, node in (*given, *modes):
-            kind = self.x.names.variables.get(key.text, Kind.PARAMETER)
+            kind = self.x.names.variables.get(key.text, NameKind.PARAMETER)
             name, what = key.text, f"the{kind.text[1:]} `{key.text}`"
-            form = VALUE if kind is Kind.PARAMETER else DEFINITION
+            form = VALUE if kind is NameKind.PARAMETER else DEFINITION
             entry = _value_entry(key, node, what, self.x, form)
             expression = self._instead.get(name, entry.value)
             rule = partial(self._rule, name, what, below)
@@ -288,7 +288,7 @@ class Parameters(_Numbers):
             if read is not None:
                 _, parsed, value = read
                 follows = any(used.text in self.known for used in parsed.names)
-                mode = kind is Kind.MODE
+                mode = kind is NameKind.MODE
                 (self.x.modes if mode else self.known)[name] = value
                 about = entry.unit, entry.about
                 found.append(
@@ -336,12 +336,12 @@ class Parameters(_Numbers):
         for name, value in self._instead.items():
             meaning = names.meaning(name)
             kind = meaning.kind if meaning else None
-            if kind in (Kind.PARAMETER, Kind.MODE) or names.is_faulty(name):
+            if kind in (NameKind.PARAMETER, NameKind.MODE) or names.is_faulty(name):
                 continue
-            moving, states = names.moving(), names.of(Kind.STATE)
+            moving, states = names.moving(), names.of(NameKind.STATE)
             rates = map(rate_of, moving)
-            modes = names.of(Kind.MODE)
-            among = [*names.of(Kind.PARAMETER), *modes, *moving, *states, *rates]
+            modes = names.of(NameKind.MODE)
+            among = [*names.of(NameKind.PARAMETER), *modes, *moving, *states, *rates]
             hint = member_hint(name, among)
             if not hint:
                 near = faults.guess(name, among)
@@ -370,7 +370,13 @@ class Parameters(_Numbers):
 
 
 # Kinds of names that can have a start value.
-STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE, Kind.DEFINITION, Kind.RATE)
+STARTED = (
+    NameKind.COORDINATE,
+    NameKind.VELOCITY,
+    NameKind.STATE,
+    NameKind.DEFINITION,
+    NameKind.RATE,
+)
 
 
 class Initial(_Numbers):
@@ -406,8 +412,8 @@ class Initial(_Numbers):
         x, graph = self.x, self.x.graph
         started = (x.definitions.get(name) for name in self._above)
         nodes = [d.node for d in started if d is not None and d.node is not None]
-        every = [(q, "coordinate", "guess") for q in x.names.of(Kind.COORDINATE)]
-        every += [(s, "state", "steady") for s in x.names.of(Kind.STATE)]
+        every = [(q, "coordinate", "guess") for q in x.names.of(NameKind.COORDINATE)]
+        every += [(s, "state", "steady") for s in x.names.of(NameKind.STATE)]
         for q, what, key in every:
             if q not in self._all and not x.names.is_faulty(q):
                 own, text = in_file(q), f"`initial` has no value for the {what} `{q}`"
@@ -419,7 +425,7 @@ class Initial(_Numbers):
     def _in_order(
         self, found: dict[str, InitialValue], place: Place
     ) -> tuple[InitialValue, ...]:
-        coordinates = self.x.names.of(Kind.COORDINATE)
+        coordinates = self.x.names.of(NameKind.COORDINATE)
         velocities = list(map(rate_of, coordinates))
         started = (self.x.definitions.get(name) for name in found)
         nodes = [d.node for d in started if d and d.level is Level.VELOCITY]
@@ -427,7 +433,7 @@ class Initial(_Numbers):
         for name in velocities:
             if name not in self._all:  # stated to be 0, or left to such a definition
                 found[name] = InitialValue(name, 0.0, 0.0, name in free, "", place)
-        order = [*coordinates, *velocities, *self.x.names.of(Kind.STATE), *found]
+        order = [*coordinates, *velocities, *self.x.names.of(NameKind.STATE), *found]
         return tuple(found[name] for name in dict.fromkeys(order) if name in found)
 
     def _start(self, key: Scalar, node: Node) -> InitialValue | None:
@@ -460,7 +466,7 @@ class Initial(_Numbers):
         if "value" in {name.text for name, _ in node.entries}:
             self.x.scalar(node, what)  # a fault, with a hint
             return broken
-        is_state = key.text in self.x.names.of(Kind.STATE)
+        is_state = key.text in self.x.names.of(NameKind.STATE)
         wanted, other = ("steady", "guess") if is_state else ("guess", "steady")
         given = fields(node, what, START, faults, key.place)
         guess = given.value(wanted)
@@ -489,7 +495,7 @@ class Initial(_Numbers):
         elif len(texts) < len(given):
             return []
         both = len(texts) == len(("position", "velocity"))
-        moving = self.x.names.variables.get(name) is Kind.COORDINATE
+        moving = self.x.names.variables.get(name) is NameKind.COORDINATE
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
@@ -501,12 +507,12 @@ class Initial(_Numbers):
                 self._report_unknown(key)
             return False, None
         kind, base = meaning
-        if kind in (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE):
+        if kind in (NameKind.COORDINATE, NameKind.VELOCITY, NameKind.STATE):
             return True, None
         hint = "start values belong to positions and velocities"
         if kind not in STARTED:
             text = f"`{name}` is {kind.text} and has no start value"
-            if kind in (Kind.PARAMETER, Kind.MODE):
+            if kind in (NameKind.PARAMETER, NameKind.MODE):
                 hint = f"its value belongs in `{kind.text[2:]}s`"
             faults.add("not-a-start-value", text, key, hint)
             return False, None
@@ -518,24 +524,24 @@ class Initial(_Numbers):
             text = f"`{base}` uses {level.text} and has no start value here"
             faults.add("output-only", text, key, hint)
             return False, None
-        if kind is Kind.RATE and level is not Level.POSITION:
+        if kind is NameKind.RATE and level is not Level.POSITION:
             text = f"`{name}` is the rate of `{base}`, which uses velocities"
             faults.add("no-rate", text, key)
             return False, None
-        if kind is Kind.RATE and node is not None:
+        if kind is NameKind.RATE and node is not None:
             node = self.x.rate_of(base)
         return node is not None, node
 
     def _report_unknown(self, key: Scalar) -> None:
         names, faults, name = self.x.names, self.x.faults, key.text
-        moving, coordinates = names.moving(), names.of(Kind.COORDINATE)
+        moving, coordinates = names.moving(), names.of(NameKind.COORDINATE)
         near = re.sub(r"_?0$|\(0\)$", "", name)  # x0, x(0)
         near = near if near in moving else hints.rate_of(name, moving)
         near = near or hints.rate_within(name, moving)
         if not near and name in hints.SPEEDS and len(coordinates) == 1:
             near = rate_of(coordinates[0])
         if not near and rated(name)[0] not in self._above:
-            among = [*moving, *names.of(Kind.STATE), *map(rate_of, moving)]
+            among = [*moving, *names.of(NameKind.STATE), *map(rate_of, moving)]
             near = faults.guess(name, among)
         hint = "start values belong to coordinates, definitions and their rates"
         hint += f", such as {in_file(rate_of(moving[0]))}" if moving else ""
@@ -562,7 +568,7 @@ class Initial(_Numbers):
                 known = [n for n in self.known if n in names.variables]
                 self.x.refuse_unknown(used, scalar, known)
             return False
-        if name in self._above or meaning.kind in (Kind.PARAMETER, Kind.MODE):
+        if name in self._above or meaning.kind in (NameKind.PARAMETER, NameKind.MODE):
             return False  # faulty itself, and reported
         hint = "a start value may use parameters and the start values above it"
         text = f"`{name}` is {meaning.kind.text} without a start value above this line"

@@ -77,7 +77,7 @@ def ordered(
     return list(sorted_ | dict.fromkeys(order))
 
 
-class Writer(Lines):
+class FunctionWriter(Lines):
     """Writer of the IR of one function, or of the pieces of a long one.
 
     Attributes
@@ -360,7 +360,9 @@ ret void
 }}"""
 
 
-def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
+def write(
+    w: FunctionWriter, name: str, loop: Loop, places: Mapping[int, Place]
+) -> None:
     """Write the function `name`, which evaluates a Taylor series.
 
     places : nodes that `prepare` has evaluated, with the places of their values.
@@ -414,7 +416,7 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
     w.lines.append(text)
 
 
-def _sums(w: Writer, padded: int) -> str:
+def _sums(w: FunctionWriter, padded: int) -> str:
     """Return the calls that compute the sums of an order; declare their function."""
     text = _SUMS.format(vector=SUMS, row_bytes=16 * padded, align=LINE_BYTES)
     w.declared.add(text)
@@ -472,10 +474,10 @@ def generate(
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout.fixed)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
     scratch = layout.size + len(fixed)
-    writers = [Writer(g, layout, scratch)]
+    writers = [FunctionWriter(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
-        writer = Writer(g, layout, scratch, contract=name in manner.contracted)
+        writer = FunctionWriter(g, layout, scratch, contract=name in manner.contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
             write(writer, name, nodes, places)

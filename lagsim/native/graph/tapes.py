@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 
 
-class Kind(NamedTuple):
+class OperationKind(NamedTuple):
     """An operation, the exponent of a power, and which operands are products.
 
     An evaluation computes these products, too: most operations of an elimination are
@@ -67,7 +67,7 @@ class Kind(NamedTuple):
 
 # Fields of a STORE: index in p, index in out. Sine and cosine of LANES angles: indices
 # of the sines, of the cosines, of the angles.
-STORE, SINCOS = map(Kind, ("store", "sincos"))
+STORE, SINCOS = map(OperationKind, ("store", "sincos"))
 STOP = 0
 SUMS = ("add", "sub")
 
@@ -207,7 +207,7 @@ class _Tapes:
 
     def interpreter(self) -> tuple[set[str], list[str]]:
         """Return declarations and lines of the interpreter of the tapes so far."""
-        kinds = {Kind(*kind): opcode for kind, opcode in self.opcodes.items()}
+        kinds = {OperationKind(*kind): opcode for kind, opcode in self.opcodes.items()}
         whole = Interpreter(kinds, self.time)
         return whole.declared, [self.table, *whole.lines]
 
@@ -338,7 +338,7 @@ class _Tapes:
 class Interpreter(Lines):
     """The function that runs a tape: one loop for each opcode."""
 
-    def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
+    def __init__(self, opcodes: Mapping[OperationKind, int], time: int) -> None:
         super().__init__()
         self.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         self.declared.add(CLEAR)
@@ -379,7 +379,7 @@ class Interpreter(Lines):
             "}",
         ]
 
-    def _evaluation(self, kind: Kind, at: str) -> int:
+    def _evaluation(self, kind: OperationKind, at: str) -> int:
         """Write the code of one evaluation; return the number of its fields.
 
         at : the address of its fields.

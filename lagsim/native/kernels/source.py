@@ -39,7 +39,7 @@ def static_parameters(function: FunctionType) -> list[str]:
     return [name for name, kind in kinds if kind == "Static"]
 
 
-class Source:
+class KernelText:
     """Text and signature of one kernel.
 
     Attributes
@@ -145,7 +145,7 @@ class Folding:
         Values of the variables of the enclosing `unrolled` loops.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: KernelText) -> None:
         self.source = source
         self.unrolled: dict[str, int] = {}
         self._globals: dict[str, object] = {}

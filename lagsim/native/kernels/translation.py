@@ -50,7 +50,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeGuard
 
 from lagsim.native.kernels import words
 from lagsim.native.kernels.keys import KernelError, as_kernel
-from lagsim.native.kernels.source import Folding, Source, parameters, static_parameters
+from lagsim.native.kernels.source import (
+    Folding,
+    KernelText,
+    parameters,
+    static_parameters,
+)
 from lagsim.native.layout import BLOCK, NUMBER, SIZE
 
 if TYPE_CHECKING:
@@ -152,7 +157,7 @@ class _Function(Folding, ast.NodeVisitor):
         Labels that are targets of a jump.
     """
 
-    def __init__(self, source: Source, program: _Translation) -> None:
+    def __init__(self, source: KernelText, program: _Translation) -> None:
         super().__init__(source)
         self.program = program
         self.lines: list[str] = []
@@ -794,9 +799,9 @@ class _Translation:
         self, functions: Sequence[Callable[..., Any]], statics: Mapping[str, object]
     ) -> None:
         self.statics = statics
-        self.known: dict[tuple[object, ...], tuple[str, Source]] = {}
+        self.known: dict[tuple[object, ...], tuple[str, KernelText]] = {}
         self.symbols: set[str] = set()
-        self.waiting: list[tuple[str, Source]] = []
+        self.waiting: list[tuple[str, KernelText]] = []
         self.declared: dict[str, None] = {}
         self.loops = 0
         self.exported: frozenset[str] = frozenset()
@@ -820,7 +825,7 @@ class _Translation:
             )
         return "\n".join([*self.declared, *defined])
 
-    def callee(self, function: FunctionType, *known: int) -> tuple[str, Source]:
+    def callee(self, function: FunctionType, *known: int) -> tuple[str, KernelText]:
         """Return symbol and signature of a function, and queue it for translation.
 
         known : the values of its static parameters.
@@ -843,7 +848,7 @@ class _Translation:
         return self.loops
 
     def _add(self, function: FunctionType, *known: int) -> None:
-        source = Source(function, self.statics, known)
+        source = KernelText(function, self.statics, known)
         symbol, external = source.name, words.is_external(function)
         if external and symbol in self.exported:
             # It denotes the translated function of its name.

@@ -48,7 +48,7 @@ _coming: dict[str, Callable[[], bytes]] = {}
 _fingerprints: dict[tuple[object, ...], str] = {}
 
 
-class Part:
+class ProgramPart:
     """A part of a program: functions that are generated and compiled together.
 
     Parameters
@@ -109,7 +109,7 @@ class Part:
             _coming[key] = ahead.bring(self._compiled)
 
 
-def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Part:
+def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
     """Return the part of a graph's functions.
 
     Parameters
@@ -119,12 +119,12 @@ def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Part:
     generate : function
         Returns the IR, and the length of p that its functions need.
     """
-    return Part(["graph", made_from], generate, optimise=False)
+    return ProgramPart(["graph", made_from], generate, optimise=False)
 
 
 def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
-) -> Part:
+) -> ProgramPart:
     """Return the part of kernels, which are translated unless they are in the cache.
 
     functions, statics : as for `translation.translate`.
@@ -139,11 +139,14 @@ def kernel_part(
 
         return translation.translate(functions, statics), 0
 
-    return Part(["kernel", _fingerprints[known]], translated, optimise=True)
+    return ProgramPart(["kernel", _fingerprints[known]], translated, optimise=True)
 
 
 def linked(
-    parts: Sequence[Part], first: str, exports: Sequence[str], chosen: engine.Target
+    parts: Sequence[ProgramPart],
+    first: str,
+    exports: Sequence[str],
+    chosen: engine.Target,
 ) -> bytes:
     """Return the object code of all parts as one object, see `engine.link_object`.
 
@@ -167,7 +170,7 @@ def linked(
     return _kept(["linked", *sources, first, *exports, *chosen], made)
 
 
-def runtime(chosen: engine.Target) -> list[Part]:
+def runtime(chosen: engine.Target) -> list[ProgramPart]:
     """Return the parts that a target needs besides a program: elementary functions."""
     if not chosen.portable:
         return []

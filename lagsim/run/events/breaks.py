@@ -386,13 +386,13 @@ def _times_of(
     g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
 ) -> Iterator[tuple[float, bool]]:
     """Return the times at which node `discrete` may change, see `Division.times`."""
-    clock = Clock.of(g, discrete)
+    clock = TimedTable.of(g, discrete)
     if clock is None:
         return Division(g, discrete, values, start, end).times()
     return _knots_located(g, discrete, clock, values, (start, end))
 
 
-class Clock(NamedTuple):
+class TimedTable(NamedTuple):
     """Table whose argument is linear in t: a t + b.
 
     Attributes
@@ -408,7 +408,7 @@ class Clock(NamedTuple):
     rate: int
 
     @classmethod
-    def of(cls, g: Graph, discrete: int) -> Clock | None:
+    def of(cls, g: Graph, discrete: int) -> TimedTable | None:
         """Return the clock whose table cell is the node `discrete`, or None.
 
         None where the node is no cell of a table, or its argument is not linear in t.
@@ -443,13 +443,13 @@ def _jumps(g: Graph, argument: int) -> bool:
 def _knots_located(
     g: Graph,
     discrete: int,
-    clock: Clock,
+    clock: TimedTable,
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
     """Return the first doubles at which the table cell changes, with pause flag False.
 
-    Each lies near the time of a knot computed by `Clock.knots`. `ends`: start and end.
+    Each lies near a knot of `TimedTable.knots`. `ends`: start and end.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):

@@ -248,7 +248,7 @@ def _smallest(arc: Arc, k: int) -> Point:
 MOST_DENSE = 10**9
 
 
-class Dependence(Source):
+class NearDependence(Source):
     """Source that changes to QR decomposition where rows become nearly dependent."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:

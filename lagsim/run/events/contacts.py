@@ -24,7 +24,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.conditions import count_closed
 from lagsim.run.events.kinematics import Kinematics
-from lagsim.run.events.sequence import Flights, Sequence
+from lagsim.run.events.sequence import Flights, SwitchSequence
 from lagsim.run.events.sliders import at_edge, settle
 from lagsim.run.events.slips import begin_slips
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import Impact, Modes
+    from lagsim.mechanics.contact import Impact, RowModes
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
 
@@ -84,7 +84,7 @@ WARNINGS = {
 
 
 @dataclass(slots=True)
-class Found:
+class StateAfter:
     """State after the events at one time, with the events, warnings and rows.
 
     Attributes
@@ -111,7 +111,7 @@ class Contacts(Source):
 
     def __init__(self, arc: Arc) -> None:
         self.laws = arc.system.laws
-        self.sequence = Sequence(arc.settings.start, arc.settings.duration)
+        self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
         self.bounces = [0] * len(self.laws)
         self.flights = [Flights() for _ in self.laws]
         laws = enumerate(self.laws)
@@ -126,7 +126,7 @@ class Contacts(Source):
         self.also: set[int] = set()
         self.rested: set[str] = set()
         # Time, laws and their modes, where selected together with modes of surfaces.
-        self.joint: tuple[float, list[int], Modes] | None = None
+        self.joint: tuple[float, list[int], RowModes] | None = None
         self.before = np.zeros(len(self.laws))  # the modes up to the time reached
         self.asked_at = arc.t
         self.modes_at_start = arc.modes
@@ -174,7 +174,9 @@ class Contacts(Source):
         turn = Turn.MODES if joint else Turn.ARC
         return self._decision(arc, found, turn)
 
-    def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
+    def _decision(
+        self, arc: Arc, found: StateAfter, turn: Turn = Turn.NONE
+    ) -> Decision:
         if found.ending is not None and arc.steps == 0:
             why = f"{found.ending.about}: {found.ending.outcome.advice}"
             text = f"no motion exists from this start on: {why}"
@@ -193,13 +195,13 @@ class Contacts(Source):
             self.left, self.also, self.rested = {}, set(), set()
 
     def _report(
-        self, found: Found, code: WarningCode, some: list[int], **numbers: float
+        self, found: StateAfter, code: WarningCode, some: list[int], **numbers: float
     ) -> None:
         """Add a warning about some laws, once for each text.
 
         Parameters
         ----------
-        found : Found
+        found : StateAfter
         code : str
             A key of `WARNINGS`.
         some : list of int
@@ -213,7 +215,7 @@ class Contacts(Source):
     def _names(self, some: Collection[int]) -> str:
         return quoted(self.laws[k].name for k in some)
 
-    def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> Found:
+    def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> StateAfter:
         """Compute the impacts at the state reached, then select the modes.
 
         Parameters
@@ -224,7 +226,7 @@ class Contacts(Source):
         select : bool
             Whether the modes are selected here, not later with the sides of surfaces.
         """
-        here, found = Kinematics(arc, arc.y), Found(arc.y.copy())
+        here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy())
         corrected = _corrected_state(here, met)
         if corrected is not None:
             found.y, here = corrected, Kinematics(arc, corrected.copy())
@@ -268,7 +270,11 @@ class Contacts(Source):
         return found
 
     def _select(
-        self, here: Kinematics, also: Collection[int], some: list[int], found: Found
+        self,
+        here: Kinematics,
+        also: Collection[int],
+        some: list[int],
+        found: StateAfter,
     ) -> None:
         """Select the modes of laws by the accelerations.
 
@@ -279,7 +285,7 @@ class Contacts(Source):
             Laws that count as closed whatever their gaps are.
         some : list of int
             Laws that are closed and can strike.
-        found : Found
+        found : StateAfter
             The events and warnings are added to it.
         """
         arc, p = here.arc, here.arc.system.p
@@ -322,7 +328,7 @@ class Contacts(Source):
         self._note_former(arc)
         return that_could_act(Kinematics(arc, arc.y), self.also)
 
-    def take(self, arc: Arc, some: list[int], found: Modes) -> None:
+    def take(self, arc: Arc, some: list[int], found: RowModes) -> None:
         """Store modes of some laws that were selected together with sides of surfaces.
 
         Parameters
@@ -330,7 +336,7 @@ class Contacts(Source):
         arc : Arc
         some : list of int
             Numbers of the laws.
-        found : Modes
+        found : RowModes
             Modes of rows; the rows of these laws are first.
         """
         self.joint = arc.t, some, found
@@ -361,7 +367,7 @@ class Contacts(Source):
         slow = within * np.abs(here.present[discs])
         p.law_still[discs] = np.maximum(p.law_still[discs], slow)
 
-    def _settled(self, here: Kinematics, found: Found) -> Kinematics:
+    def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
         """Return the kinematics after sliders without mass have changed their modes.
 
         The state, events and ending are stored in `found`.
@@ -424,7 +430,11 @@ class Contacts(Source):
         return ends
 
     def _strike(
-        self, here: Kinematics, some: list[int], ends: dict[int, float], found: Found
+        self,
+        here: Kinematics,
+        some: list[int],
+        ends: dict[int, float],
+        found: StateAfter,
     ) -> None:
         """Compute and apply the impulses of some laws.
 
@@ -436,7 +446,7 @@ class Contacts(Source):
             Numbers of the laws with impulses.
         ends : dict of int to float
             End times of the series of bounces that end with this impact.
-        found : Found
+        found : StateAfter
             Its state, rows, events and warnings are updated.
         """
         arc, y, lift = here.arc, found.y, here.shape.lift
@@ -494,7 +504,7 @@ class Contacts(Source):
         self._warn(here, some, result, found, ending=bool(stopped))
 
     def _warn(
-        self, here: Kinematics, some: list[int], result: Impact, found: Found,
+        self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,
         *, ending: bool,
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or that gains energy."""
@@ -748,7 +758,7 @@ class Chosen(NamedTuple):
     open: bool = False
 
     @classmethod
-    def of(cls, here: Kinematics, some: list[int], found: Modes) -> Chosen:
+    def of(cls, here: Kinematics, some: list[int], found: RowModes) -> Chosen:
         """Return the modes of all laws from the modes of the laws `some`.
 
         Others are off.

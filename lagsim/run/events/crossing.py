@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import Modes as RowModes
+    from lagsim.mechanics.contact import RowModes
     from lagsim.run.events.contacts import Contacts
-    from lagsim.run.events.filippov import Modes, Rows
+    from lagsim.run.events.filippov import Rows, SurfaceModes
     from lagsim.run.events.kinematics import Acting
 
 
@@ -77,7 +77,7 @@ SOON = 1e-3
 
 
 def come_to_rest(
-    modes: Modes, levels: Mapping[int, float], sizes: Floats, left: float
+    modes: SurfaceModes, levels: Mapping[int, float], sizes: Floats, left: float
 ) -> bool:
     """Select rest at the end of a switching curve; return whether rest is possible.
 
@@ -87,7 +87,7 @@ def come_to_rest(
 
     Parameters
     ----------
-    modes : Modes
+    modes : SurfaceModes
         The modes of all K surfaces; changed to rest where it is possible.
     levels : mapping of int to float
         Levels of the surfaces that the state is on.
@@ -110,7 +110,7 @@ def come_to_rest(
 
 
 def _rests(
-    modes: Modes,
+    modes: SurfaceModes,
     rows: Rows,
     k: int,
     others: list[int],
@@ -173,7 +173,7 @@ def _rests(
 
 
 def _stay(
-    modes: Modes,
+    modes: SurfaceModes,
     sides: Mapping[int, Floats],
     rest: Floats,
     rates: Floats,
@@ -210,7 +210,7 @@ SAMPLES = 12
 FARTHER = 16.0
 
 
-def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
+def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     """Store the floors of all roots, their regularization, for the next arc.
 
     A floor is the error of a velocity that the tolerance allows in the run: ten times
@@ -218,7 +218,7 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
 
     Parameters
     ----------
-    modes : Modes
+    modes : SurfaceModes
     hit : int or None
         The surface that has been reached, or is no longer followed (`slipping`). In the
         latter case its floor is reduced, so that the force that holds a slow motion is
@@ -246,7 +246,7 @@ def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
     modes.store(floor=floors, least_root=floors)
 
 
-def _seen(modes: Modes, pushed: Floats) -> Floats:
+def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
     """Return the largest magnitude of each surface so far (K,); 0 if within rounding.
 
     pushed : ndarray, shape (K,), the largest rates of the surfaces by forces.
@@ -263,7 +263,7 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
     return np.where(found > least, found, 0.0)
 
 
-def _pushes(modes: Modes) -> Floats:
+def _pushes(modes: SurfaceModes) -> Floats:
     """Return d/dt of the surfaces' rates by forces at later times, (SAMPLES, K).
 
     The times are distributed geometrically from now to the end of the run.
@@ -276,7 +276,7 @@ def _pushes(modes: Modes) -> Floats:
     return np.array([np.nan_to_num(rows.J @ a - rows.b) for a in rates])
 
 
-def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
+def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
     """Return the velocity at which the root on surface k balances the largest force.
 
     It is extrapolated by a power law from the roots at `floors` (K,) and at FARTHER
@@ -293,7 +293,7 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
     return float(floors[k] * np.exp(np.log(force / small) / power))
 
 
-def _jump(modes: Modes, k: int) -> float:
+def _jump(modes: SurfaceModes, k: int) -> float:
     """Return half the difference of the rates of surface k on its two sides."""
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
@@ -332,7 +332,7 @@ class Crossing:
         Values and rows of all surfaces, with the sides selected so far.
     """
 
-    modes: Modes
+    modes: SurfaceModes
     known: Mapping[int, float]
     at_rest: Collection[int]  # surfaces whose rate is zero
     left: float  # the time in which the motion comes to rest on the surfaces `at_rest`

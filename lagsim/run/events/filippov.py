@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Flags, Floats, Ints
-    from lagsim.mechanics.contact import Modes as RowModes
+    from lagsim.mechanics.contact import RowModes
     from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Acting
@@ -57,7 +57,7 @@ MOST_STEPS = 20
 MOST_EXCHANGES = 1000
 
 
-class Trial(NamedTuple):
+class SideSolution(NamedTuple):
     """The solution for one selection of sides of n surfaces.
 
     Attributes
@@ -69,7 +69,7 @@ class Trial(NamedTuple):
     leads : ndarray, shape (n,)
         For a surface that does not attract, the rate of its expression towards the side
         selected: where negative, the selection is wrong. Else infinity.
-    modes : Modes
+    modes : RowModes
         The modes of the laws, then of the surfaces that attract.
     by_laws : list of int
         The surfaces at which rows of laws may hold the motion alone.
@@ -122,7 +122,7 @@ class FilippovCone:
     laws
         Function of a corner. It returns the laws there, and the rates (count, r) per
         unit multiplier.
-    modes : Modes or None
+    modes : RowModes or None
         The modes of the laws, then of the surfaces that attract, as selected.
     """
 
@@ -174,7 +174,7 @@ class FilippovCone:
             ways += reversed(exchanged)
         return None
 
-    def _others(self, sides: Corner, trial: Trial) -> list[int]:
+    def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
         """Return [k], the first surface with a solution on its other side alone, or [].
 
         If the motion leaves a surface on both sides, `is_fork` is set. A surface to
@@ -232,7 +232,7 @@ class FilippovCone:
             rates = rates + np.prod(parts) * self.rates(tuple(low.tolist()))
         return rates
 
-    def _solved(self, sides: Corner) -> Trial | None:
+    def _solved(self, sides: Corner) -> SideSolution | None:
         """Solve for all modes, with given sides of the surfaces that do not attract.
 
         A surface at which laws alone hold the motion has the value at its level. None
@@ -265,7 +265,7 @@ class FilippovCone:
         off = np.abs(self._blended(at) - self._blended(mean))[: self.count]
         return bool(np.all(off <= self.tolerance))
 
-    def _is_inside(self, sides: Corner, trial: Trial) -> bool:
+    def _is_inside(self, sides: Corner, trial: SideSolution) -> bool:
         """Whether all multipliers of held laws are inside their bounds, clearly."""
         closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
         for k, kind in enumerate(closed.kinds):
@@ -277,7 +277,9 @@ class FilippovCone:
                     return False
         return True
 
-    def _solved_beside(self, sides: Corner, level: Sequence[int]) -> Trial | None:
+    def _solved_beside(
+        self, sides: Corner, level: Sequence[int]
+    ) -> SideSolution | None:
         """Solve for the modes of the laws and of the surfaces that attract.
 
         These are rows of one problem. A surface at its level because other surfaces are
@@ -325,7 +327,7 @@ class FilippovCone:
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
         leads = np.where(np.abs(rho) <= tolerance, 0.0, off)
         leads[some] = math.inf
-        return Trial(mode.tolist(), w, leads, found, by_laws_alone)
+        return SideSolution(mode.tolist(), w, leads, found, by_laws_alone)
 
     def _modes(
         self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
@@ -437,7 +439,7 @@ class Carried(NamedTuple):
     ends_above: bool = False
 
 
-class Modes:
+class SurfaceModes:
     """The modes of the switching surfaces of a run.
 
     Attributes

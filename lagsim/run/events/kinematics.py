@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 PROBE = 2.0**-26
 
 
-class Shape:
+class MassAndRows:
     """The mass matrix M (n, n), and rows of equalities and laws (L, n), at a state."""
 
     def __init__(self, n: int, laws: int, numbers: Floats) -> None:
@@ -65,12 +65,12 @@ class Shape:
 
 
 @lru_cache(maxsize=4)
-def _shape(n: int, laws: int, numbers: bytes) -> Shape:
-    """Return the `Shape` with these numbers as bytes: M, then rows; memoized.
+def _shape(n: int, laws: int, numbers: bytes) -> MassAndRows:
+    """Return the `MassAndRows` with these numbers as bytes: M, then rows; memoized.
 
     n, laws : the counts of coordinates and laws.
     """
-    return Shape(n, laws, np.frombuffer(numbers))
+    return MassAndRows(n, laws, np.frombuffer(numbers))
 
 
 class Kinematics:
@@ -105,7 +105,7 @@ class Kinematics:
         The depths of contacts whose gap turns back below 0 without an impact.
     reach : tuple of two ndarray, shape (L,)
         The ranges of the residual and of the rate of each law in the motion so far.
-    shape : Shape
+    shape : MassAndRows
         The mass matrix and all rows.
     rows : ndarray, shape (L, n)
         The rows of the laws.
@@ -335,7 +335,7 @@ class Kinematics:
         """Accelerations of the laws per unit multiplier, along the surfaces followed.
 
         Forces keep the motion on these surfaces, but impulses do not: for impulses see
-        `Shape.reply`.
+        `MassAndRows.reply`.
         """
         shape = self.shape
         if not self.arc.system.p.sliding:

@@ -37,7 +37,7 @@ RESTS = 200
 NO_PART = 1e-4
 
 
-class Sequence:
+class SwitchSequence:
     """The last switches of a run, and the limit to which they accumulate.
 
     Parameters

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.complementarity import Problem, solve
+from lagsim.mechanics.complementarity import ComplementarityProblem, solve
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
@@ -222,7 +222,11 @@ class _Sliders:
         free = (slides.bounds[of] == 0.0) & ~np.isin(of, both)
         low[0], high[0] = np.where(free, -np.inf, 0.0), np.inf
         c = np.where(np.abs(c) <= still, 0.0, c)
-        found = turned * D.diagonal() * solve(Problem(D, c, low, high, alone, alone)).p
+        found = (
+            turned
+            * D.diagonal()
+            * solve(ComplementarityProblem(D, c, low, high, alone, alone)).p
+        )
         taken = found[: len(edge)]
         taken[np.isin(edge, both)] += found[len(edge) :]
         for k, slip in zip(edge, taken.tolist(), strict=True):
@@ -258,7 +262,9 @@ class _Sliders:
             D: Floats = np.asarray(np.linalg.inv(firm), float)
             high = np.array([sticks.bounds[some], np.zeros(len(some))])
             c = S @ (positions[own] - before) - D @ forces
-            p = solve(Problem(D, c, -high, high, np.full(len(some), -1), pairs)).p
+            p = solve(
+                ComplementarityProblem(D, c, -high, high, np.full(len(some), -1), pairs)
+            ).p
             step = np.linalg.solve(S, D @ (p - forces))
             positions[own] += step
             if (np.abs(step) <= SUM_ROUNDOFF * np.abs(positions[own])).all():

@@ -18,8 +18,8 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
-from lagsim.run.events.filippov import SLIDING, Modes
-from lagsim.run.events.sequence import Sequence
+from lagsim.run.events.filippov import SLIDING, SurfaceModes
+from lagsim.run.events.sequence import SwitchSequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
@@ -71,14 +71,14 @@ class Switching(Source):
 
     def __init__(self, arc: Arc, contacts: Contacts | None) -> None:
         self.contacts = contacts
-        self.modes = Modes(arc)
+        self.modes = SurfaceModes(arc)
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
-        self.sequence = Sequence(arc.settings.start, arc.settings.duration)
+        self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
         # Time at which a surface was reached last, its number, and largest distance.
         self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
-        self.resting: dict[int, float] = {}  # see `Modes.held`
+        self.resting: dict[int, float] = {}  # see `SurfaceModes.held`
         # Surfaces that the state is on, and corners at which velocities were stopped.
         self.levels: dict[int, float] = {}
         self.stopped: tuple[float, set[int]] = (math.nan, set())

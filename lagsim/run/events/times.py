@@ -22,8 +22,8 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
 from lagsim.methods.parts.missed import distance
 from lagsim.notes import Event
-from lagsim.run.events.breaks import NEIGHBOURS, Clock, Values, break_times
-from lagsim.run.events.sequence import Sequence
+from lagsim.run.events.breaks import NEIGHBOURS, TimedTable, Values, break_times
+from lagsim.run.events.sequence import SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
@@ -89,23 +89,23 @@ class _Ahead(Source):
         return next(self._coming, last)
 
 
-def clocks(arc: Arc) -> dict[int, Clock]:
+def clocks(arc: Arc) -> dict[int, TimedTable]:
     """Return the tables of a t + b that kernels pass, by the indices of their modes.
 
     y' has no jump at their points.
     """
     g, modes = arc.equations.graph, arc.system.switches.modes
     smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}
-    found = {k: Clock.of(g, discrete) for k, discrete in smooth.items()}
+    found = {k: TimedTable.of(g, discrete) for k, discrete in smooth.items()}
     return {k: clock for k, clock in found.items() if clock is not None}
 
 
-class Knots(_Ahead):
+class KnotTimes(_Ahead):
     """The knots of a run: points of tables of a t + b without a jump of y'.
 
     The kernel passes the knots without ending the arc; its memory holds a number of
-    knots at a time (`methods.parts.parameters.Knots`). The ends of a table, at which y'
-    may jump, are breaks also.
+    knots at a time (`methods.parts.parameters.KnownPoints`). The ends of a table, at
+    which y' may jump, are breaks also.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -122,7 +122,9 @@ class Knots(_Ahead):
         """
         return heapq.merge(*(self._of(*each) for each in clocks(self._arc).items()))
 
-    def _of(self, k: int, clock: Clock) -> Iterator[tuple[float, int, int, int, bool]]:
+    def _of(
+        self, k: int, clock: TimedTable
+    ) -> Iterator[tuple[float, int, int, int, bool]]:
         arc, is_linear = self._arc, clock.axis.numbers[1] == 0.0
         low, high = arc.system.switches.modes[k].smooth
         ends = self._start, arc.settings.end
@@ -148,7 +150,7 @@ class Knots(_Ahead):
             pass_knots(p, arc.t + p.apart)
         return GO_ON
 
-    def _rounding(self, clock: Clock) -> float:
+    def _rounding(self, clock: TimedTable) -> float:
         """Return a bound of the rounding error of the times of knots."""
         at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
         ends = self._start, self._arc.settings.end
@@ -194,7 +196,7 @@ class Knots(_Ahead):
 
 
 class TimeBreaks(_Ahead):
-    """The breaks of a run: times at which switches of t change, except `Knots`."""
+    """The breaks of a run: times at which switches of t change, except `KnotTimes`."""
 
     DERIVED = ("_coming", "_discrete")
 
@@ -204,7 +206,7 @@ class TimeBreaks(_Ahead):
         self._closed = [k for k in passed if modes[k].smooth[0] == 0.0]
         super().__init__(arc, [x.discrete for x in modes])
         self._discrete: Values | None = None
-        self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
+        self._met = SwitchSequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
 
@@ -217,7 +219,7 @@ class TimeBreaks(_Ahead):
     def _nodes(self, arc: Arc) -> list[int]:
         """Return the nodes of discrete functions of t whose changes are breaks.
 
-        They belong to the modes of the source, then to the ends of tables in `Knots`.
+        They belong to the modes of the source, then to ends of tables in `KnotTimes`.
         """
         g, modes = arc.equations.graph, arc.system.switches.modes
         closed = (clock for k, clock in clocks(arc).items() if k in self._closed)

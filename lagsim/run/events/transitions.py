@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.notes import Event
 from lagsim.run.events.conditions import Truth
-from lagsim.run.events.sequence import STUCK, Sequence
+from lagsim.run.events.sequence import STUCK, SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 
@@ -80,7 +80,9 @@ class Transitions(Source):
         self.rounds: list[tuple[list[str], dict[str, float]]] = []
         self.acts = [0] * len(events)  # of each event, at the last instant
         self.time = math.nan  # of the last instant
-        self.sequences = [Sequence(settings.start, settings.duration) for _ in events]
+        self.sequences = [
+            SwitchSequence(settings.start, settings.duration) for _ in events
+        ]
         self.begun = self.is_over = False
         self.energetic = arc.system.equations.is_set
         self._truth: Truth | None = None

@@ -27,10 +27,10 @@ from lagsim.outputs.figure import (
     LOST,
     PENS,
     SMALL,
-    Column,
     Entry,
     Pen,
     Picture,
+    PlottedColumn,
     content,
     curve,
     in_house_style,
@@ -72,14 +72,14 @@ OF_SCIPY = 2
 AN_ANSWER = 0.1
 
 
-class Shown(NamedTuple):
+class ChartedCurves(NamedTuple):
     """Curves to draw, and relative costs of other curves, by method and formulation."""
 
     curves: dict[Key, list[Row]]
     left_out: dict[Key, float]
 
 
-def shown(rows: Sequence[Row], worst: float) -> Shown:
+def shown(rows: Sequence[Row], worst: float) -> ChartedCurves:
     """Select curves from rows of work_precision.json with an error of at most `worst`.
 
     Curves are preferred in this order: settings that `auto` selects, curves on the
@@ -103,7 +103,7 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
     later = [key for key in held if key not in scipy]
     order = dict.fromkeys([*best, *scipy[:OF_SCIPY], *own, *later, *scipy])
     taken = list(order)[:MOST]
-    return Shown(
+    return ChartedCurves(
         {key: found[key] for key in ranked if key in taken},
         {key: times[key] for key in ranked if key not in taken},
     )
@@ -155,7 +155,7 @@ class Look(NamedTuple):
         return self.mark | {"linestyle": "-", "markevery": [1]} | self.line
 
 
-class Cost(NamedTuple):
+class CostCurve(NamedTuple):
     """Data of a curve: its errors, their costs, and flags of points with a ring."""
 
     name: str
@@ -196,7 +196,7 @@ def seen(errors: Iterable[float]) -> Array:
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
-def error_scale(costs: Sequence[Cost], floor: float) -> Scale:
+def error_scale(costs: Sequence[CostCurve], floor: float) -> Scale:
     """Return the logarithmic scale of all errors and of the resolution `floor`."""
     known = np.concatenate([*(c.errors for c in costs), seen([floor]), [0.1]])
     return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
@@ -205,7 +205,7 @@ def error_scale(costs: Sequence[Cost], floor: float) -> Scale:
 def cost_panel(
     axes: Axes,
     across: Scale,
-    costs: Sequence[Cost],
+    costs: Sequence[CostCurve],
     of: str,
     *,
     floor: float,
@@ -271,10 +271,10 @@ def figure(document: Document) -> Picture:
     return drawing
 
 
-def _costs(found: Shown, of: str) -> list[Cost]:
+def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
     keys = [*found.curves, *found.left_out]
     return [
-        Cost(
+        CostCurve(
             _name(key, keys), look_of(*key), seen(row["error"] for row in rows),
             seen(row[of] for row in rows), [row["chosen"] for row in rows],
         )
@@ -289,7 +289,7 @@ def _name(key: Key, keys: Iterable[Key]) -> str:
     return method if alone else f"{method} {formulation}"
 
 
-def _about_costs(document: Document, found: Shown) -> list[str]:
+def _about_costs(document: Document, found: ChartedCurves) -> list[str]:
     lines = [f"Reference: {document['reference']['trust']}."]
     rows = curves(document["rows"])
     if gaps := list(_gaps(rows, found)):
@@ -312,7 +312,7 @@ def _about_costs(document: Document, found: Shown) -> list[str]:
     return lines
 
 
-def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
+def _gaps(rows: Mapping[Key, Sequence[Row]], found: ChartedCurves) -> Iterator[str]:
     """Yield texts on settings without an answer, with adjacent settings joined.
 
     Curves that were left out for their cost are not considered.
@@ -334,7 +334,7 @@ def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
 # and the space below each; then the largest numbers of maps and regions in a row.
 STRIP, MAP, REGION, LARGE, WORK, BELOW = 0.27, 1.9, 1.75, 2.4, 1.0, 0.6
 MAPS, REGIONS = 3, 5
-STEPS = Column("step h", "s", np.empty(0))
+STEPS = PlottedColumn("step h", "s", np.empty(0))
 CHEAPER = "cheaper →"
 
 # Okabe and Ito's hues from pale to dark, so that they differ in grey as well.
@@ -404,10 +404,10 @@ def _round(planes: Sequence[Axes]) -> None:
         axes.set_xlim(REAL[0] * across, REAL[1] * across)
 
 
-def _varied(document: Document) -> Column:
+def _varied(document: Document) -> PlottedColumn:
     """Return the parameter that varies, with its unit and values."""
     vary = document["vary"]
-    return Column(vary["name"], vary["unit"], np.array(vary["values"], float))
+    return PlottedColumn(vary["name"], vary["unit"], np.array(vary["values"], float))
 
 
 def borders_of(document: Document, method: str) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ import numpy as np
 from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.linearisation import Linearisation, Mode, modes, spectrum
+from lagsim.mechanics.linearisation import EigenMode, Linearisation, modes, spectrum
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
@@ -76,7 +76,7 @@ TRUSTED_STEPS = 300_000
 ADAPTIVE_STEPS = 300_000
 
 
-class Cell(NamedTuple):
+class MapCell(NamedTuple):
     """Verdict on one run: a cell of the map.
 
     Attributes
@@ -203,7 +203,7 @@ class Subject:
             Instant(start.t, start.q, start.v + change, start.s)
         )
 
-    def run(self, name: str, step: float | None, steps: int = 0) -> Cell:
+    def run(self, name: str, step: float | None, steps: int = 0) -> MapCell:
         """Run a number of steps of a method, and judge the run.
 
         With `step` None the method chooses its steps, and the run has the duration of
@@ -225,7 +225,7 @@ class Subject:
         with np.errstate(all="ignore"):
             found = self._verdict(trial)
         counts = trial.statistics
-        return Cell(
+        return MapCell(
             *found, counts.evaluations, counts.rejections, counts.smallest_step,
             trial.end - case.settings.start, "" if trial.complete else trial.reason,
         )  # fmt: skip
@@ -339,7 +339,7 @@ UNSTEADY = (
 INSTEAD = "`lagsim bench` compares methods on such a model, for each step"
 
 
-class Wish(NamedTuple):
+class MapOptions(NamedTuple):
     """Options of a map.
 
     Attributes
@@ -369,11 +369,11 @@ class Wish(NamedTuple):
 def columns(name: str | None) -> list[str]:
     """Return the columns of stability.csv; `name` is the varied parameter or None."""
     varied = [] if name is None else [name]
-    return ["method", "step", *varied, *Cell._fields[:-1]]
+    return ["method", "step", *varied, *MapCell._fields[:-1]]
 
 
 def methods_for(
-    case: Case, wish: Wish
+    case: Case, wish: MapOptions
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
     """Return methods with fixed steps, methods with step control, and refused ones.
 
@@ -422,7 +422,7 @@ def spaced(between: tuple[float, float], count: int) -> list[float]:
 
 def measure(
     case: Case,
-    wish: Wish,
+    wish: MapOptions,
     *,
     interrupt: Interrupt | None = None,
     progress: Progress = None,
@@ -468,7 +468,7 @@ class _Map:
     """
 
     def __init__(
-        self, case: Case, wish: Wish, interrupt: Interrupt, progress: Progress
+        self, case: Case, wish: MapOptions, interrupt: Interrupt, progress: Progress
     ) -> None:
         self.wish, self.interrupt = wish, interrupt
         self.progress = progress or (lambda _part: None)
@@ -533,7 +533,7 @@ class _Map:
                     subject = refused(error).reason
             trial = partial(self._trial, subject, name)
             steps = self.steps if name in self.fixed else [None]
-            strip = dict[Any, Cell]()
+            strip = dict[Any, MapCell]()
             for part, h in enumerate(steps):
                 self.progress((done + part / len(steps)) / len(places))
                 strip[h] = trial(h)
@@ -546,15 +546,15 @@ class _Map:
                 self.borders[name].append(varied | border)
         self.progress(1.0)
 
-    def _trial(self, subject: Subject | str, name: str, step: float | None) -> Cell:
+    def _trial(self, subject: Subject | str, name: str, step: float | None) -> MapCell:
         if isinstance(subject, str):
-            return Cell(FAILS, reason=subject)
+            return MapCell(FAILS, reason=subject)
         try:
             found = subject.run(
                 name, step, 0 if step is None else self.length(name, step)
             )
         except InputError as error:
-            found = Cell(FAILS, reason=refused(error).reason)
+            found = MapCell(FAILS, reason=refused(error).reason)
         with self.interrupt.raised():
             return found
 
@@ -562,8 +562,8 @@ class _Map:
         self,
         subject: Subject | str,
         name: str,
-        strip: Mapping[float, Cell],
-        trial: Callable[[float], Cell],
+        strip: Mapping[float, MapCell],
+        trial: Callable[[float], MapCell],
     ) -> Document:
         """Return the entry of the stability border of a method.
 
@@ -652,8 +652,8 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
 
 
 def _found(
-    strip: Mapping[float, Cell],
-    trial: Callable[[float], Cell],
+    strip: Mapping[float, MapCell],
+    trial: Callable[[float], MapCell],
     expected: Sequence[float | None],
 ) -> tuple[float | None, str]:
     """Locate the stability border by bisection before the first unstable step.
@@ -692,7 +692,7 @@ def _equilibrium(subject: Subject) -> Document:
     """Return the rest and its modes, those of `modes`, as entries of stability.json."""
     kind, reason = structure(subject.equations), subject.unknown
     rest: Steady | None = None
-    about: tuple[Mode, ...] = ()
+    about: tuple[EigenMode, ...] = ()
     if not reason and not kind.autonomous:
         reason = "the equations depend on time"
     elif not reason:
@@ -730,7 +730,7 @@ def _is_start(rest: Steady, subject: Subject) -> bool:
     return bool(np.all(far <= COMPUTED_ZERO * size) and not np.any(start.v))
 
 
-def _mode(mode: Mode, names: Sequence[str]) -> Document:
+def _mode(mode: EigenMode, names: Sequence[str]) -> Document:
     real, imaginary = (
         dict(zip(names, (part + 0.0).tolist(), strict=True))  # no -0
         for part in (mode.shape.real, mode.shape.imag)

@@ -92,7 +92,7 @@ class NoReferenceError(LagsimError):
     code = "no-reference"
 
 
-class Solution(NamedTuple):
+class ReferenceSolution(NamedTuple):
     """Rows of a solution with their columns, method and setting."""
 
     how: str
@@ -105,7 +105,7 @@ class Solution(NamedTuple):
 
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
-) -> Iterator[Solution]:
+) -> Iterator[ReferenceSolution]:
     """Yield the solution at the tightest possible tolerance, or one for each step."""
     fixed, left = solver.setting == "step", iter(values)
     for value in left:
@@ -116,14 +116,16 @@ def _solved(
             next(left, None)  # a little looser takes as long
         elif len(solved.rows):
             how = f"{solver.method} at {solver.setting} {value:.3g}"
-            yield Solution(
+            yield ReferenceSolution(
                 how, solver.method, value, solver.names, solved.rows, solved.events
             )
             if not fixed:
                 return
 
 
-def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
+def _by_own(
+    case: Case, names: Iterable[str], patience: Patience
+) -> Iterator[ReferenceSolution]:
     """Yield solutions by the named methods that can handle the model."""
     steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
     for name in names:
@@ -133,7 +135,9 @@ def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[So
             yield from _solved(own, values, patience)
 
 
-def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
+def _others(
+    case: Case, first: ReferenceSolution, patience: Patience
+) -> Iterator[ReferenceSolution]:
     """Yield solutions by other methods; if there is none, by the method of `first`."""
     found = _by_own(case, (x for x in SECOND if x != first.method), patience)
     own = index_one(case)
@@ -235,7 +239,7 @@ class Reference:
             apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
         return apart
 
-    def against(self, second: Solution) -> Reference:
+    def against(self, second: ReferenceSolution) -> Reference:
         """Return the reference with the agreement to a second solution."""
         count = min(len(self.rows), len(second.rows))
         apart = self.apart(second.rows, count, second.events)
@@ -332,7 +336,7 @@ def make_reference(
     return best
 
 
-def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
+def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Reference:
     """Return a solution as a reference that no second solution has confirmed.
 
     between : rows beside the solution's, for the ranges of columns.
@@ -419,7 +423,7 @@ NEEDED = (
 )  # fmt: skip
 
 
-class Wish(NamedTuple):
+class BenchOptions(NamedTuple):
     """Options of a bench.
 
     Attributes
@@ -531,11 +535,11 @@ def halvings(between: tuple[float, float]) -> list[float]:
 
 def _curves(
     case: Case,
-    wish: Wish,
+    wish: BenchOptions,
     reference: Reference,
     chosen: Mapping[Key, list[float]],
     refused: list[Row],
-) -> Iterator[Curve]:
+) -> Iterator[PrecisionCurve]:
     """Yield the curves of a bench: a solver and its settings.
 
     refused : receives the solvers that cannot handle the model.
@@ -552,7 +556,9 @@ def _curves(
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
             more = chosen.get((own.method, own.formulation), [])
-            yield Curve(own, sorted({*values, *more}, reverse=True), more, reference)
+            yield PrecisionCurve(
+                own, sorted({*values, *more}, reverse=True), more, reference
+            )
     wanted = list(filter(wish.wants, SCIPY))
     if not wanted:
         return
@@ -562,11 +568,13 @@ def _curves(
         if refusal:
             refused.append({"method": name, "formulation": "auto", "reason": refusal})
         else:
-            yield Curve(Scipy(own, name, reference.rows), tolerances, [], reference)
+            yield PrecisionCurve(
+                Scipy(own, name, reference.rows), tolerances, [], reference
+            )
 
 
 @dataclass
-class Curve:
+class PrecisionCurve:
     """Work-precision curve of a solver, from loose to tight settings.
 
     Attributes
@@ -631,7 +639,7 @@ class Curve:
 
 def measure(
     case: Case,
-    wish: Wish,
+    wish: BenchOptions,
     *,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,

@@ -11,7 +11,7 @@ import numpy as np
 from lagsim import files
 from lagsim.errors import InputError, Place, Problem, Problems, did_you_mean, unusable
 from lagsim.language.names import rate_of
-from lagsim.model.model import Curve, Level, Plot
+from lagsim.model.model import DrawnExpression, Level, Plot
 from lagsim.model.reader.sheets import read_sheet
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from lagsim.model.model import (
         Coordinate,
         Definition,
+        FirstOrderState,
         Model,
         Settings,
-        State,
     )
 
 TIME = "t"
@@ -224,9 +224,10 @@ def matched(
         faults.add("bad-data", text, place, hint)
     faults.refuse()
     curves = tuple(
-        Curve(node, one.text) for node, one in zip(nodes, matches, strict=True)
+        DrawnExpression(node, one.text)
+        for node, one in zip(nodes, matches, strict=True)
     )
-    time = Curve(model.graph.variable(TIME), TIME)
+    time = DrawnExpression(model.graph.variable(TIME), TIME)
     plots = (*model.output.plots, Plot(time, curves))
     return replace(model, output=model.output._replace(plots=plots)), matches
 
@@ -239,7 +240,7 @@ def columns_of(model: Model) -> list[str]:
 
 def _measurable(model: Model) -> dict[str, str]:
     """Return the names that a column of the same name measures, with their units."""
-    every: list[Coordinate | State | Definition] = [*model.coordinates]
+    every: list[Coordinate | FirstOrderState | Definition] = [*model.coordinates]
     every += [*model.states, *model.definitions]
     moving = [d.name for d in model.definitions if d.level is Level.POSITION]
     moving += [c.name for c in model.coordinates]

@@ -14,9 +14,9 @@ from lagsim.model.reader.runs import FROM
 from lagsim.outputs.figure import (
     NO_RESULT,
     PENS,
-    Column,
     Pen,
     Picture,
+    PlottedColumn,
     content,
     figure,
     in_house_style,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.studies.sweep.runs import Axis, Found
+    from lagsim.studies.sweep.runs import Axis, SweepRows
 
     Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ BAND: Pen = {"color": "#BFE3F5", "linewidth": 6.0, "solid_capstyle": "butt"}
 FEW = 60
 
 
-def chart(found: Found) -> bytes:
+def chart(found: SweepRows) -> bytes:
     """Draw sweep.png; return its content."""
     model = found.model
     names = [x.name for x in (*model.variables, *model.definitions)]
@@ -83,7 +83,7 @@ def chart(found: Found) -> bytes:
     return content(_maps(found, columns, abreast=2, **more))
 
 
-def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
+def sweep_figure(found: SweepRows, columns: Mapping[str, Array]) -> Figure:
     """Return a matplotlib figure of columns of a sweep, each of shape (runs,)."""
     if len(found.grid.axes) > 1 and not found.grid.together:
         return _maps(found, columns)
@@ -92,7 +92,7 @@ def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
     return figure(found.model.name, x._replace(log=is_log(x.values)), shown)
 
 
-def values_of(found: Found, column: str) -> Array:
+def values_of(found: SweepRows, column: str) -> Array:
     """Return end, minimum and maximum of a column (runs, 3); nan without a result."""
     place = found.columns.index(column)
     cells = np.full((found.grid.runs, 3), np.nan)
@@ -102,27 +102,29 @@ def values_of(found: Found, column: str) -> Array:
     return cells
 
 
-def _along(found: Found, axis: Axis) -> tuple[NDArray[np.int64], Column]:
+def _along(found: SweepRows, axis: Axis) -> tuple[NDArray[np.int64], PlottedColumn]:
     """Return the order in which an axis' values ascend, and its sorted values."""
     values = np.array(axis.values)
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
     name += " at the start" if axis.starts else ""
-    return order, Column(name, raised(axis.unit), values[order])
+    return order, PlottedColumn(name, raised(axis.unit), values[order])
 
 
-def _column(found: Found, name: str, values: Array) -> Column:
+def _column(found: SweepRows, name: str, values: Array) -> PlottedColumn:
     """Return a column with its name and unit as written in pictures."""
     column, _, part = (name, "", "") if name in found.columns else name.rpartition(".")
     if part not in {"", *PARTS}:
-        return Column(name, "", values)
+        return PlottedColumn(name, "", values)
     written = letters_of(found.model).name(column)
     written += f", {PARTS[part]}" if part else ""
-    return Column(written, raised(found.units.get(column, "")), values)
+    return PlottedColumn(written, raised(found.units.get(column, "")), values)
 
 
 @in_house_style
-def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> Picture:
+def _panels(
+    found: SweepRows, names: Sequence[str], missing: bool, **more: Any
+) -> Picture:
     """Draw the last values of columns over the first swept names.
 
     With one swept name a band shows the range of each run.
@@ -162,7 +164,7 @@ def _panels(found: Found, names: Sequence[str], missing: bool, **more: Any) -> P
     return drawing
 
 
-def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
+def _maps(found: SweepRows, columns: Mapping[str, Array], **more: Any) -> Picture:
     """Draw columns (runs,) as maps over the first two swept names."""
     (across, x), (up, y) = (_along(found, axis) for axis in found.grid.axes[:2])
     numbers = numbers_of(found)[across][:, up].T
@@ -175,7 +177,7 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
     )
 
 
-def numbers_of(found: Found) -> NDArray[np.int64]:
+def numbers_of(found: SweepRows) -> NDArray[np.int64]:
     """Return indices of runs as a grid over the first two axes.
 
     Other axes are at the middle of their values.
@@ -226,7 +228,7 @@ def borders(x: Array, *, log: bool | None = None) -> Array:
     return np.asarray(np.exp(edges)) if log else edges
 
 
-def _notes(found: Found, columns: int) -> list[str]:
+def _notes(found: SweepRows, columns: int) -> list[str]:
     lines, others = [], found.grid.axes[2:]
     fixed = [
         f"{_along(found, a)[1].name} = {a.texts[(len(a.texts) - 1) // 2]}"

@@ -35,7 +35,7 @@ from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.model.reader.runs import FROM
-from lagsim.outputs import Format
+from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
@@ -44,7 +44,7 @@ from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes, Measures
-from lagsim.run.session import Clock, Session, StartError, wanted
+from lagsim.run.session import Session, StartError, Stopwatch, wanted
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
@@ -284,7 +284,7 @@ EXTREMES = ("end", "min", "max")
 MEASURES = (*EXTREMES, "mean", "rms", "peak_to_peak")
 
 
-class Work(NamedTuple):
+class SweepInput(NamedTuple):
     """Input that all runs of a sweep share.
 
     Attributes
@@ -319,7 +319,7 @@ class Work(NamedTuple):
         return MEASURES if FROM in dict(self.options) else EXTREMES
 
 
-class Row(NamedTuple):
+class SweepRow(NamedTuple):
     """Result of a run: a row of the sweep.
 
     Attributes
@@ -349,12 +349,12 @@ class Row(NamedTuple):
 
 
 @dataclass(slots=True)
-class Found:
+class SweepRows:
     """Sweep with the rows computed so far.
 
     Attributes
     ----------
-    rows : dict of int to Row
+    rows : dict of int to SweepRow
         Rows by the index of the run.
     columns : tuple of str
         Columns of the tables of the runs.
@@ -365,8 +365,8 @@ class Found:
     """
 
     model: Model
-    work: Work
-    rows: dict[int, Row] = field(default_factory=dict)
+    work: SweepInput
+    rows: dict[int, SweepRow] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
@@ -379,10 +379,10 @@ class Found:
         options: Mapping[str, object],
         error_bars: ErrorBars,
         **more: Any,
-    ) -> Found:
-        """Return a sweep without rows; the arguments are fields of `Work`."""
+    ) -> SweepRows:
+        """Return a sweep without rows; the arguments are fields of `SweepInput`."""
         texts = tuple((name, str(x)) for name, x in options.items())
-        work = Work(pickle.dumps(model), texts, grid, error_bars, **more)
+        work = SweepInput(pickle.dumps(model), texts, grid, error_bars, **more)
         return cls(
             model, work._replace(error_bars=ErrorBars.NEVER) if work.ends else work
         )
@@ -410,7 +410,7 @@ class Runs:
         runs are made one by one.
     """
 
-    def __init__(self, work: Work) -> None:
+    def __init__(self, work: SweepInput) -> None:
         self.work, grid = work, work.grid
         self._forms = Forms(work.model, dict(work.options), "sweep")
         first = self._forms.form(grid.texts(0))
@@ -426,7 +426,7 @@ class Runs:
         self.batch: Batch | None = None
         self._tried, self._done = bool(first.structure), 0
 
-    def __reduce__(self) -> tuple[Callable[[Work], Runs], tuple[Work]]:
+    def __reduce__(self) -> tuple[Callable[[SweepInput], Runs], tuple[SweepInput]]:
         return runs_of, (self.work,)
 
     def units(self) -> dict[str, str]:
@@ -436,7 +436,9 @@ class Runs:
                 return of_table(session.equations, self.columns)
         return {}
 
-    def made(self, numbers: Sequence[int], interrupt: Interrupt) -> Iterator[list[Row]]:
+    def made(
+        self, numbers: Sequence[int], interrupt: Interrupt
+    ) -> Iterator[list[SweepRow]]:
         """Yield the rows of runs: one at a time, or AT_ONCE if only ends are requested.
 
         After an interrupt there are fewer rows.
@@ -451,8 +453,8 @@ class Runs:
                 return
             left = left[size:]
 
-    def _rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row]:
-        together: list[Row | None] = [None] * len(numbers)
+    def _rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[SweepRow]:
+        together: list[SweepRow | None] = [None] * len(numbers)
         if self.batch is not None:
             together = self.batch.rows(numbers, interrupt)
         found = []
@@ -463,7 +465,7 @@ class Runs:
             found.append(row)
         return found
 
-    def row(self, number: int, interrupt: Interrupt) -> Row | None:
+    def row(self, number: int, interrupt: Interrupt) -> SweepRow | None:
         """Return the row of a run; None after an interrupt."""
         self._done += 1
         if self._done % COLLECTED == 0 and not gc.isenabled():
@@ -473,14 +475,16 @@ class Runs:
             session = self._forms.session(grid.texts(number))
         except (InputError, StartError) as error:
             found = refused(error)
-            return Row(grid.values(number), found.outcome, reason=found.reason)
+            return SweepRow(grid.values(number), found.outcome, reason=found.reason)
         own, work = session.columns.of_table, self.work
         extremes = _observer(session)
         if work.kept is not None:
             made = self._written(number, session, extremes, interrupt)
         else:
             bars = work.error_bars
-            made = Attempts(extremes, interrupt, Clock(), error_bars=bars).best(session)
+            made = Attempts(extremes, interrupt, Stopwatch(), error_bars=bars).best(
+                session
+            )
         trajectory, bar = made.trajectory, made.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
@@ -493,7 +497,7 @@ class Runs:
         # Columns that a run with other members lacks are nan.
         cells = np.full((len(numbers), len(self.columns)), np.nan)
         cells[:, [self.columns.index(name) for name in own]] = numbers
-        return Row(
+        return SweepRow(
             tuple(value_of(model, axis.name) for axis in grid.axes),
             trajectory.outcome.word,
             complete,
@@ -509,15 +513,15 @@ class Runs:
         """Make a run, and write its folder of results."""
         from lagsim.outputs.results import MANIFEST, open_results
 
-        clock, work = Clock(), self.work
+        clock, work = Stopwatch(), self.work
         assert work.kept is not None
         width = len(str(work.grid.runs))  # its number is its row in sweep.csv, from 1
         folder = Path(work.kept, f"run-{number + 1:0{width}}")
         units = of_table(session.equations, session.columns.of_table)
         with open_results(folder) as results:
-            path = results.part(Format.CSV.file)
+            path = results.part(TableFormat.CSV.file)
             with contextlib.closing(
-                table_writer(Format.CSV, path, units, show_units=False)
+                table_writer(TableFormat.CSV, path, units, show_units=False)
             ) as writer:
                 found = Attempts(
                     writer, interrupt, clock, error_bars=work.error_bars,
@@ -536,7 +540,7 @@ class Runs:
 
 
 @functools.lru_cache(maxsize=2)
-def runs_of(work: Work) -> Runs:
+def runs_of(work: SweepInput) -> Runs:
     """Return the runs of a sweep in this process."""
     return Runs(work)
 
@@ -566,7 +570,7 @@ class Batch:
         The reason why each run must be made separately, or "".
     """
 
-    def __init__(self, session: Session, work: Work, columns: int) -> None:
+    def __init__(self, session: Session, work: SweepInput, columns: int) -> None:
         self.session, self.grid, self.columns = session, work.grid, columns
         self.options = dict(work.options)
         equations, axes = session.equations, self.grid.axes
@@ -582,7 +586,9 @@ class Batch:
         if not self.refusal:
             self._ensemble = Ensemble(session)
 
-    def rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row | None]:
+    def rows(
+        self, numbers: Sequence[int], interrupt: Interrupt
+    ) -> list[SweepRow | None]:
         """Return the rows of runs; None for a run that must be made separately.
 
         After an interrupt the list is empty.
@@ -596,7 +602,7 @@ class Batch:
         clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
         cells, form = ends.ended[:, None, : self.columns], _mark(self.session)
         return [
-            Row(tuple(own), DONE, True, None, "", cell, form) if plain else None
+            SweepRow(tuple(own), DONE, True, None, "", cell, form) if plain else None
             for own, cell, plain in zip(swept.tolist(), cells, clear, strict=True)
         ]
 

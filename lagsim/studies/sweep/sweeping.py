@@ -35,9 +35,9 @@ from lagsim.studies.sweep.runs import (
     OUTCOME,
     REASON,
     Axis,
-    Found,
     Grid,
-    Row,
+    SweepRow,
+    SweepRows,
     grid_of,
     refuse_many,
     runs_of,
@@ -63,13 +63,13 @@ SYNC_SECONDS = 1.0
 class Journal:
     """File of the rows of an incomplete sweep, to which rows are appended."""
 
-    def __init__(self, path: Path, found: Found) -> None:
+    def __init__(self, path: Path, found: SweepRows) -> None:
         self.path = path
         self._identity = json.loads(json.dumps(identity(found)))
         self._file: int | None = None
         self._synced = time.monotonic()
 
-    def resume(self) -> dict[int, Row]:
+    def resume(self) -> dict[int, SweepRow]:
         """Return the stored rows, and append later rows after these.
 
         Raises
@@ -96,7 +96,7 @@ class Journal:
         rows = {}
         for number, values, *known, numbers, form in map(json.loads, lines):
             cells = np.array(numbers, dtype=float)
-            rows[number] = Row._make((tuple(values), *known, cells, form))
+            rows[number] = SweepRow._make((tuple(values), *known, cells, form))
         return rows
 
     def begin(self) -> None:
@@ -104,7 +104,7 @@ class Journal:
         self._replace(b"")
         self._write([self._identity])
 
-    def add(self, rows: Iterable[tuple[int, Row]]) -> None:
+    def add(self, rows: Iterable[tuple[int, SweepRow]]) -> None:
         """Append rows with their indices."""
         self._write(
             [[k, *row._replace(numbers=row.numbers.tolist())] for k, row in rows]
@@ -142,7 +142,7 @@ class Journal:
 
 
 def sweep(
-    found: Found,
+    found: SweepRows,
     most: int,
     *,
     wanted: bool,
@@ -174,7 +174,7 @@ def sweep(
         own.made, found.missing, most, interrupt, wanted=wanted, hired=hired
     ):
         rows = [
-            (k, Row(found.grid.values(k), DIED, reason=x.reason))
+            (k, SweepRow(found.grid.values(k), DIED, reason=x.reason))
             if isinstance(x, Died) else (k, x) for k, x in results
         ]  # fmt: skip
         found.rows.update(rows)
@@ -186,7 +186,7 @@ def sweep(
     found.seconds = time.perf_counter() - began
 
 
-def header(found: Found) -> list[str]:
+def header(found: SweepRows) -> list[str]:
     """Return the columns of sweep.csv; the time has only its last value."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
@@ -194,7 +194,7 @@ def header(found: Found) -> list[str]:
     return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *reported, REASON]
 
 
-def cells(found: Found) -> Iterator[list[object]]:
+def cells(found: SweepRows) -> Iterator[list[object]]:
     """Yield the rows of sweep.csv in the order of the grid; None in an empty cell."""
     nothing = [None] * (len(header(found)) - len(found.grid.axes) - 4)
     for _, row in sorted(found.rows.items()):
@@ -206,12 +206,12 @@ def cells(found: Found) -> Iterator[list[object]]:
         yield [*row.values, *known, *numbers, row.reason]
 
 
-def table(found: Found) -> bytes:
+def table(found: SweepRows) -> bytes:
     """Return the content of sweep.csv."""
     return table_of(header(found), cells(found))
 
 
-def identity(found: Found) -> dict[str, Any]:
+def identity(found: SweepRows) -> dict[str, Any]:
     """Return the data that determine the rows; equal for sweeps with equal rows."""
     model, work = found.model, found.work
     return {
@@ -226,12 +226,12 @@ def identity(found: Found) -> dict[str, Any]:
     }
 
 
-def mark(found: Found) -> str:
+def mark(found: SweepRows) -> str:
     """Return the sha256 of `identity`, in hexadecimal."""
     return hashlib.sha256(json.dumps(identity(found)).encode()).hexdigest()
 
 
-def document(found: Found) -> dict[str, Any]:
+def document(found: SweepRows) -> dict[str, Any]:
     """Return the content of sweep.json without its list of files.
 
     Later versions of lagsim add keys and remove none.
@@ -268,14 +268,14 @@ def document(found: Found) -> dict[str, Any]:
     }
 
 
-def drawn(found: Found) -> bytes:
+def drawn(found: SweepRows) -> bytes:
     """Draw sweep.png."""
     from lagsim.studies.sweep.chart import chart
 
     return chart(found)
 
 
-def made_of(found: Found, *, plots: bool) -> Iterator[Made]:
+def made_of(found: SweepRows, *, plots: bool) -> Iterator[Made]:
     """Yield name and content of the files of a sweep other than sweep.json."""
     yield TABLE, table(found)
     if plots:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagsim.mechanics.complementarity import Problem, solve
+from lagsim.mechanics.complementarity import ComplementarityProblem, solve
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Mode, modes
 from tests.mechanics.contact._bodies import G, broken, closed, none, touching
@@ -185,7 +185,7 @@ def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
     bounds = np.array([[most, most], [0.0, 0.0]])
     push = -most * (1.0 + over) * D @ u
     one = np.array([-1, -1]), np.array([1, 0])
-    found = solve(Problem(D, push, -bounds, bounds, *one))
+    found = solve(ComplementarityProblem(D, push, -bounds, bounds, *one))
     assert found.found
     assert D @ found.p + push == pytest.approx(0.0, abs=1e-10)
     # Along the line the distance from the disc grows as a square.

@@ -2,12 +2,12 @@
 
 import pytest
 
-from lagsim.run.events.sequence import SHORT, Flights, Sequence
+from lagsim.run.events.sequence import SHORT, Flights, SwitchSequence
 
 
 def first_limit(intervals, start=0.0):
     """Give when a limit is told first, and that limit; or None."""
-    found, time = Sequence(start, 100.0), start
+    found, time = SwitchSequence(start, 100.0), start
     for interval in intervals:
         time += interval
         found.add(time, 0)

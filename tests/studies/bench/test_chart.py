@@ -21,7 +21,7 @@ from lagsim.studies.bench.chart import (
     stability,
     work_precision,
 )
-from lagsim.studies.bench.stability import VERDICTS, Wish, measure
+from lagsim.studies.bench.stability import VERDICTS, MapOptions, measure
 from tests.outputs.drawn import assert_legible, drawn
 from tests.small_scenes import spring
 
@@ -234,7 +234,7 @@ SPRING = spring(
 def found(**wish):
     case = open_case(read(SPRING, "spring.yaml"))
     few = {"methods": ("rk4", "verlet"), "strip": 3, "map": (3, 2)}
-    return measure(case, Wish(**(few | wish)))
+    return measure(case, MapOptions(**(few | wish)))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from lagsim.methods import method
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.stability import Wish, measure
+from lagsim.studies.bench.stability import MapOptions, measure
 from lagsim.studies.step_bounds import predicted
 from tests.small_scenes import oscillator, scene
 from tests.support import MODELS
@@ -50,7 +50,7 @@ LIMITS |= {name: method(name).IMAGINARY_LIMIT for name in ("kahan-li6", "kahan-l
 
 
 def looked_at(text, *methods, steps, strip=6, **more):
-    wish = Wish(methods, steps, strip=strip, **more)
+    wish = MapOptions(methods, steps, strip=strip, **more)
     return measure(open_case(read(text, "model.yaml")), wish)
 
 
@@ -162,11 +162,11 @@ def test_an_interrupt_ends_it():
     def pressed(_fraction):
         interrupt.signal = 2
 
-    found = measure(case, Wish(), interrupt=interrupt, progress=pressed)
+    found = measure(case, MapOptions(), interrupt=interrupt, progress=pressed)
     assert not found["complete"]
     assert not found["borders"]
     with pytest.raises(KeyboardInterrupt):  # there is nothing to be kept
-        measure(case, Wish(), interrupt=interrupt)
+        measure(case, MapOptions(), interrupt=interrupt)
 
 
 def test_no_predicted_border_where_the_motion_itself_grows():
@@ -195,7 +195,7 @@ def test_eigenvalues_do_not_depend_on_coordinates():
 def rest(text, **overrides):
     """Give the record of a map of one run, for its equilibrium and modes."""
     model = read(text, "model.yaml", overrides)
-    wish = Wish(("rk4",), (0.01, 0.01), strip=1)
+    wish = MapOptions(("rk4",), (0.01, 0.01), strip=1)
     return measure(open_case(model), wish)
 
 

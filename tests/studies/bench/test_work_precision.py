@@ -18,9 +18,9 @@ from lagsim.run.session import open_case
 from lagsim.studies.bench import Own
 from lagsim.studies.bench.work_precision import (
     OF_REFERENCE,
+    BenchOptions,
     Reference,
-    Solution,
-    Wish,
+    ReferenceSolution,
     decades,
     front,
     is_answer,
@@ -45,14 +45,14 @@ def scene(text):
 @pytest.fixture(scope="module")
 def measured():
     some = ("dop853", "taylor", "rk4", "scipy:LSODA")
-    wish = Wish(some, (1e-4, 1e-8), (0.1, 0.025))
+    wish = BenchOptions(some, (1e-4, 1e-8), (0.1, 0.025))
     return measure(scene(oscillator(ROWS)), wish)
 
 
 @pytest.fixture(scope="module")
 def struck():
     methods = ("dop853", "euler", "rk4", "taylor", "scipy:BDF")
-    return measure(scene(STOP), Wish(methods, (1e-4, 1e-9), (0.025, 0.003125)))
+    return measure(scene(STOP), BenchOptions(methods, (1e-4, 1e-9), (0.025, 0.003125)))
 
 
 def rows(found, method):
@@ -100,7 +100,7 @@ def test_constraints_have_their_own_errors():
     text = (MODELS / "pendulum-cartesian.yaml").read_text()
     found = measure(
         scene(text.replace("duration: 10", "duration: 1")),
-        Wish(("dop853", "scipy:DOP853"), (1e-5, 1e-5)),
+        BenchOptions(("dop853", "scipy:DOP853"), (1e-5, 1e-5)),
     )
     [ours] = [row for row in found["rows"] if row["formulation"] == "projection"]
     [theirs] = rows(found, "scipy:DOP853")
@@ -120,7 +120,9 @@ def test_constraints_have_their_own_errors():
 
 def test_what_does_not_apply_is_left_out_with_its_reason():
     forced = oscillator("duration: 4, output_step: 0.5", force="sign(sin(t))")
-    found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
+    found = measure(
+        scene(forced), BenchOptions(("scipy:RK45", "rk4"), steps=(0.1, 0.1))
+    )
     assert [row["method"] for row in found["rows"]] == ["rk4"]
     why = "they would step over the model's switches"
     refused = {"method": "scipy:RK45", "formulation": "auto", "reason": why}
@@ -131,7 +133,7 @@ def test_solvers_of_scipy_take_states_and_quadratures_and_no_events():
     text = oscillator("duration: 4, output_step: 0.5", force="-0.1*s")
     text += "states: {s: {rate: x - s}}\noutput: {action: true}\n"
     text = text.replace("initial: {", "initial: {s: 0.5, ")
-    wish = Wish(("scipy:RK45",), (1e-6, 1e-6))
+    wish = BenchOptions(("scipy:RK45",), (1e-6, 1e-6))
     [row] = measure(scene(text), wish)["rows"]
     assert row["outcome"] == "done"
     assert 1e-9 < row["error"] < 1e-4
@@ -142,7 +144,7 @@ def test_solvers_of_scipy_take_states_and_quadratures_and_no_events():
 
 @pytest.mark.slow
 def test_solves_that_end_at_an_event_are_compared_before_it():
-    found = measure(scene(fall("y <= 0")), Wish(("rk4",), steps=(0.1, 0.1)))
+    found = measure(scene(fall("y <= 0")), BenchOptions(("rk4",), steps=(0.1, 0.1)))
     [row] = found["rows"]
     assert row["outcome"] == "until"
     assert row["error"] < 1e-12  # a parabola is exact for order 4
@@ -153,7 +155,7 @@ def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
     monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_SECONDS", 0.0)
     monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_TIMES", 0.0)
     names = ("scipy:DOP853", "scipy:Radau", "scipy:LSODA")
-    found = measure(scene(oscillator(ROWS)), Wish(names, (1e-3, 1e-9)))["rows"]
+    found = measure(scene(oscillator(ROWS)), BenchOptions(names, (1e-3, 1e-9)))["rows"]
     # What is looser may take longest: after four gaps no tighter one is tried.
     assert [row["method"] for row in found] == [n for n in names for _ in range(4)]
     for row in found:
@@ -170,7 +172,7 @@ def test_an_interrupt_keeps_what_was_measured():
     def progress(fraction):
         interrupt.signal = 2 if fraction > OF_REFERENCE else None
 
-    wish = Wish(("dop853", "rk4"), (1e-3, 1e-9))
+    wish = BenchOptions(("dop853", "rk4"), (1e-3, 1e-9))
     case = scene(oscillator(ROWS))
     found = measure(case, wish, interrupt=interrupt, progress=progress)
     assert not found["complete"]
@@ -185,8 +187,8 @@ def parting(size):
     known, names = own.solve(1e-13, Patience(10.0)).rows, own.names
     other = known.copy()
     other[:, 1] += size * np.exp(known[:, 0])
-    first = Solution("a", "a", 1e-13, names, known)
-    second = Solution("b", "b", 1e-13, names, other)
+    first = ReferenceSolution("a", "a", 1e-13, names, known)
+    second = ReferenceSolution("b", "b", 1e-13, names, other)
     return known, unverified(own.case.equations, first, known).against(second)
 
 
@@ -246,7 +248,7 @@ def test_what_stands_still_has_no_range_between_rows_either():
 @pytest.mark.slow
 def test_the_time_for_all_is_bounded_and_what_it_cuts_is_said():
     names = ("dop853", "euler", "rk4", "scipy:BDF")
-    found = measure(scene(oscillator(ROWS)), Wish(names, budget=0.5))
+    found = measure(scene(oscillator(ROWS)), BenchOptions(names, budget=0.5))
     assert found["budget"]["seconds"] == 0.5
     cut = [row for row in found["rows"] if row["outcome"] == "out of time"]
     assert "euler" in {row["method"] for row in cut}
@@ -289,7 +291,7 @@ def test_tolerances_bound_errors_of_impacts_and_what_knows_no_laws_says_so(struc
 @pytest.mark.slow
 def test_a_ball_at_rest_after_other_numbers_of_bounces_is_compared():
     ball = scenes.ball(0.5, duration=2, output_step=0.02)
-    found = measure(scene(ball), Wish(("dop853",), (1e-3, 1e-9)))
+    found = measure(scene(ball), BenchOptions(("dop853",), (1e-3, 1e-9)))
     assert found["reference"]["horizon"] is None
     assert all(row["error"] is not None for row in found["rows"])
     assert max(row["error"] for row in found["rows"]) < 0.1

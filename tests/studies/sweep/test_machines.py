@@ -4,7 +4,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.runs import Found, parsed
+from lagsim.studies.sweep.runs import SweepRows, parsed
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
@@ -26,7 +26,7 @@ def cluster():
 def found():
     model = read(PENDULUM, "<model>")
     grid = parsed(model, ["g=1:10:9"])
-    return Found.of(model, grid, {}, ErrorBars.NEVER)
+    return SweepRows.of(model, grid, {}, ErrorBars.NEVER)
 
 
 def test_rows_are_those_of_this_process(cluster):

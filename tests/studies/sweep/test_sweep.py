@@ -13,7 +13,7 @@ from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
-from lagsim.studies.sweep.runs import Found, Runs, grid_of, parsed
+from lagsim.studies.sweep.runs import Runs, SweepRows, grid_of, parsed
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM, orbit, power
@@ -173,7 +173,9 @@ LONG = PENDULUM.replace("theta", "a" * 40).replace("g:", "b: 1, g:", 1)
 
 def found(text, *arguments, ends=False):
     model = read(text, "<model>")
-    result = Found.of(model, parsed(model, arguments), {}, ErrorBars.NEVER, ends=ends)
+    result = SweepRows.of(
+        model, parsed(model, arguments), {}, ErrorBars.NEVER, ends=ends
+    )
     sweep(result, 1, wanted=False)
     return result
 
@@ -258,7 +260,7 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
     grid, options = parsed(model, names), {"duration": "0.1"}
     bars = ErrorBars.NEVER
     runs = Runs(
-        Found.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
+        SweepRows.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
     )
     gc.collect()
     gc.disable()
