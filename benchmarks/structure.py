@@ -86,16 +86,6 @@ def pulling(n):
     return "\n".join(lines) + "\n"
 
 
-def fast_and_slow():
-    """Give a chain of rods and, apart from it, a fast spring."""
-    text = rod_chain(6, 1.5, 0.05)
-    text = text.replace("energy:", "  fast: x*x/2\nenergy:")
-    text = text.replace("coordinates:", "coordinates:\n  x: {}")
-    text = text.replace('kinetic: "', 'kinetic: "x_dot^2/2 + ')
-    text = text.replace('potential: "', 'potential: "2e5*x^2 + ')
-    return text.replace("initial:", "initial:\n  x: 0.01")
-
-
 def comparisons():
     """Give what is compared: name -> how -> scene."""
     found = {}
@@ -109,15 +99,6 @@ def comparisons():
             "projection": Scene(model, "full"),
             "elimination": Scene(model, "elimination"),
         }
-    found["heavy top, 2 of 3 coordinates ignorable"] = {
-        "all coordinates": Scene("heavy-top", "full"),
-        "quadratures": Scene("heavy-top", "ignorable"),
-    }
-    text = fast_and_slow()
-    found["6 rods and a spring 40 times as fast"] = {
-        "in one piece": Scene(text, "full"),
-        "apart": Scene(text, "apart"),
-    }
     text = pulling(40)
     found["40 masses, M constant, loops"] = {
         "factored each time": Scene(text, "full", change={"constant": 0}),

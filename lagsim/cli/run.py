@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.notes import Event
-    from lagsim.run.arcs import Apart, Run
+    from lagsim.run.arcs import Run
     from lagsim.run.error import ErrorBar as Estimate
     from lagsim.run.observers import Relay, Store
     from lagsim.run.observers.appended import Appended
@@ -431,7 +431,7 @@ class Job:
 
 
 def _keep(
-    run: Run | Apart,
+    run: Run,
     *,
     relay: Relay,
     session: Session,
@@ -450,7 +450,7 @@ def _keep(
     """
     due = time.monotonic() + KEPT_AFTER_SECONDS
 
-    def tick(run: Run | Apart) -> None:
+    def tick(run: Run) -> None:
         if at_once or time.monotonic() > due:
             restart().join(run, session, relay, cast("TableWriter", writer))
 

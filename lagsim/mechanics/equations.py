@@ -199,15 +199,13 @@ class Work(NamedTuple):
 
 
 class Quadrature(NamedTuple):
-    """Quantity that occurs in no equation and is integrated from its rate.
+    """Quantity that occurs in no equation and is integrated from its rate: the action.
 
-    This is a coordinate, or the action. `rate` is the node of its rate; `mass` that of
-    its diagonal entry of M, zero for the action.
+    `rate` is the node of its rate.
     """
 
     name: str
     rate: int
-    mass: int
 
 
 class Begun(NamedTuple):
@@ -266,7 +264,7 @@ class Equations:
         constraints their momenta are conserved.
     quadratures : tuple of Quadrature
         Quantities integrated beside these equations: the action where the output
-        contains it, and coordinates, see `reduction`.
+        contains it.
     states : tuple of FirstOrderState
         The first-order states, with rates in the variables of these equations.
     begun_by : Begun
@@ -591,7 +589,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
             for name, *pushes in zip(q, dL_dq, Q, strict=True)
             if set(pushes) == {g.zero}
         ),
-        quadratures=(Quadrature(ACTION.of(), model.lagrangian, g.zero),)
+        quadratures=(Quadrature(ACTION.of(), model.lagrangian),)
         if model.output.action
         else (),
         laws=laws,

@@ -1,4 +1,4 @@
-"""Reduced equations of motion, by elimination and by Routh's procedure.
+"""Reduced equations of motion, by elimination.
 
 A holonomic constraint a q_c + r(q, t) = 0 with constant a determines q_c = Q(q, t) from
 the other coordinates q, with q_c' = J q' + Q_t and q_c'' = J q'' + b_c. With B = (1, J)
@@ -9,15 +9,8 @@ the full q'' is B q'' + (0, b_c), and the reduced equations are
 Row c of the full equations determines the multiplier of the constraint. Constraints are
 eliminated one by one, as an elimination may bring another constraint into this form.
 
-An ignorable coordinate c, on which neither L nor the constraints depend, and on which
-no force acts, has a constant momentum p = dL/dq_c'. Its velocity follows from p, its
-acceleration from row c of M q'' = f, and the other accelerations are solved without c:
-
-    (M - M_c M_cc^-1 M_c^T) q'' = f - M_c M_cc^-1 f_c + A^T lambda
-
-Sources: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, section
-VII.1 (state-space form); H. Goldstein, Classical Mechanics, 2nd ed., section 8-3
-(Routh's procedure).
+Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, section
+VII.1 (state-space form).
 """
 
 from __future__ import annotations
@@ -25,7 +18,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -36,11 +28,10 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.names import UNIT_LENGTH, rate_of
-from lagsim.language.sparse import Budget, SparseVector
-from lagsim.mechanics.chains import Factorisation, symmetric
+from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.constraints import Kind, Row, Slider, constraint_row
 from lagsim.mechanics.equations import Quadrature, Work, derive
-from lagsim.model.model import FirstOrderState, Force, Parameter, Relation, Transition
+from lagsim.model.model import FirstOrderState, Force, Relation, Transition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -57,7 +48,7 @@ if TYPE_CHECKING:
 NODES = {
     Row: ("residual", "rate", "b", "transport", "residual_scale", "rate_scale"),
     Work: ("rate", "energy"),
-    Quadrature: ("rate", "mass"),
+    Quadrature: ("rate",),
     Force: ("node", "direction"),
     Relation: ("node",),
     FirstOrderState: ("rate",),
@@ -348,69 +339,6 @@ def conserved(equations: Equations) -> list[int]:
     ]
 
 
-def ignorable(equations: Equations) -> list[int]:
-    """Return the indices of the ignorable coordinates; at least one other remains.
-
-    The list is empty where the action is integrated, which needs all velocities.
-    """
-    e, g = equations, equations.graph
-    free = [] if e.quadratures or e.states else conserved(e)
-    among = frozenset(e.velocities[c] for c in free)
-    if g.depends([e.M[c][d] for c in free for d in free]) & among:
-        return []
-    return free if len(free) < len(e.q) else free[1:]
-
-
-def ignored(
-    e: Equations, coordinates: Sequence[int], limit: float
-) -> tuple[Equations, dict[int, int]]:
-    """Return equations without `coordinates`, and expressions for their rates.
-
-    Parameters
-    ----------
-    coordinates
-        Indices of ignorable coordinates.
-    limit
-        Largest count of multiplications.
-
-    Raises
-    ------
-    TooLongError
-        If solving for the rates takes more than `limit` multiplications.
-    """
-    g = e.graph
-    left = [j for j in range(len(e.q)) if j not in coordinates]
-    speeds = [g.variable(e.velocities[c]) for c in coordinates]
-    at_rest = g.substitute(
-        [e.momenta[c] for c in coordinates], dict.fromkeys(speeds, g.zero)
-    )
-    momenta = [g.variable(MOMENTUM + e.q[c]) for c in coordinates]
-    right = map(partial(g.call, "sub"), momenta, at_rest)
-    rows = symmetric(len(e.q), e.mass_entries)
-    block = Factorisation(g, rows, Budget(limit), some=coordinates)
-    solved = block.solve(dict(zip(coordinates, right, strict=True)))
-    rates = [solved.get(c, g.zero) for c in coordinates]
-    new = dict(zip(speeds, rates, strict=True))
-    full = substituted(e, new)
-    rows = symmetric(len(e.q), full.mass_entries)
-    factors = Factorisation(g, rows, Budget(limit), some=coordinates)
-    f = factors.forward(dict(enumerate(full.f)))
-    M = {(i, j): node for i in left for j, node in factors.rows[i].items()}
-    given = {j: g.variable(rate_of(e.q[j], 2)) for j in left}
-    bends = factors.backward(f, given)
-    recovered = new | {
-        g.variable(rate_of(e.q[c], 2)): bends.get(c, g.zero) for c in coordinates
-    }
-    quadratures = tuple(
-        Quadrature(e.q[c], rate, full.M[c][c])
-        for c, rate in zip(coordinates, rates, strict=True)
-    )
-    forces = [f.get(j, g.zero) for j in range(len(e.q))]
-    reduced = of_those_left(full, left, M, forces, full.momenta)
-    kept = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
-    return replace(reduced, rows=tuple(kept), quadratures=quadratures), recovered
-
-
 class Reduction(NamedTuple):
     """Equations that are integrated, and expressions for all other variables.
 
@@ -423,17 +351,11 @@ class Reduction(NamedTuple):
         integrated variables, with their accelerations and multipliers.
     eliminated : tuple of (str, str)
         Coordinates, each with the constraint that determines it.
-    ignored : tuple of str
-        The ignorable coordinates.
-    momenta : dict of str to int
-        Parameter of each constant momentum -> its node as a function of the full state.
     """
 
     equations: Equations
     recovered: Mapping[int, int] = {}
     eliminated: tuple[tuple[str, str], ...] = ()
-    ignored: tuple[str, ...] = ()
-    momenta: Mapping[str, int] = {}
 
     def eliminate(
         self, values: Mapping[str, float], sizes: Mapping[str, float]
@@ -453,38 +375,6 @@ class Reduction(NamedTuple):
             reduction = reduction._followed_by(*eliminated(e, k, c))
         return reduction._replace(eliminated=tuple(names))
 
-    def ignore(
-        self, coordinates: Sequence[int], start: Instant, limit: float = math.inf
-    ) -> Reduction:
-        """Return a reduction in which `coordinates` are integrated by quadrature.
-
-        Applies to the full equations only, before any elimination.
-
-        Parameters
-        ----------
-        coordinates
-            Indices of `ignorable` coordinates.
-        start
-            The full initial state, which determines the momenta.
-        limit
-            Largest count of multiplications.
-
-        Raises
-        ------
-        TooLongError
-            If solving for the rates takes more than `limit` multiplications.
-        """
-        e = self.equations
-        momenta = {MOMENTUM + e.q[c]: e.momenta[c] for c in coordinates}
-        equations, recovered = ignored(e, coordinates, limit)
-        reduction = self._followed_by(equations, recovered)._replace(
-            ignored=tuple(e.q[c] for c in coordinates), momenta=momenta
-        )
-        model = equations.model
-        added = tuple(Parameter(*x) for x in reduction.constants(start).items())
-        model = replace(model, parameters=(*model.parameters, *added))
-        return reduction._replace(equations=replace(equations, model=model))
-
     def kept(self, full: Floats) -> Floats:
         """Return the entries of the remaining coordinates in a vector over all of them.
 
@@ -497,28 +387,11 @@ class Reduction(NamedTuple):
         places = {name: k for k, name in enumerate(names)}
         return full[[places[name] for name in self.equations.q]]
 
-    def constants(self, start: Instant) -> dict[str, float]:
-        """Return the values of the momenta at a full initial state, by parameter."""
-        if not self.momenta:
-            return {}
-        model = self.equations.model
-        values = {p.name: p.value for p in model.parameters} | {"t": start.t}
-        for k, c in enumerate(model.coordinates):
-            values[c.name] = float(start.q[k])
-            values[rate_of(c.name)] = float(start.v[k])
-        found = evaluate(model.graph, list(self.momenta.values()), values)
-        return dict(zip(self.momenta, found, strict=True))
-
     def state(self, start: Instant, blocks: Blocks) -> Floats:
         """Return y, shape (size,), at a full initial state; works start at 0."""
-        e, y = self.equations, np.zeros(blocks.size)
+        y = np.zeros(blocks.size)
         y[blocks.positions] = self.kept(start.q)
         y[blocks.velocities], y[blocks.first_order] = self.kept(start.v), start.s
-        if e.quadratures:
-            names = (c.name for c in e.model.coordinates)
-            values = dict(zip(names, start.q, strict=True))
-            found = [values.get(x.name, 0.0) for x in e.quadratures]
-            y[blocks.quadratures][len(e.works) :][: len(found)] = found
         return y
 
     def _followed_by(

@@ -37,6 +37,10 @@ DEFAULT_ROWS = 1000
 ROWS_TO_DECAY = 10
 
 
+# Formulations of earlier versions: a file or a command that names one gets `auto`.
+RETIRED_FORMULATIONS = ("apart", "ignorable")
+
+
 class Settings(NamedTuple):
     """Start, end, spacing of the rows, and integration options of a run.
 

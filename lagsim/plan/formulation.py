@@ -11,8 +11,6 @@
   b - a phi for velocity constraints phi = 0, so that residuals decay at the rate a.
   There is no projection. The output shows q'' and lambda without these terms.
 - `drift`: the constraint residuals are neither projected nor stabilised.
-- `apart`: decoupled subsystems are integrated separately, see `subsystems`.
-- `ignorable`: coordinates with a conserved momentum are integrated by quadrature.
 - `full`: `none`, `projection` or `velocity projection`, by the constraints of the
   model, without reduction.
 
@@ -25,38 +23,30 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
 
 from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
 from lagsim.errors import Problem, unusable
-from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.equations import (
     Instant,
-    coordinates_of,
-    groups,
     may_strike,
-    shared,
 )
 from lagsim.mechanics.ldl import dense_operations, eliminated
-from lagsim.mechanics.linearisation import Linearisation
-from lagsim.mechanics.reduction import Reduction, ignorable, of_those_left, vector
-from lagsim.model.model import Output, Parameter, Scene
+from lagsim.mechanics.reduction import Reduction
+from lagsim.model.model import RETIRED_FORMULATIONS
 from lagsim.notes import Choice
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.admissibility.examination import Start
     from lagsim.errors import Place
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.model.model import Model, Settings
+    from lagsim.model.model import Settings
 
 
 GAIN = "baumgarte.gain"
@@ -66,12 +56,8 @@ SHOWN = 4
 # is saved (10 rods in Cartesian coordinates: 0.85 of the time).
 LARGEST = 24
 # A reduction is chosen where the cost of a step falls below this ratio to that of the
-# full equations. Without constraints time falls less than operations (the heavy top,
-# two of three coordinates ignorable: 0.7 of the operations, 0.95 of the time).
+# full equations.
 PAYS = 0.8
-PAYS_IGNORING = 0.6
-# Multiplications to solve for ignorable velocities: about 50 coordinates, all coupled.
-LONGEST = 20_000
 
 
 class Formulation(NamedTuple):
@@ -139,11 +125,11 @@ def formulations() -> list[str]:
     Examples
     --------
     >>> formulations()[:4]
-    ['auto', 'full', 'apart', 'none']
+    ['auto', 'full', 'none', 'projection']
     """
     return [
-        "auto", "full", "apart", "none", "projection", "velocity projection",
-        "elimination", "baumgarte", "drift", "ignorable",
+        "auto", "full", "none", "projection", "velocity projection", "elimination",
+        "baumgarte", "drift",
     ]  # fmt: skip
 
 
@@ -161,6 +147,12 @@ def formulation_problems(asked: str, place: Place | None = None) -> list[Problem
     known = formulations()
     if asked in known:
         return []
+    if asked in RETIRED_FORMULATIONS:
+        text, hint = (
+            f"the formulation `{asked}` is retired",
+            "`auto` chooses another one",
+        )
+        return [Problem("unknown-formulation", text, place, hint)]
     hint = f"one of {', '.join(known)}; docs/model-file.md describes each"
     text = f"there is no formulation `{asked}`"
     return [Problem("unknown-formulation", text, place, hint)]
@@ -224,13 +216,8 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
         if name not in ("full", "projection"):
             raise _CannotError("the model has constraints that hold at times")
         return _full(e, start)
-    if name in ("full", "apart"):
+    if name == "full":
         return _full(e, start)
-    if name == "ignorable":
-        found = ignorable(e)
-        if not found:
-            raise _CannotError("no coordinate is ignorable with a conserved momentum")
-        return _reduced(Reduction(e).ignore(found, start), start, "requested")
     if name == "none":
         if e.rows:
             why = "the model has constraints; `drift` integrates without enforcement"
@@ -305,87 +292,52 @@ def _stabilised(equations: Equations) -> Equations:
 def _chosen(
     equations: Equations, start: Start, suits: Callable[[Equations], bool]
 ) -> Formulation:
-    """Return the cheapest formulation that the method can integrate."""
-    whole = _full(equations, start)
-    candidates = [] if equations.laws else _candidates(equations, start)
-    if not candidates:
-        return whole
-    full = step_cost(equations)
-    best, least, fits = whole, full, suits(equations)
-    for reduction, part in candidates:
-        cost = step_cost(reduction.equations)
-        pays = cost < least and cost < part * full
-        if suits(reduction.equations) and (pays or not fits):
-            reason = f"{cost:.0f} operations a step instead of {full:.0f}"
-            best, least, fits = _reduced(reduction, start, reason), cost, True
-    return best
+    """Return the cheapest formulation that the method can integrate.
 
-
-def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
-    """Return the possible reductions, each with the largest cost ratio that selects it.
-
-    The ratio of operations per step, of the reduced to the full equations.
+    Elimination is chosen where a step costs less than PAYS of that of the full
+    equations, or where the method cannot integrate the full equations.
     """
-    found: list[tuple[Reduction, float]] = []
-    if equations.chains is not None and len(equations.q) > LARGEST:
-        return found  # M would be written out
-    cyclic = ignorable(equations)
-    ignoring = None
-    if cyclic:
-        with suppress(TooLongError):
-            ignoring = Reduction(equations).ignore(cyclic, start, LONGEST)
-            found.append((ignoring, PAYS_IGNORING))
-    if equations.rows and len(equations.q) <= LARGEST:
-        eliminated, _ = _eliminated(equations, start)
-        if eliminated.eliminated:
-            found.append((eliminated, PAYS))
-            if ignoring is not None:
-                both, _ = _eliminated(ignoring.equations, start, ignoring)
-                found.append((both, PAYS_IGNORING))
-    return found
+    whole = _full(equations, start)
+    if equations.laws or not equations.rows or len(equations.q) > LARGEST:
+        return whole
+    reduction, _ = _eliminated(equations, start)
+    if not reduction.eliminated or not suits(reduction.equations):
+        return whole
+    cost, full = step_cost(reduction.equations), step_cost(equations)
+    if cost < PAYS * full or not suits(equations):
+        reason = f"{cost:.0f} operations a step instead of {full:.0f}"
+        return _reduced(reduction, start, reason)
+    return whole
 
 
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     """Return the formulation of a reduction, with its start and its choices."""
     rows = reduction.equations.rows
-    name = _projection(rows)
-    if reduction.eliminated:
-        name = "elimination"
-        given = [f"{q} from {row}" for q, row in reduction.eliminated]
-        more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
-        why = f"{', '.join([*given[:SHOWN], *more])}: {reason}"
-        if rows:
-            many = "constraint is" if len(rows) == 1 else "constraints are"
-            why += f"; {len(rows)} {many} left and projected"
-    else:
-        why = "for the constraints" if rows else "no constraints"
-    choices = [Choice(f"formulation: {name}", why)]
-    if reduction.ignored:
-        what = f"ignorable: {', '.join(reduction.ignored)}"
-        choices.append(Choice(what, f"momentum is conserved: a quadrature; {reason}"))
+    given = [f"{q} from {row}" for q, row in reduction.eliminated]
+    more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
+    why = f"{', '.join([*given[:SHOWN], *more])}: {reason}"
+    if rows:
+        many = "constraint is" if len(rows) == 1 else "constraints are"
+        why += f"; {len(rows)} {many} left and projected"
+    choices = (Choice("formulation: elimination", why),)
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     kept = Instant(start.t, q, v, start.s)
     began = start_at(reduction.equations, kept)
-    return Formulation(name, reduction, began, bool(rows), 0.0, tuple(choices))
+    return Formulation("elimination", reduction, began, bool(rows), 0.0, choices)
 
 
-def _eliminated(
-    equations: Equations, start: Start, base: Reduction | None = None
-) -> tuple[Reduction, str]:
+def _eliminated(equations: Equations, start: Start) -> tuple[Reduction, str]:
     """Return the reduction that eliminates all eliminable coordinates, and "".
 
-    If there are none: `base`, or the unreduced equations, and the reason.
+    If there are none: the unreduced equations, and the reason.
     """
-    reduction = base or Reduction(equations)
+    reduction = Reduction(equations)
     if start.ranks.rank < len(equations.rows):
         many, rank = len(equations.rows), start.ranks.rank
         return reduction, f"constraints are redundant ({many} of rank {rank})"
-    e = reduction.equations
-    q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(e, Instant(start.t, q, v, start.s))
-    reduced = reduction.eliminate(
-        point.values, dict(zip(e.q, point.sizes, strict=True))
-    )
+    point = Point(equations, start)
+    sizes = dict(zip(equations.q, point.sizes, strict=True))
+    reduced = reduction.eliminate(point.values, sizes)
     if reduced.eliminated:
         return reduced, ""
     names = ", ".join(f"`{row.name}`" for row in equations.rows)
@@ -442,156 +394,3 @@ def _parts(equations: Equations, evaluation: float) -> tuple[float, float]:
 def _rates(equations: Equations) -> list[int]:
     first = [x.rate for x in equations.states]
     return first + [x.rate for x in equations.quadratures]
-
-
-# --- Subsystems that do not touch: groups of coordinates with equations of their own
-#
-# Two coordinates touch where one stands in an entry of M, a force or a constraint of
-# the other. Groups of coordinates that do not touch are integrated separately, each
-# with its own steps.
-
-# With more coordinates than this `auto` does not estimate the pace of subsystems.
-LARGEST_APART = 40
-# Compiling and linking a subsystem takes as long as this many operations.
-COMPILING = 1e8
-# Radians of its fastest motion that a step of order 8 takes at the default tolerance.
-RADIANS = 1.0
-
-
-class Subsystem(NamedTuple):
-    """A group of coordinates that is decoupled from the others, with its equations.
-
-    Attributes
-    ----------
-    coordinates : tuple of int
-        Indices of its coordinates in the full equations.
-    equations : Equations
-        Its equations, on the graph of the full equations. Their output has only columns
-        of this group.
-    start : Start
-        The start of its equations.
-    """
-
-    coordinates: tuple[int, ...]
-    equations: Equations
-    start: Start
-
-    def at(self, whole: Instant) -> Instant:
-        """Return the state of this subsystem from a state of the full equations."""
-        return part_of(whole, self.coordinates)
-
-
-def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
-    """Return positions and velocities of some coordinates at the time of a state."""
-    chosen = list(coordinates)
-    return Instant(whole.t, whole.q[chosen], whole.v[chosen], whole.s)
-
-
-def why_not_apart(equations: Equations) -> str:
-    """Return the reason why subsystems cannot be integrated separately, else ""."""
-    if equations.works or equations.quadratures:
-        return "work and action depend on all subsystems"
-    if equations.model.until:
-        return "`until` depends on all subsystems"
-    if equations.model.events:
-        return "events depend on all subsystems"
-    if len(groups(equations)) < 2:
-        return "all coordinates are coupled"
-    return ""
-
-
-def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
-    """Return the decoupled subsystems of equations that can be integrated separately.
-
-    For these `why_not_apart` returns "". `start` is that of the full equations.
-    """
-    found = groups(equations)
-    energies, _ = shared(equations, found, equations.energy)
-    forms, _ = shared(equations, found, equations.kinetic_form)
-    group_of = {j: i for i, group in enumerate(found) for j in group}
-    rows: list[list[Row]] = [[] for _ in found]
-    for row in equations.rows:
-        if row.A.entries:
-            rows[group_of[min(row.A.entries)]].append(row)
-    names = coordinates_of(equations)
-    return [
-        _part(replace(equations, energy=h, kinetic_form=form), start, own, names, group)
-        for group, own, h, form in zip(found, rows, energies, forms, strict=True)
-    ]
-
-
-def _part(
-    e: Equations,
-    start: Instant,
-    rows: Iterable[Row],
-    names: Mapping[str, int],
-    group: Sequence[int],
-) -> Subsystem:
-    g = e.graph
-    # Variables of other groups in its energies only add constants: use start values.
-    fixed: dict[str, float] = {}
-    for name in sorted(g.depends([e.energy, e.kinetic_form]) & names.keys()):
-        j = names[name]
-        if j not in group:
-            value = start.q[j] if name == e.q[j] else start.v[j]
-            fixed[name] = float(value)
-    new = {g.variable(name): g.variable(f"start.{name}") for name in fixed}
-    energy, kinetic_form = g.substitute([e.energy, e.kinetic_form], new)
-    added = [Parameter(f"start.{name}", value) for name, value in fixed.items()]
-    part = replace(
-        of_those_left(e, group, e.mass_entries, e.f, e.momenta),
-        model=_model(e.model, group, added, g.zero),
-        rows=tuple(x._replace(A=vector(g, group, x.A.entries)) for x in rows),
-        energy=energy,
-        kinetic_form=kinetic_form,
-    )
-    return Subsystem(tuple(group), part, start_at(part, part_of(start, group)))
-
-
-def _model(
-    model: Model, group: Sequence[int], added: Sequence[Parameter], zero: int
-) -> Model:
-    """Return the model of one group, without outputs that depend on other groups."""
-    return replace(
-        model,
-        parameters=(*model.parameters, *added),
-        coordinates=tuple(model.coordinates[j] for j in group),
-        definitions=(),
-        lagrangian=zero,
-        kinetic=None,
-        potential=None,
-        scene=Scene({}),
-        output=Output(()),
-    )
-
-
-def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
-    """Estimate the operations that separate integration saves in a run of `duration`.
-
-    Negative where separate integration of the subsystems `parts` is more expensive.
-    """
-    steps = duration / RADIANS
-    paces = [pace(part) for part in parts]
-    whole = steps * max(paces) * step_cost(equations) - COMPILING * len(parts)
-    if not whole > 0.0:  # even if the parts cost no time
-        return float(whole)
-    apart = sum(
-        p * step_cost(part.equations) for p, part in zip(paces, parts, strict=True)
-    )
-    return float(whole - steps * apart)
-
-
-def pace(part: Subsystem) -> float:
-    """Return the largest |eigenvalue| at the start, in radians per unit of time.
-
-    Of the equations linearised at the start; 0 if there are no eigenvalues or they
-    overflow.
-    """
-    start = part.start
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            linear = Linearisation(part.equations).at(start.t, start.q, start.v)
-        values = linear.eigenvalues()
-    except (ValueError, np.linalg.LinAlgError):
-        return 0.0
-    return float(np.max(np.abs(values), initial=0.0))

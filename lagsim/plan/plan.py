@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,12 +27,8 @@ from lagsim.methods import Structure, method, options_of
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice
 from lagsim.plan.formulation import (
-    LARGEST_APART,
     formulate,
-    saving,
     step_parts,
-    subsystems,
-    why_not_apart,
 )
 from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
@@ -47,7 +43,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.model.model import Settings
-    from lagsim.plan.formulation import Subsystem
 
 
 def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
@@ -62,13 +57,6 @@ def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
 
 # The method that handles everything.
 ANY = "dop853"
-
-
-class Part(NamedTuple):
-    """A decoupled subsystem, and the plan of its separate integration."""
-
-    subsystem: Subsystem
-    plan: Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +95,6 @@ class Plan:
     rtol, atol, step : float or None
         Tolerances of an adaptive method, or the step of a fixed-step method.
     switches : Switches
-    parts : tuple of Part
-        Subsystems that are integrated separately; empty where there are none.
     choices : tuple of Choice
         The decisions with their reasons, as shown to the user.
     """
@@ -130,7 +116,6 @@ class Plan:
     atol: float | None
     step: float | None
     switches: Switches
-    parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
 
     @property
@@ -141,11 +126,10 @@ class Plan:
         parameters.
         """
         reduction, solved = self.reduction, self.elimination
-        parts = ((x.subsystem.coordinates, x.plan.form) for x in self.parts)
         return (
             self.method, self.formulation, self.projected, self.tape, self.augmented,
             solved is None or solved.along_links, solved is None, self.rtol,
-            reduction.eliminated, reduction.ignored, tuple(parts),
+            reduction.eliminated,
         )  # fmt: skip
 
     @property
@@ -384,7 +368,7 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
             return "it does not integrate the action, which `output` requires"
-        return "it does not integrate ignorable coordinates by quadrature"
+        return "it does not integrate the action"
     if equations.states and not getattr(chosen, "STATES", False):
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
         return f"it does not integrate first-order states ({names})"
@@ -622,9 +606,6 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         text = "`output.gauss` requires the accelerations without constraints, M^-1 f, "
         text += "and the mass matrix of this model is singular without the constraints"
         raise unusable("singular-mass", text)
-    parts = _parts(equations, start, settings)
-    if parts:  # output rows come from the full equations
-        settings = settings._replace(formulation="full")
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
     if start.augmented and needs_regular_mass(settings.method):
@@ -636,7 +617,6 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
     ]
     choices += found.choices
-    choices += _of_parts(parts, settings)
     equations, switches = _with_switches(equations, settings)
     found = found._replace(reduction=found.reduction._replace(equations=equations))
     if switches.sides:
@@ -691,7 +671,6 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         atol=settings.atol if adaptive else None,
         step=None if adaptive else settings.fixed_step,
         switches=switches,
-        parts=parts,
         choices=tuple(choices),
     )
 
@@ -707,54 +686,6 @@ def _with_switches(
     pushed = with_pushes(equations, switches, bent)
     located = locates(settings.method)
     return pushed, replace(model_switches(pushed, located=located), corners=bent)
-
-
-def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
-    """Return the subsystems to integrate separately, () where one system is faster.
-
-    Raises
-    ------
-    InputError
-        If the settings demand formulation `apart` and it is impossible.
-    """
-    asked = settings.formulation
-    if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST_APART):
-        return ()
-    why = why_not_apart(equations)
-    if equations.laws:
-        why = "a contact or a limit can stop the step of any subsystem"
-    if not why:
-        switches = model_switches(equations)
-        if switches.modes or switches.sides:
-            why = "a switch can stop the step of any subsystem"
-    if why and asked == "apart":
-        text = f"formulation `apart` cannot be used: {why}"
-        raise unusable("formulation-refused", text, settings.formulation_place)
-    if why:
-        return ()
-    if equations.model.output.sections:  # rows of sections have all coordinates
-        return ()
-    found = subsystems(equations, start)
-    if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:
-        return ()
-    own = settings._replace(formulation="auto")
-    return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
-
-
-def _of_parts(parts: tuple[Part, ...], settings: Settings) -> list[Choice]:
-    """Return the choice, in a list, that names the subsystems or why there are none."""
-    if parts:
-        return [_apart(parts)]
-    if settings.formulation == "apart":
-        reason = "a section shows all coordinates at one time"
-        return [Choice("subsystems: together", reason)]
-    return []
-
-
-def _apart(parts: tuple[Part, ...]) -> Choice:
-    names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
-    reason = f"decoupled; each has its own steps: {names}"
-    return Choice(f"subsystems: {len(parts)} integrated apart", reason)
 
 
 def by_loops(plan: Plan) -> Plan:

@@ -635,7 +635,7 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 
     These are the pivots of M if they are short expressions, since a pivot vanishes
     where other coordinates can replace the coordinate (Euler angles at theta = 0); else
-    the diagonal of M. For a coordinate integrated by quadrature, its diagonal element.
+    the diagonal of M.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -644,7 +644,6 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
         nodes = [pivots[i][0] for i in range(len(equations.q))]
         if len(g.cone(nodes)) <= SHORT_PIVOTS:
             found = dict(zip(equations.q, nodes, strict=True))
-    found |= {x.name: x.mass for x in equations.quadratures}
     varying = g.dependent(found.values(), positions)
     return {q: node for q, node in found.items() if node in varying}
 

@@ -155,8 +155,6 @@ class System:
         Number of surfaces and laws, whose modes may end.
     newton : Newton or None
         Sparse Newton matrix of an implicit method.
-    parts : list of System
-        Systems of separately integrated subsystems.
     indicators : list of Indicator
         Activity indicators of localized terms, see `localized`.
     program : list of ProgramPart
@@ -236,7 +234,6 @@ class System:
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
-        self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.program = [written, *kernels(self)]
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
@@ -280,9 +277,7 @@ class System:
         """Whether `plan` needs no other compiled functions than this system has."""
         if plan.form != self.plan.form:
             return False
-        if self.moreau is None and self.indicators != self.watched_for(plan):
-            return False
-        return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
+        return self.moreau is not None or self.indicators == self.watched_for(plan)
 
     def bound(self, model: Model, plan: Plan) -> System:
         """Return a copy of the system for other values, with its compiled functions.
@@ -300,10 +295,6 @@ class System:
         self.laws = self.equations.laws if self.moreau is None else ()
         self.p = self._filled(self._parameters())
         self._runners = {name: x.over(self) for name, x in self._runners.items()}
-        self.parts = [
-            x.bound(y.subsystem.equations.model, y.plan)
-            for x, y in zip(self.parts, plan.parts, strict=True)
-        ]
 
     def _operations(self, code: Functions) -> int:
         if isinstance(series := code.get("series"), Loop):
@@ -437,12 +428,11 @@ class System:
     def begin(self, start: Instant) -> Floats:
         """Return the state vector y (size,) at a start.
 
-        Values that are constant in the run, and modes, are stored in p first.
+        Modes of the model file are stored in p first.
         """
-        known = self.plan.reduction.constants(start)
-        known |= {x.name: x.value for x in self.equations.model.parameters if x.mode}
-        for name, value in known.items():
-            self.p.flat[self._layout_of[name]] = value
+        for x in self.equations.model.parameters:
+            if x.mode:
+                self.p.flat[self._layout_of[x.name]] = x.value
         return self.plan.reduction.state(start, self.p)
 
     def set_modes(

@@ -68,9 +68,9 @@ def module(runner: Runner, state: State) -> bytes:
         If the run needs Python code between arcs.
     """
     system = runner.system
-    beside = system.watched or system.switches.modes or system.plan.parts
+    beside = system.watched or system.switches.modes
     if beside or state.extras or system.model.events:
-        text = "switches, contacts, events, subsystems apart and moments need Python "
+        text = "switches, contacts, events and moments need Python "
         raise engine.NativeError(f"{text}between arcs: they have no module")
     target = engine.wasm_target()
     code = cache.linked(runner.program, wasm.STACK_IR, EXPORTS, target)

@@ -4,10 +4,6 @@ A source ends or pauses arcs: breaks in time, surfaces, losses of rank, steps li
 the stability bound. A source receives the arc and returns a decision; only the loop
 carries out decisions. Blocks of rows are passed to the observers and not stored, so
 memory does not grow with the number of rows.
-
-Decoupled subsystems are integrated separately, each with its own steps, one block of
-rows at a time. Rows available from all subsystems are joined, and the output columns
-are computed from the joined state.
 """
 
 from __future__ import annotations
@@ -15,10 +11,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from dataclasses import replace
 from functools import cached_property, wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, ParamSpec
 
 import numpy as np
 
@@ -26,8 +21,7 @@ from lagsim.mechanics.equations import may_jump
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.program.system import BLOCK
-from lagsim.run.arc import first_arc, largest_shift
+from lagsim.run.arc import largest_shift
 from lagsim.run.events.conditions import located_within, wait
 from lagsim.run.events.constraints import (
     NearDependence,
@@ -71,7 +65,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
-    from lagsim.plan.formulation import Subsystem
     from lagsim.run.arc import Arc
     from lagsim.run.events.constraints import Before
     from lagsim.run.events.sections import Sections
@@ -791,139 +784,3 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
         yield Pulses()
-
-
-class Part:
-    """The run of a decoupled subsystem, with its rows that are not yet joined.
-
-    Attributes
-    ----------
-    columns : list of int
-        Columns of the subsystem's t, q and q' in a row of the system of n coordinates.
-    waiting : ndarray, shape (k, columns)
-        Rows of the subsystem that are not yet joined.
-    """
-
-    def __init__(self, part: Subsystem, n: int, first: Arc, **others: Any) -> None:
-        self.run = Run(first, [self], **others)
-        self.names = ", ".join(part.equations.q)
-        self.columns = [0, *(1 + j for j in part.coordinates)]
-        self.columns += [1 + n + j for j in part.coordinates]
-        self.waiting = np.empty((0, len(self.columns)))
-        self.ending: Ending | None = self.run.begin()
-
-    def add(self, rows: Floats) -> None:
-        """Store rows (k, columns) until they are joined."""
-        self.waiting = np.concatenate([self.waiting, rows[:, : len(self.columns)]])
-
-    def fill(self, most_steps: int, arc_steps: float) -> None:
-        """Integrate until a block of rows is stored, or to the end of the run."""
-        while self.ending is None and len(self.waiting) < BLOCK:
-            self.ending = self.run.advance(most_steps, arc_steps)
-            if self.ending == _DONE:
-                self.run.show_last()
-
-    def join(self, count: int, states: Floats) -> None:
-        """Remove the first `count` stored rows, and write them into the common rows.
-
-        states : ndarray, shape (count, 1 + 2 n), of the whole system.
-        """
-        states[:, self.columns] = self.waiting[:count]
-        self.waiting = self.waiting[count:]
-
-    def trajectory(self) -> Trajectory:
-        """Return the result of the subsystem so far."""
-        return self.run.trajectory(self.ending or _DONE)
-
-
-_DONE = Ending(Outcome.DONE)
-
-
-class Apart:
-    """A run of decoupled subsystems.
-
-    The subsystems, `parts`, are integrated; the complete system only computes the
-    output columns of the joined rows.
-    """
-
-    def __init__(
-        self,
-        whole: Arc,
-        observers: Sequence[Observer],
-        *,
-        interrupt: Interrupt | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> None:
-        plan, system, start = whole.plan, whole.system, whole.start
-        self.settings, self.system, self.runner = whole.settings, system, whole.runner
-        self.recorder, self.progress = Recorder(observers), progress
-        # Called between two calls of the kernels.
-        self.tick: Callable[[Apart], None] | None = None
-        self.runner.prepare()
-        self.parts = []
-        for x, own in zip(plan.parts, system.parts, strict=True):
-            alike = x.plan
-            if alike.rtol is not None and plan.rtol is not None:
-                # A repeat of the run has other tolerances, and other rows.
-                alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
-            first = first_arc(
-                x.subsystem.equations, x.subsystem.at(start), alike, own,
-                self.settings, whole.state.longest,
-            )  # fmt: skip
-            part = Part(x.subsystem, len(start.q), first, interrupt=interrupt)
-            self.parts.append(part)
-
-    def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
-        """Integrate all subsystems and return the result; arguments as `Run.whole`."""
-        while True:
-            if self.tick is not None:
-                self.tick(self)
-            for part in self.parts:
-                part.fill(most_steps, arc_steps)
-            self._join()
-            reached = min(part.run.t for part in self.parts)
-            ended = [part for part in self.parts if part.ending is not None]
-            failed = [part for part in ended if part.ending != _DONE]
-            if failed or len(ended) == len(self.parts):
-                break
-            if self.progress is not None:
-                self.progress((reached - self.settings.start) / self.settings.duration)
-        last = min(failed, key=lambda part: part.run.t, default=ended[0])
-        return self._trajectory(last, reached)
-
-    def _join(self) -> None:
-        """Join the rows available from all subsystems; pass them to the observers."""
-        count = min(len(part.waiting) for part in self.parts)
-        if not count:
-            return
-        states = np.zeros((count, 1 + self.system.size))
-        for part in self.parts:
-            part.join(count, states)
-        self.recorder.hand_on(self.runner.tabulate(states))
-
-    def _trajectory(self, last: Part, reached: float) -> Trajectory:
-        """Return the result of all subsystems.
-
-        The outcome is that of the subsystem `last`.
-
-        reached : the time to which all are integrated.
-        """
-        found = [part.trajectory() for part in self.parts]
-        own = found[self.parts.index(last)]
-        reason = own.reason
-        if not own.outcome.complete:
-            reason = f"subsystem ({last.names}): {reason}"
-        counts = [x.statistics._replace(smallest_step=0.0) for x in found]
-        sums = map(sum, zip(*counts, strict=True))
-        return own._replace(
-            reason=reason,
-            end=reached,
-            rows=self.recorder.rows,
-            statistics=Statistics(*sums)._replace(smallest_step=None),
-            events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
-            event_counts=sum((Counter(x.event_counts) for x in found), Counter()),
-            warnings=[w for x in found for w in x.warnings],
-            choices=[c for x in found for c in x.choices],
-            extents={k: v for x in found for k, v in x.extents.items()},
-            largest_energy=sum(x.largest_energy for x in found),
-        )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lagsim.program.functions import Columns
     from lagsim.program.system import System
     from lagsim.run.arc import Arc
-    from lagsim.run.arcs import Apart, Run
+    from lagsim.run.arcs import Run
     from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
@@ -239,7 +239,7 @@ class Session(NamedTuple):
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
         sections: Sections | None = None,
-        joined: Callable[[Run | Apart], None] | None = None,
+        joined: Callable[[Run], None] | None = None,
     ) -> Trajectory:
         """Integrate the case and pass every row to the observers.
 
@@ -252,22 +252,18 @@ class Session(NamedTuple):
         progress
             Called with the fraction of the run that is done.
         corners
-            Receives the rows just before and just after events. Ignored for decoupled
-            subsystems, as `sections` is.
+            Receives the rows just before and just after events.
         sections
             Receives the rows of sections.
         joined
             Called with the run before its start; may restore the state of another run.
         """
-        from lagsim.run.arcs import Apart, Run
+        from lagsim.run.arcs import Run
 
-        run: Run | Apart
-        first = self.first_arc()
-        keywords: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
-        if self.plan.parts:
-            run = Apart(first, observers, **keywords)
-        else:
-            run = Run(first, observers, corners=corners, sections=sections, **keywords)
+        run = Run(
+            self.first_arc(), observers, interrupt=interrupt, progress=progress,
+            corners=corners, sections=sections,
+        )  # fmt: skip
         if joined is not None:
             joined(run)
         import numpy as np

@@ -40,7 +40,6 @@ from lagsim.native.link import cache
 from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
 from lagsim.program.system import Runner, System
-from lagsim.run.arcs import Apart, Run
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -55,6 +54,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.outputs.table import TableWriter
+    from lagsim.run.arcs import Run
     from lagsim.run.observers import Relay
     from lagsim.run.session import Session
 
@@ -163,7 +163,7 @@ class Restart:
     # A run
 
     def join(
-        self, run: Run | Apart, session: Session, relay: Relay, writer: TableWriter
+        self, run: Run, session: Session, relay: Relay, writer: TableWriter
     ) -> None:
         """Restore the checkpoint, if there is one, and store later ones of this run."""
         self._things = _regenerated(run, session, relay)
@@ -186,7 +186,7 @@ class Restart:
         self._due = time.monotonic() + EVERY_SECONDS
         self.stand = None
 
-    def tick(self, run: Run | Apart) -> None:
+    def tick(self, run: Run) -> None:
         """Store a checkpoint if the interval since the last one has passed."""
         began = time.monotonic()
         if began < self._due or self._key is None or self._relay.fault is not None:
@@ -198,7 +198,7 @@ class Restart:
         ended = time.monotonic()
         self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
 
-    def _keep(self, run: Run | Apart, key: bytes) -> None:
+    def _keep(self, run: Run, key: bytes) -> None:
         systems = {k: x for k, x in self._things.items() if isinstance(x, System)}
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
         memories = {k: x.p.flat for k, x in systems.items()}
@@ -338,41 +338,29 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
     return things[system].link(method)
 
 
-def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
-    """Return the objects whose state a checkpoint has to contain.
-
-    Observers and records.
-    """
-    noted = getattr(run, "corners", None), getattr(run, "sections", None)
+def _observers(run: Run, relay: Relay) -> list[Any]:
+    """Return the observers of rows, and the records of events and sections."""
+    noted = run.corners, run.sections
     return [*relay.others, *(x for x in noted if x is not None)]
 
 
-# Attributes that are equal in all runs of a session: of a run, and of a subsystem that
-# is integrated separately.
+# Attributes of a run that are equal in all runs of a session.
 _OF_RUN = (
     "first", "first.equations", "first.equations.model", "first.equations.graph",
     "first.start", "first.plan", "first.settings", "first.system",
     "first.system.equations", "first.system.equations.model", "first.system.plan",
     "first.runner", "pace", "interrupt", "progress",
 )  # fmt: skip
-_OF_APART = ("system", "settings", "runner", "progress")
 
 
-def _regenerated(run: Run | Apart, session: Session, relay: Relay) -> dict[str, Any]:
-    """Return the objects that a resumed run creates anew, by name."""
+def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
+    """Return by name the objects that are equal in all runs of a session."""
     case = session.case
-    found = {"session": session, "relay": relay, **_parts(run, "")}
+    found = {"session": session, "relay": relay}
+    found |= {name: attrgetter(name)(run) for name in _OF_RUN}
     found |= {"case": case, "equations": case.equations, "plan": session.plan}
     found |= {f"other {k}": x for k, x in enumerate(_observers(run, relay))}
     return {name: x for name, x in found.items() if x is not None}
-
-
-def _parts(run: Run | Apart, at: str) -> dict[str, Any]:
-    names = _OF_APART if isinstance(run, Apart) else _OF_RUN
-    found = {f"{at}{name}": attrgetter(name)(run) for name in names}
-    for k, part in enumerate(run.parts if isinstance(run, Apart) else ()):
-        found |= _parts(part.run, f"{k}.")
-    return found
 
 
 # --- Objects as JSON and arrays

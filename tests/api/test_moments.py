@@ -143,29 +143,3 @@ def test_every_shipped_model_gives_its_rows(name):
         off = np.abs(found[name][: len(rows)] - column)
         assert np.nanmax(off, initial=0.0) <= 1e-13 * largest
         assert np.array_equal(np.isnan(found[name][: len(rows)]), np.isnan(column))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("formulation", ["apart", "ignorable"])
-def test_what_is_integrated_otherwise_has_all_columns(formulation):
-    # Two oscillators that do not touch; and a coordinate that only its rate moves.
-    text = """
-coordinates: {x: {}, z: {}}
-energy: {kinetic: x_dot^2/2 + z_dot^2/2 + x^2*z_dot^2/2, potential: 2*x^2}
-initial: {x: 1, z: 0, z_dot: 0.5}
-simulation: {duration: 3, output_step: 1}
-"""
-    if formulation == "apart":
-        text = text.replace(" + x^2*z_dot^2/2", "").replace("2*x^2", "2*x^2 + 9*z^2/2")
-    found = run(text, formulation=formulation)
-    times = np.array([0.35, 0.7, 2.9])
-    got = found.at(times)
-    if formulation == "apart":
-        assert np.abs(got["x"] - np.cos(2 * times)).max() < 1e-9
-        assert np.abs(got["z"] - np.sin(3 * times) / 6).max() < 1e-9
-    else:
-        # The momentum of z: (1 + x^2) z' = 1.
-        assert np.abs((1 + got["x"] ** 2) * got["z_dot"] - 1).max() < 1e-9
-        step = 1e-4
-        near = found.at(times + step)["z"] - found.at(times - step)["z"]
-        assert np.abs(near / (2 * step) - got["z_dot"]).max() < 1e-6

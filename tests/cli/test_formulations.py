@@ -8,13 +8,6 @@ import pytest
 from tests.cli._results import manifest
 from tests.small_scenes import ON_THE_CURVE
 
-TOP = """\
-coordinates: {phi: {}, r: {}}
-energy: {kinetic: (r_dot^2 + r^2*phi_dot^2)/2, potential: -1/r}
-initial: {phi: 0, r: 1, phi_dot: 1.2}
-simulation: {duration: 1}
-"""
-
 
 @pytest.mark.parametrize(
     ("name", "formulation"),
@@ -35,15 +28,6 @@ def test_run_json_has_the_formulation_and_its_reason(lagsim, write, name, formul
         "t,theta,u,theta_dot,u_dot,theta_ddot,u_ddot,x,y,kinetic,potential,energy,"
         "lambda_path,Qc_theta,Qc_u,residual_path"
     )
-
-
-def test_momenta_are_no_parameters_of_the_model(lagsim, write):
-    options = ["--formulation", "ignorable", "--no-plots", "-o", "out"]
-    assert lagsim("run", write(TOP), *options).code == 0
-    document = manifest("out")
-    assert document["parameters"] == {}
-    choices = [c["choice"] for c in document["plan"]]
-    assert "ignorable: phi" in choices
 
 
 def test_a_gain_is_told(lagsim, write):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from lagsim.methods import names
+from lagsim.model.model import RETIRED_FORMULATIONS
 
 KEYS = {"name", "order", "adaptive", "handles"}
 
@@ -51,6 +52,20 @@ def test_a_run_by_a_retired_method_takes_another_one(lagsim):
     assert [x["code"] for x in record["warnings"]] == ["retired"]
     assert record["method"] in names()
     assert "is retired" in lagsim("methods", "exponential", code=2).err
+
+
+@pytest.mark.parametrize("name", RETIRED_FORMULATIONS)
+def test_a_run_in_a_retired_formulation_takes_another_one(lagsim, name):
+    Path("model.yaml").write_text(
+        "coordinates: {x: {}, y: {}}\n"
+        "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: x^2/2}\n"
+        "initial: {x: 1, y: 0}\n"
+        f"simulation: {{duration: 1, formulation: {name}}}\n"
+    )
+    for options in ((), ("--formulation", name)):
+        record = lagsim("run", "model.yaml", "--no-plots", "--json", *options).json
+        assert [x["code"] for x in record["warnings"]] == ["retired"]
+        assert record["formulation"] == "none"
 
 
 def test_commands_on_several_methods_leave_a_retired_one_out(lagsim):

@@ -68,7 +68,6 @@ ASKED = {
     ("formulation", "velocity projection"): (
         "formulation-refused `velocity·projection` 1·of·1"
     ),
-    ("formulation", "ignorable"): "formulation-refused `ignorable`",
 }  # fmt: skip
 FREE = ("projection", "baumgarte", "elimination")
 POSED = [

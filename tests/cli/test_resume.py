@@ -75,8 +75,7 @@ def begun(monkeypatch):
         goes_on = self.stand is not None
         join(self, run, *others)
         if goes_on:
-            parts = getattr(run, "parts", None)
-            times.append(min(p.run.t for p in parts) if parts else run.t)
+            times.append(run.t)
 
     monkeypatch.setattr(restart.Restart, "join", joined)
     return times
@@ -129,29 +128,6 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
 def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):
     found, whole = gone_on(lagsim, begun, model, after, kind, *more)
     assert found == whole
-
-
-APART = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: x_dot^2/2 + y_dot^2/2, potential: "x^4/4 - cos(y)"}
-initial: {x: 1, y: 2}
-simulation: {duration: 400, output_step: 0.02}
-"""
-
-
-@pytest.mark.slow
-def test_subsystems_go_on(lagsim, begun, write):
-    model = write(APART)
-    cut, whole = (
-        ("run", model, "-o", d, "-q", "--no-plots", "--formulation", "apart")
-        for d in ("cut", "whole")
-    )
-    assert lagsim(*whole).code == 0
-    assert "subsystems" in Path("whole/run.json").read_text()
-    ended(cut, 5, signal.SIGKILL)
-    assert lagsim(*cut, "--resume").code == 0
-    assert begun[0] > 0.0
-    assert content("cut") == content("whole")
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.reduction import Reduction, conserved, ignorable
+from lagsim.mechanics.reduction import Reduction, conserved
 from lagsim.model.reader import read
 from lagsim.plan.plan import by_loops
 from lagsim.run.observers import Keep
@@ -48,7 +48,7 @@ initial: {x: 0.6, y: 0.8, z: {guess: 0}, phi: 0.3, w: {guess: 0.8}, phi_dot: 1,
   x_dot: 0.5, y_dot: {guess: 0}, z_dot: {guess: 0}, w_dot: {guess: 0}}
 simulation: {duration: 1}
 """
-# Two ignorable coordinates, coupled with each other and with what is left.
+# Two coordinates with conserved momenta, coupled with each other and with the others.
 TOP = """
 coordinates: {phi: {}, a: {}, psi: {}, b: {}}
 energy:
@@ -58,17 +58,10 @@ energy:
 initial: {phi: 0.3, a: 0.2, psi: -1, b: 0.5, phi_dot: 1, psi_dot: -0.7, a_dot: 0.4}
 simulation: {duration: 1}
 """
-# The same beside a constraint that gives b.
-TOP_ON_A_CURVE = TOP.replace(
-    "initial: {", "constraints: {curve: b = 0.5 + a^2}\ninitial: {"
-).replace("a: 0.2", "a: 0").replace("a_dot: 0.4", "a_dot: 0")  # fmt: skip
 SCENES = [
     ("elastic-pendulum-curve", "elimination"),
-    ("heavy-top", "ignorable"),
     (STEERED, "elimination"),
     (MIXED, "elimination"),
-    (TOP, "ignorable"),
-    (TOP_ON_A_CURVE, "auto"),
 ]
 
 
@@ -110,20 +103,7 @@ def test_eliminated_constraints_hold_to_the_last_digit():
     ).trajectory.statistics.evaluations  # fmt: skip
 
 
-def test_the_momentum_of_an_ignorable_coordinate_is_constant_to_rounding():
-    options = {"duration": 20, "output_step": "0.01"}
-    ignored = run("heavy-top", formulation="ignorable", **options)
-    full = run("heavy-top", formulation="full", **options)
-    assert ignored.plan.reduction.ignored == ("phi", "psi")
-    for name, value in {"p_phi": 0.0046875, "p_psi": 0.009375}.items():
-        # A few operations on numbers of this size, in every row.
-        assert np.max(np.abs(ignored[name] - value)) < 4e-15 * value * 10
-        assert np.max(np.abs(full[name] - value)) > 4e-15 * value * 10
-
-
 def test_it_must_pay_to_be_chosen():
-    # Measured: 4 % of the time of the heavy top, although a quarter of the operations.
-    assert run("heavy-top", duration="0.1").plan.reduction.ignored == ()
     assert not run("chain-cartesian", duration="0.1").plan.reduction.eliminated
 
 
@@ -140,21 +120,6 @@ simulation: {duration: 5}
     assert not found.trajectory.outcome.complete
     for name in ("r = ", "s = ", "r_dot = ", "s_dot = "):
         assert name in found.trajectory.reason
-
-
-def test_a_quadrature_of_nothing_is_not_controlled_at_rounding_level():
-    # A planet seen from afar drifts sideways at 1e-17 of its speed: rounding.
-    text = """
-coordinates: {r: {}, x: {}}
-energy: {kinetic: (r_dot^2 + x_dot^2)/2, potential: r^2/2}
-initial: {r: 1, x: 0, x_dot: 1e-17}
-simulation: {duration: 20}
-"""
-    found = run(text, formulation="ignorable", method="dop853")
-    plain = run(text, formulation="full", method="dop853")
-    assert found.plan.reduction.ignored == ("x",)
-    steps = found.trajectory.statistics.steps
-    assert steps <= 1.2 * plain.trajectory.statistics.steps
 
 
 def test_switches_of_what_is_left_out_are_met():
@@ -261,12 +226,12 @@ def test_dependent_constraints_are_left_alone():
         ("initial: {", "constraints: {held: phi_dot = 5*a_dot - 1}\ninitial: {"),
     ],
 )
-def test_what_is_not_ignorable(change, to):
+def test_momenta_that_are_not_conserved(change, to):
     equations = derive(read(TOP, "model.yaml"))
-    assert [equations.q[c] for c in ignorable(equations)] == ["phi", "psi"]
+    assert [equations.q[c] for c in conserved(equations)] == ["phi", "psi"]
     assert change in TOP
     equations = derive(read(TOP.replace(change, to), "model.yaml"))
-    assert "phi" not in [equations.q[c] for c in ignorable(equations)]
+    assert "phi" not in [equations.q[c] for c in conserved(equations)]
 
 
 FLOOR = contact("y >= 0", 0.5)

@@ -5,7 +5,7 @@ import pytest
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.plan.formulation import step_parts
 from tests.scenes.reference import model_text
-from tests.support import case_of, refused
+from tests.support import case_of
 
 
 def plan_of(text, **options):
@@ -149,33 +149,9 @@ def test_a_row_that_vanishes_at_the_start_has_its_length_nearby():
     assert 0.0 < lengths[1] < 0.3  # a few states at about 0.1 from there
 
 
-def test_who_integrates_what_is_ignorable():
-    options = {"formulation": "ignorable", "step": "0.01"}
-    assert plan_of("heavy-top", method="rk4", **options).method == "rk4"
-    with refused("method-refused", "ignorable"):
-        plan_of("heavy-top", method="rattle", **options)
-
-
 @pytest.mark.parametrize(("name", "projects"), [("kepler", False), ("andrews", True)])
 def test_what_has_no_constraints_projects_nothing(name, projects):
     plan = plan_of(name)
     projection, stages = step_parts(plan.reduction.equations, plan.elimination)
     assert stages > 0.0
     assert (projection > 0.0) == projects
-
-
-def test_what_is_ignorable_is_not_solved_for_where_that_takes_long():
-    # 60 coupled coordinates, all but one ignorable: 59^3/6 products and differences,
-    # were they eliminated; the derivatives of the square take 60^2/2.
-    names = [f"q{k}" for k in range(60)]
-    rates = [f"{name}_dot" for name in names]
-    case = case_of(
-        f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}\n"
-        f"energy: {{kinetic: ({' + '.join(rates)})^2 + "
-        f"{' + '.join(f'{rate}^2' for rate in rates)}, potential: q0}}\n"
-        f"initial: {{{', '.join(f'{name}: 0' for name in names)}}}\n"
-        "simulation: {duration: 1}\n"
-    )
-    plan = case.plan()
-    assert len(case.equations.graph) < 60**2
-    assert not any(choice.choice.startswith("ignorable") for choice in plan.choices)

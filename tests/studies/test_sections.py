@@ -217,18 +217,6 @@ def test_modes_that_jump_over_a_section(section, times, modes):
     assert tuple(found["u"]) == modes  # after the event
 
 
-def test_parts_that_are_integrated_apart():
-    text = """
-coordinates: {a: {}, b: {}}
-energy: {kinetic: (a_dot^2 + b_dot^2)/2, potential: a^2/2 + 200*b^4}
-initial: {a: 1, b: 1}
-simulation: {duration: 20, formulation: apart}
-output: {sections: {cut: {at: a = 0}}}
-"""
-    found = sections("", text)
-    assert found["t"] == pytest.approx((np.arange(6) + 0.5) * math.pi, abs=1e-9)
-
-
 def test_files(lagsim, tmp_path):  # noqa: F811
     path = tmp_path / "model.yaml"
     path.write_text(OSCILLATOR.replace("SECTION", "at: x = 0, plot: [x_dot, x_ddot]"))

@@ -67,22 +67,6 @@ def test_the_rows_of_a_variant_are_those_of_a_run_with_the_values():
         assert [*found.events] == [*alone.events]
 
 
-def test_times_of_subsystems_that_are_integrated_apart():
-    text = """
-    parameters: {k: 4}
-    coordinates: {x: {}, y: {}}
-    energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + 50*y^2}
-    initial: {x: 1, y: 1}
-    simulation: {duration: 5, output_step: 0.1, rtol: 1e-12, formulation: apart}
-    """
-    # More times than the kernel lists at once.
-    t = np.random.default_rng(1).uniform(0, 5, 300)
-    found = trials(text).run(Variant({"k": 9}, {"method": "dop853"}, t))
-    # A hundred tolerances, of motions of size 1 in 8 periods.
-    assert found.column("x") == pytest.approx(np.cos(3 * t), abs=1e-10)
-    assert found.column("y") == pytest.approx(np.cos(10 * t), abs=1e-10)
-
-
 def test_times_change_no_step():
     some = trials(SPRING)
     whole = some.run()

@@ -17,6 +17,7 @@ from lagsim.model.model import (
     CURVE,
     DEFAULT_ROWS,
     LINKS,
+    RETIRED_FORMULATIONS,
     SHAPES,
     DrawnExpression,
     Level,
@@ -96,7 +97,7 @@ def read_settings(
 
 
 # Names of earlier versions, by key.
-RETIRED: dict[str, tuple[str, ...]] = {"method": RETIRED_METHODS, "formulation": ()}
+RETIRED = {"method": RETIRED_METHODS, "formulation": RETIRED_FORMULATIONS}
 
 
 class _Simulation:

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 REPEATING_SECONDS = 0.2
 MOST_REPEATS = 20
 
-FORMULATIONS = ("auto", "full", "ignorable")
+FORMULATIONS = ("auto", "full")
 # Rows that leave the constraints: no answer that `auto` might give.
 DRIFT = "drift"
 OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)

@@ -134,7 +134,7 @@ FLOOR: Pen = {"color": "#888888", "dashes": (3.0, 2.0), "linewidth": 0.8}
 # says the round, a row, and the formulation, a column.
 MARKERS = (("o", "D", "P", "<"), ("s", "^", "X", ">"), ("v", "p", "h", "*"))
 SHIFT = 2
-FORMULATIONS = {"ignorable": 1, "elimination": 1, "baumgarte": 2, "drift": 3}
+FORMULATIONS = {"elimination": 1, "baumgarte": 2, "drift": 3}
 SCIPY_MARKERS = ("x", "+", "1", "2", "3")
 GREY = "#777777"
 

@@ -694,12 +694,10 @@ class Ends(NamedTuple):
 def refusal(session: Session) -> str:
     """Return the reason why a run needs more than calls of the kernel, or ""."""
     plan, system = session.plan, session.system
-    if plan.parts:
-        return "subsystems are integrated apart"
     if system.m or system.watched:
         return "constraints and switches are located in each run separately"
-    if plan.reduction.ignored or plan.reduction.eliminated:
-        return "the equations are reduced by conserved quantities in each run"
+    if plan.reduction.eliminated:
+        return "eliminated coordinates are recovered in each run separately"
     if system.model.until is not None:
         return "`until` is located in each run separately"
     if system.model.events:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi, sin
 
-from tests.scenes.pairs.physical import BY_NAME, CHAIN
+from tests.scenes.pairs.physical import CHAIN
 from tests.scenes.pairs.scene import HOLDS_AT_TIMES
 
 ALONE = "constraints that hold at times need a method that evaluates y' only"
@@ -68,8 +68,6 @@ AT_TIMES = "the model has constraints that hold at times"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
 NO_FACTOR = "no coordinate has in .* a factor that is constant and not 0"
 UNENFORCED = "the model has constraints; `drift` integrates without enforcement"
-ONE_STEP = "a contact or a limit can stop the step of any subsystem"
-QUADRATURES = "work and action depend on all subsystems"
 # Formulation -> feature -> the words of the refusal.
 FORMULATIONS: dict[str, dict[str, str]] = {
     "full": {},
@@ -85,20 +83,6 @@ FORMULATIONS: dict[str, dict[str, str]] = {
         **_AT_TIMES,
         **dict.fromkeys(("corner", "holonomic", *_VELOCITIES), NO_FACTOR),
         "redundant": "constraints are redundant",
-    },
-    "ignorable": {
-        **dict.fromkeys(
-            (name for name in BY_NAME if name != "ignorable"),
-            "no coordinate is ignorable with a conserved momentum",
-        ),
-        **_AT_TIMES,
-    },
-    "apart": {
-        **dict.fromkeys(HOLDS_AT_TIMES, ONE_STEP),
-        **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic", "event"), QUADRATURES),
-        **dict.fromkeys(("corner", "nonlinear velocity constraint"), QUADRATURES),
-        "events at one time": QUADRATURES,
-        "until": "`until` depends on all subsystems",
     },
     "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
     "drift": {**NO_CONSTRAINTS, **_AT_TIMES},

@@ -94,7 +94,7 @@ BOUNCE = "parameters: {e: 0.5}\n" + CONTACT.replace(
     "restitution: 0.5", "restitution: e"
 )
 CENTRE = orbit("output_step: 0.1, rtol: 1e-9, formulation: full")
-# Integrated apart, sparse, with contacts, by impulses, with limits, held velocities.
+# Sparse, with contacts, by impulses, with limits, held velocities.
 SCENES = [
     ("coupled-oscillators", {}),
     ("chain-cartesian", {}),
@@ -104,7 +104,6 @@ SCENES = [
     ("rolling-disk", {}),
     ("pendulum-cartesian", {"formulation": "baumgarte"}),
     ("elastic-pendulum-curve", {"formulation": "elimination"}),
-    ("heavy-top", {"formulation": "ignorable"}),
     ("kepler", {"method": "kahan-li8", "step": 0.01}),
     ("forced-oscillator", {"error_bar": "always"}),
     *((SWITCHED, {"name": name, "duration": 2}) for name in ("k", "m", "w")),
