@@ -745,7 +745,7 @@ class Chosen(NamedTuple):
         Their multipliers, and the diagonal of their matrix D, accelerations per
         multiplier.
     paradox, open : bool
-        Whether there is a paradox of Painlevé's (see `mechanics.contact.Modes`);
+        Whether there is a paradox of Painlevé's (see `mechanics.contact.RowModes`);
         whether the motion is not unique.
     """
 
