@@ -281,12 +281,14 @@ class Fast(NamedTuple):
 
     `rate` is the largest |eigenvalue|, `where` holds the names of the coordinates and
     states in its motion; `excited` is true if the motion oscillates with energy that a
-    stiff method would damp.
+    stiff method would damp. `slower`, of an excited motion, is the largest |eigenvalue|
+    of motions that are slower by the factor FAST.
     """
 
     rate: float
     where: tuple[str, ...]
     excited: bool
+    slower: float = 0.0
 
 
 class Stiffness(Source):
@@ -352,6 +354,9 @@ class Stiffness(Source):
             )
             return self._warning(arc, fast.where, advice)
         if fast.excited:
+            # Without the fast motion the next slower one would bound the steps.
+            if fast.rate < WORTH * fast.slower:
+                return GO_ON
             advice = (
                 f"this motion has energy, which {STIFF} would damp; make it rigid "
                 "by a constraint, or model its damping"
@@ -464,7 +469,9 @@ def _fastest_motion(arc: Arc) -> Fast | None:
     moving = np.abs(modes.right[:n]) @ swinging
     rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
-    return Fast(rate, where, excited)
+    speeds = np.abs(np.linalg.eigvals(whole)) if excited else np.zeros(1)
+    slower = float(np.max(speeds[~_fast(speeds)], initial=0.0))
+    return Fast(rate, where, excited, slower)
 
 
 def _is_excited(
