@@ -456,13 +456,13 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the sides of the open surfaces determine the side of surface k.
 
-        On each side of these its expression may have another value, at a level or not,
-        and at another level.
+        On each side of these, and at their levels, where laws may hold the motion, its
+        expression may have another value, at a level or not, and at another level.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)
         found = set()
-        for corner in self._corners():
+        for corner in [*self._corners(), (LEVEL,) * len(self.open)]:
             self._settle(corner)
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
