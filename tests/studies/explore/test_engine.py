@@ -101,13 +101,13 @@ def test_vary_names_the_sliders_and_their_ends(file):
 @pytest.mark.parametrize(
     ("values", "code"),
     [
-        ({"nothing": 1.0}, "unknown-parameter"),
-        ({"k": "__import__('os')"}, "expression-unknown-function"),
+        ({"nothing": 1.0}, "unknown-name"),
+        ({"k": "__import__('os')"}, "expression-name"),
         ({"k": "1/0"}, "not-finite"),
         ({"k": math.inf}, "usage"),
         ({"k": "  "}, "usage"),
         ({"k": "1+" * 600 + "1"}, "usage"),
-        ({"k": "x"}, "later-parameter"),
+        ({"k": "x"}, "not-constant"),
     ],
 )
 def test_values_that_cannot_be_used_are_refused_and_leave_the_engine_whole(
