@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def as_mathml(content: Content) -> str:
-    """Return the definitions, the equations and the constraints of a derivation.
+    """Return the equations of a derivation, its constraints, then its definitions.
+
+    Equations are those of coordinates and first-order states. Friction and limits,
+    which are no equations, are left out.
 
     Returns
     -------

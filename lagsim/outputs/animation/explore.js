@@ -87,7 +87,8 @@ function said(text) {
 async function settle() {
   const mine = version, t = state.t;
   const found = await engine.state(settings, t);
-  if (mine !== version || t !== state.t) return;
+  // Nothing is found where a later motion has taken its place.
+  if (!found || mine !== version || t !== state.t) return;
   exact = {t, found};
   show();
 }
@@ -221,7 +222,7 @@ grabbing = (px, py) => {
     last = null;
     busy = true;
     try {
-      const found = await engine.drag(values, start, best.name, target);
+      const found = await engine.drag(values, start, best.name, target) || {};
       state.t = line.start;
       await tried({...values, ...Object.fromEntries(Object.entries(found).map(([name, x]) => [name, String(x)]))});
     } catch (error) { said(error.message); }

@@ -52,12 +52,7 @@ class _Place(NamedTuple):
 
     def at(self, x: Point) -> tuple[Floats, Floats]:
         """Return the place (d,) and its derivatives (d, n)."""
-        places = [(k, j) for k, row in enumerate(self.slopes) for j in row]
-        found = np.zeros((len(self.nodes), x.n))
-        entries = x.array([node for row in self.slopes for node in row.values()])
-        for place, value in zip(places, entries, strict=True):
-            found[place] = value
-        return x.array(self.nodes), found
+        return x.array(self.nodes), _dense(self.slopes, x)
 
 
 def dragged(
@@ -174,9 +169,14 @@ def _correction(asked: Sequence[Condition], x: Point) -> Floats:
 
 def _jacobian(asked: Sequence[Condition], x: Point) -> Floats:
     """Return the derivatives of conditions by coordinates or velocities, (m, n)."""
-    found = np.zeros((len(asked), x.n))
-    places = [(i, j) for i, c in enumerate(asked) for j in c.A]
-    values = x.array([node for c in asked for node in c.A.values()])
+    return _dense([c.A for c in asked], x)
+
+
+def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:
+    """Return the values (m, n) of nodes in m rows: index of a coordinate -> node."""
+    found = np.zeros((len(rows), x.n))
+    places = [(i, j) for i, row in enumerate(rows) for j in row]
+    values = x.array([node for row in rows for node in row.values()])
     for place, value in zip(places, values, strict=True):
         found[place] = value
     return found

@@ -126,11 +126,12 @@ class Engine:
         self.file, self._overrides, self._vary = file, dict(overrides), dict(vary)
         self._shown = shown
         self._lock = threading.Lock()
-        self._asked: dict[str, Interrupt] = {}
+        self._asked: dict[tuple[str, bool], Interrupt] = {}
         self.fault, self.version = "", 0
+        self._use(read_file(file, self._overrides))
+        # With the files of its tables, which are known now.
         self._stamps: dict[Path, tuple[int, int]] = {}
         self._digest = self._read()
-        self._use(read_file(file, self._overrides))
 
     # --- The file
 
@@ -144,8 +145,7 @@ class Engine:
 
     def files(self) -> list[Path]:
         """Return the paths of the model file and of the files of its tables."""
-        model = getattr(self, "model", None)
-        tables = {t.file for t in model.tables if t.file} if model else set()
+        tables = {t.file for t in self.model.tables if t.file}
         file = Path(self.file)
         return [file, *(file.parent / name for name in sorted(tables))]
 
@@ -248,7 +248,7 @@ class Engine:
         LagsimError
             If a value cannot be used, or the start is not admissible.
         """
-        with self._alone(page) as interrupt:
+        with _Alone(self._lock, self._asked, page) as interrupt:
             session = self._session(values)
             names = session.columns.names
             shown = frames_of(session.equations, names).names
@@ -258,12 +258,9 @@ class Engine:
             ended = session.run([frames], interrupt=interrupt)
             if interrupt.asked:
                 raise SupersededError
-            notes = [] if ended.outcome.complete else [f"incomplete: {ended.reason}"]
             columns = dict(zip(wanted, frames.table.T, strict=True))
             about = units(session.equations, session.columns.of_table)
-            made = film(
-                session.equations, frames, ended.events, units=about, notes=notes
-            )
+            made = film(session.equations, frames, ended.events, units=about)
             model = session.case.model
             header = {
                 "version": self.version,
@@ -277,24 +274,33 @@ class Engine:
             }
             return packed(header, [columns[name] for name in table])
 
-    def state(self, values: Values, t: float) -> dict[str, float]:
+    def state(self, values: Values, t: float, page: str) -> dict[str, float]:
         """Return time, coordinates, rates and first-order states at a time of the run.
 
         Parameters
         ----------
+        values
+            See `motion`.
         t : float
             Replaced by the nearest time of the run.
+        page : str
+            Identifies the page. A later state or motion for the same page ends this
+            call, which itself ends no motion.
 
         Raises
         ------
+        SupersededError
         LagsimError
             If a value cannot be used, or the run fails before t.
         """
-        with self._lock:
+        with _Alone(self._lock, self._asked, page, moves=False) as interrupt:
             session = self._session(values)
             settings = session.case.settings
             first, last = sorted((settings.start, settings.start + settings.duration))
-            found = tried(session, np.array([min(max(t, first), last)]))
+            times = np.array([min(max(t, first), last)])
+            found = tried(session, times, interrupt=interrupt)
+            if interrupt.asked:
+                raise SupersededError
             row = found.rows[0] if len(found.rows) else np.full(1, math.nan)
             if not math.isfinite(row[0]):
                 if found.outcome == Outcome.UNTIL.word and found.end < t:
@@ -306,7 +312,12 @@ class Engine:
             return {name: known[name] for name in self._state_names(session)}
 
     def drag(
-        self, values: Values, t: float, point: str, target: Sequence[float]
+        self,
+        values: Values,
+        t: float,
+        point: str,
+        target: Sequence[float],
+        page: str,
     ) -> dict[str, float]:
         """Return start values with a point of the scene at a target, or near it.
 
@@ -320,19 +331,19 @@ class Engine:
             Name of a point of the scene.
         target : sequence of float
             The place of the point, (2,) or (3,).
+        page : str
+            See `state`.
 
         Raises
         ------
+        SupersededError
         LagsimError
             If a value cannot be used.
         """
-        state = self.state(values, t)
+        state = self.state(values, t, page)
         with self._lock:
             session = self._session(values)
             return dragged(session.case, state, point, np.array(target, float))
-
-    def _alone(self, page: str) -> _Alone:
-        return _Alone(self._lock, self._asked, page)
 
     def _texts(self, values: Values) -> dict[str, str]:
         """Return the expressions of values; refuse what is no number or text."""
@@ -383,25 +394,47 @@ class Engine:
 
 
 class _Alone:
-    """Context of one computation; the page's earlier one is interrupted.
+    """Context of one computation of a page, with the request that it ends early.
+
+    A motion ends the earlier motion and the earlier state of its page, a state the
+    earlier state alone.
+
+    Parameters
+    ----------
+    lock : Lock
+        Held within the context.
+    asked : dict of (str, bool) to Interrupt
+        The latest computations, by page and whether they are motions.
+    page : str
+    moves : bool
+        Whether the computation is a motion, and not a state.
 
     Raises
     ------
     SupersededError
-        On entry, if a later computation of the page is waiting.
+        On entry, if a later computation has ended this one while it was waiting.
     """
 
     def __init__(
-        self, lock: threading.Lock, asked: dict[str, Interrupt], page: str
+        self,
+        lock: threading.Lock,
+        asked: dict[tuple[str, bool], Interrupt],
+        page: str,
+        *,
+        moves: bool = True,
     ) -> None:
-        self._lock, self._asked, self._page = lock, asked, page
+        self._lock, self._asked, self._key = lock, asked, (page, moves)
         self._own = Interrupt()
 
     def __enter__(self) -> Interrupt:
-        before = self._asked.get(self._page)
-        self._asked[self._page] = self._own
-        if before is not None:
-            before.stop()
+        page, moves = self._key
+        ended = [self._asked.get((page, False))]
+        if moves:
+            ended.append(self._asked.get((page, True)))
+        self._asked[self._key] = self._own
+        for before in ended:
+            if before is not None:
+                before.stop()
         self._lock.acquire()
         if self._own.asked:
             self._lock.release()
@@ -409,8 +442,8 @@ class _Alone:
         return self._own
 
     def __exit__(self, *_: object) -> None:
-        if self._asked.get(self._page) is self._own:
-            del self._asked[self._page]
+        if self._asked.get(self._key) is self._own:
+            del self._asked[self._key]
         self._lock.release()
 
 

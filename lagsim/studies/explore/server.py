@@ -273,12 +273,12 @@ class Handler(BaseHTTPRequestHandler):
 
     def _motion(self) -> None:
         found, values = self._asked()
-        page = str(found.get("page", ""))[:MOST_LETTERS]
-        self._send(self.server.engine.motion(values, page), BYTES)
+        self._send(self.server.engine.motion(values, _page_of(found)), BYTES)
 
     def _state(self) -> None:
         found, values = self._asked()
-        state = self.server.engine.state(values, _number(found.get("t")))
+        t = _number(found.get("t"))
+        state = self.server.engine.state(values, t, _page_of(found))
         self._send_json({"state": state})
 
     def _drag(self) -> None:
@@ -288,7 +288,7 @@ class Handler(BaseHTTPRequestHandler):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
         moved = self.server.engine.drag(
             values, _number(found.get("t")), str(found.get("point")),
-            [_number(x) for x in target],
+            [_number(x) for x in target], _page_of(found),
         )  # fmt: skip
         self._send_json({"start": moved})
 
@@ -352,6 +352,10 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         """Print nothing: the command's terminal shows the address alone."""
+
+
+def _page_of(found: Mapping[str, Any]) -> str:
+    return str(found.get("page", ""))[:MOST_LETTERS]
 
 
 def _is_value(value: object) -> bool:

@@ -61,11 +61,11 @@ def test_a_motion_at_other_values_is_that_of_a_run_with_them(file):
 def test_a_state_is_that_of_the_run_at_a_time_between_its_rows(file):
     engine = engine_of(file)
     run = lagsim.simulate(lagsim.load(file, k=8), error_bar="never")
-    found = engine.state({"k": 8.0}, 1.234)
+    found = engine.state({"k": 8.0}, 1.234, "page")
     assert list(found) == ["t", "x", "x_dot"]
     assert found == {name: run.at(1.234)[name] for name in found}
-    assert engine.state({}, 99.0)["t"] == 3.0
-    assert engine.state({}, -1.0)["t"] == 0.0
+    assert engine.state({}, 99.0, "page")["t"] == 3.0
+    assert engine.state({}, -1.0, "page")["t"] == 0.0
 
 
 def test_sliders_are_those_of_plain_numbers_and_of_the_start(file):
@@ -130,8 +130,8 @@ def test_a_run_that_fails_says_so_with_its_number(tmp_path):
     header, _ = unpacked(engine.motion({}, "page"))
     assert "[E5" in header["error"]
     with pytest.raises(LagsimError):
-        engine.state({}, 5.0)
-    assert engine.state({"x": 1e-3}, 5.0)["t"] == 5.0
+        engine.state({}, 5.0, "page")
+    assert engine.state({"x": 1e-3}, 5.0, "page")["t"] == 5.0
 
 
 def test_rows_are_thinned_to_a_screen(file):
@@ -169,10 +169,11 @@ def test_a_table_that_was_saved_changes_the_motion(tmp_path):
         "initial: {x: 0}\nsimulation: {duration: 2}\n"
     )
     engine = engine_of(path)
-    assert engine.state({}, 2.0)["x"] == pytest.approx(2.0, rel=1e-10)
+    assert not engine.changed()
+    assert engine.state({}, 2.0, "page")["x"] == pytest.approx(2.0, rel=1e-10)
     (tmp_path / "force.csv").write_text("t,F\n0,3\n10,3\n")
     assert engine.changed()
-    assert engine.state({}, 2.0)["x"] == pytest.approx(6.0, rel=1e-10)
+    assert engine.state({}, 2.0, "page")["x"] == pytest.approx(6.0, rel=1e-10)
 
 
 def test_the_text_of_the_file_has_the_values_and_its_comments(file):
@@ -205,10 +206,42 @@ def test_the_last_request_of_a_page_wins(tmp_path):
     second.start()
     first.join(60)
     assert ends == ["superseded"]
-    third = engine._asked["page"]
-    third.stop()
+    engine._asked["page", True].stop()
     second.join(60)
     assert ends == ["superseded"] * 2
+
+
+def test_a_motion_ends_a_state_and_a_state_no_motion(tmp_path):
+    path = tmp_path / "long.yaml"
+    path.write_text(
+        OSCILLATOR.replace("duration: 3", "duration: 9e5, method: rk4, step: 0.01")
+    )
+    engine, ends = engine_of(path), []
+
+    def ask(what, *given):
+        try:
+            what({}, *given, "page")
+            ends.append("done")
+        except SupersededError:
+            ends.append("superseded")
+
+    state = threading.Thread(target=ask, args=(engine.state, 9e5))
+    state.start()
+    while not engine._asked:
+        pass
+    motion = threading.Thread(target=ask, args=(engine.motion,))
+    motion.start()
+    state.join(60)
+    assert ends == ["superseded"]
+    late = threading.Thread(target=ask, args=(engine.state, 9e5))
+    late.start()
+    motion.join(0.2)
+    assert motion.is_alive()
+    for interrupt in [*engine._asked.values()]:
+        interrupt.stop()
+    motion.join(60)
+    late.join(60)
+    assert ends == ["superseded"] * 3
 
 
 def test_equations_are_mathml_without_marks_of_the_file(file):
@@ -223,7 +256,7 @@ def test_equations_are_mathml_without_marks_of_the_file(file):
 def test_a_dragged_bob_turns_the_angle_to_where_it_is():
     engine = engine_of(MODELS / "double-pendulum.yaml")
     target = [math.sin(1.0) + math.sin(0.2), -math.cos(1.0) - math.cos(0.2)]
-    found = engine.drag({}, 0.0, "lower", target)
+    found = engine.drag({}, 0.0, "lower", target, "page")
     x = math.sin(found["theta1"]) + math.sin(found["theta2"])
     y = -math.cos(found["theta1"]) - math.cos(found["theta2"])
     assert [x, y] == pytest.approx(target, abs=1e-8)
@@ -231,7 +264,7 @@ def test_a_dragged_bob_turns_the_angle_to_where_it_is():
 
 def test_a_point_out_of_reach_comes_as_near_as_it_can():
     engine = engine_of(MODELS / "pendulum-cartesian.yaml")
-    found = engine.drag({}, 0.0, "mass", [3.0, -4.0])
+    found = engine.drag({}, 0.0, "mass", [3.0, -4.0], "page")
     # On the circle of the rod, in the direction of the target.
     length = math.hypot(found["x"], found["y"])
     assert length == pytest.approx(1.0, rel=1e-12)
