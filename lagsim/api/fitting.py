@@ -12,7 +12,8 @@ from lagsim.api.models import Model, model_of
 from lagsim.outputs.notebook import block, heading, page, picture, table
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record, record_of
-from lagsim.studies.fit.fitting import LINEAR, LOSSES, Fit
+from lagsim.studies.fit.estimate import LINEAR, LOSSES
+from lagsim.studies.fit.fitting import Fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

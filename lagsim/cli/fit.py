@@ -32,7 +32,8 @@ from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record
-from lagsim.studies.fit.fitting import LINEAR, LOSSES, SPENT, Fit
+from lagsim.studies.fit.estimate import LINEAR, LOSSES
+from lagsim.studies.fit.fitting import SPENT, Fit
 
 if TYPE_CHECKING:
     from lagsim.cli._shared import Progress

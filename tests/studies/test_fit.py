@@ -10,7 +10,8 @@ from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.fit.data import record_of
-from lagsim.studies.fit.fitting import INTERRUPTED, Fit, named
+from lagsim.studies.fit.fitting import INTERRUPTED, Fit
+from lagsim.studies.fit.names import parse_names
 from lagsim.studies.fit.report import document_of, tables, written
 from tests.studies.test_sensitivities import BALL, ROD
 
@@ -302,7 +303,7 @@ def test_names_that_cannot_be_varied(vary, text):
 
 
 def test_names_with_bounds():
-    one, two = named(["k = 1:2", "x@2 = :3"], 2)
+    one, two = parse_names(["k = 1:2", "x@2 = :3"], 2)
     assert (one.label, one.low, one.high) == ("k", 1, 2)
     assert (two.label, two.record, two.low, two.high) == ("x@2", 1, -math.inf, 3)
 

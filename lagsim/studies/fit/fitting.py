@@ -26,6 +26,21 @@ from lagsim.errors import (
 )
 from lagsim.notes import Caution
 from lagsim.studies.fit.data import TIME, check_span, columns_of, matched
+from lagsim.studies.fit.estimate import (
+    LINEAR,
+    SPENT_ROWS,
+    determined,
+    estimated,
+    robust_factor,
+)
+from lagsim.studies.fit.names import (
+    CLOCK,
+    Varied,
+    concerned,
+    drawn_start,
+    parse_names,
+    start_within,
+)
 from lagsim.studies.sensitivities import (
     COMMON,
     RTOL,
@@ -41,13 +56,10 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.fit.data import Record
+    from lagsim.studies.fit.estimate import Estimate
 
     Progress = Callable[[float], None] | None
 
-LINEAR = "linear"
-LOSSES = (LINEAR, "soft_l1", "huber")
-# The difference between the clocks of data and run: data time t is run time t - t0.
-CLOCK = "t0"
 # Outcomes.
 CONVERGED, SPENT, INTERRUPTED = "converged", "no convergence", "interrupted"
 # Relative changes of cost and of values at which iterations end; most evaluations.
@@ -58,49 +70,16 @@ ROUGH: dict[str, Any] = {"order": 4, "first": 1e-4, "spare": 8}
 ACCURATE: dict[str, Any] = {}
 # Relative change of the data by a name, below which it counts as none.
 NO_CHANGE = 1e-9
-# Least ratio of a singular value to the largest of a combination that is determined.
-DETERMINED = 1e-7
-# Degrees of freedom where none are left.
-SPENT_ROWS = 1e-9
-# Parts of a combination below this size are rounding.
-TINY_PART = 1e-5
 # Ratio of the standard deviation of normal values to the median of their sizes.
 OF_MEDIAN = 1.4826
 # Probability of an interval.
 LIKELY = 0.95
 # Most fits with the noise of the last one, and relative change that ends them.
 ROUNDS, SAME_NOISE = 6, 0.02
-# Seed of further starts, and the range of a name without bounds, in its values.
-SEED, SPREAD = 11, 2.0
+# Seed of further starts.
+SEED = 11
 # Part of the time of the data to which steps of the clock are relative.
 OF_SPAN = 0.05
-
-
-class Varied(NamedTuple):
-    """Name that a fit varies.
-
-    Attributes
-    ----------
-    label : str
-        `theta`, or `theta@2`.
-    name : str
-        The parameter, start value, or `t0`.
-    record : int
-        Number of the only record that it concerns, from 0; -1 for all records without
-        a name of their own.
-    low, high : float
-        Bounds.
-    start, scale : float
-        The first value, and its size.
-    """
-
-    label: str
-    name: str
-    record: int = -1
-    low: float = -math.inf
-    high: float = math.inf
-    start: float = 0.0
-    scale: float = 1.0
 
 
 class StoppedError(Exception):
@@ -159,86 +138,10 @@ class Recording(Sensitivities):
         return super().trial(name, value, held)
 
 
-# --- Names
-
-
-def named(texts: Sequence[str], records: int) -> list[Varied]:
-    """Parse the names of a fit: `NAME`, `NAME=a:b`, `NAME@K`, `NAME@K=a:b`.
-
-    Parameters
-    ----------
-    texts : sequence of str
-    records : int
-        Number of records.
-
-    Raises
-    ------
-    InputError
-        If a text is malformed, or a name is given twice.
-    """
-    faults, found = Problems(), list[Varied]()
-    for text in texts:
-        label, equals, after = (part.strip() for part in text.partition("="))
-        name, at, number = (part.strip() for part in label.partition("@"))
-        low, high = _bounds(after) if equals else (-math.inf, math.inf)
-        if not name or not low < high:
-            message = f"--vary {text}: a name, and bounds if any, are expected"
-            faults.add("usage", message, hint="such as --vary k, or --vary k=1:10")
-            continue
-        record = -1
-        if at:
-            known = number.isdecimal() and 1 <= int(number) <= records
-            if not known:
-                message = f"--vary {label}: there is no data file {number or '``'}"
-                hint = f"there {'is' if records == 1 else 'are'} "
-                hint += f"{counted(records, 'data file')}, counted from 1"
-                faults.add("usage", message, hint=hint)
-                continue
-            record = int(number) - 1
-        label = f"{name}@{record + 1}" if at else name
-        if any(label == one.label for one in found):
-            faults.add("usage", f"--vary {label} is given twice")
-        found.append(Varied(label, name, record, low, high))
-    if not texts:
-        faults.add("usage", "no name is varied", hint="such as --vary k")
-    for one in found:
-        if one.record < 0 and not _concerned(one, found, records):
-            text = f"--vary {one.name}: each data file has a value of its own"
-            faults.add("usage", text, hint="leave out the name without a number")
-    faults.refuse()
-    return found
-
-
-def _bounds(text: str) -> tuple[float, float]:
-    """Return (a, b) of the text `a:b`; -inf or inf where a or b is missing.
-
-    For other texts the numbers are nan.
-    """
-    low, colon, high = text.partition(":")
-    try:
-        ends = float(low or "-inf"), float(high or "inf")
-    except ValueError:
-        return math.nan, math.nan
-    return ends if colon else (math.nan, math.nan)
-
-
-def _concerned(one: Varied, every: Sequence[Varied], records: int) -> list[int]:
-    """Return the numbers of the records, from 0, to which a varied name applies.
-
-    A name without a number applies to all records that have no name of their own.
-
-    every : all varied names. records : the count of records.
-    """
-    if one.record >= 0:
-        return [one.record]
-    own = {x.record for x in every if x.name == one.name}
-    return [k for k in range(records) if k not in own]
-
-
 # --- The fit
 
 
-class Slopes(NamedTuple):
+class Jacobian(NamedTuple):
     """Derivatives of residuals by names, in units of the columns and scales.
 
     Attributes
@@ -254,25 +157,6 @@ class Slopes(NamedTuple):
     J: Floats
     lost: dict[str, int]
     error: float
-
-
-class Estimate(NamedTuple):
-    """Values with their uncertainties, in multiples of the scales of the names.
-
-    Attributes
-    ----------
-    covariance : ndarray, shape (p, p)
-        nan for names that are not determined, or stand at a bound.
-    combinations : list of dict of str to float
-        Directions that the data do not determine: name -> its relative change, in
-        changes that leave all residuals as they are.
-    taken : ndarray, shape (n,)
-        Leverage of each residual.
-    """
-
-    covariance: Floats
-    combinations: list[dict[str, float]]
-    taken: Floats
 
 
 @dataclass
@@ -310,7 +194,7 @@ class Fit:
     model : Model
     records : sequence of Record
     vary : sequence of str
-        Names with bounds, see `named`.
+        Names with bounds, see `names.parse_names`.
     match : mapping of str to str, optional
         Expressions by columns, see `matched`.
     loss : str
@@ -345,7 +229,7 @@ class Fit:
         self.given, self.records, self.loss = model, records, loss
         self.interrupt, self.runs, self.iterations = interrupt, 0, 0
         self._progress: Progress = None
-        names = named(vary, len(records))
+        names = parse_names(vary, len(records))
         self.model, self.matches = matched(model, records, match or {})
         self.columns = columns_of(self.model)
         self._arrange()
@@ -360,7 +244,7 @@ class Fit:
         self.start = np.array([one.start for one in self.names])
         # Runs at the last values, and their derivatives by accuracy.
         self._known: tuple[bytes, list[Recording]] = (b"", [])
-        self._slopes: dict[int, Slopes] = {}
+        self._jacobians: dict[int, Jacobian] = {}
         self._best = math.inf, self.start, self.data * np.nan
 
     def _arrange(self) -> None:
@@ -392,7 +276,7 @@ class Fit:
         clocks = [(0.0, 0.0)] * len(self.records)
         for one in found:
             if self.is_clock(one):
-                for k in _concerned(one, found, len(self.records)):
+                for k in concerned(one, found, len(self.records)):
                     clocks[k] = one.start, one.start
         check_span(self.records, clocks, self.settings)
         starts = [x.name for x in found if x.name in free.start()]
@@ -409,7 +293,7 @@ class Fit:
     ) -> Varied:
         if self.is_clock(one):
             times = [
-                self.records[k].times for k in _concerned(one, names, len(self.records))
+                self.records[k].times for k in concerned(one, names, len(self.records))
             ]
             low = max(float(t[-1]) for t in times) - self.settings.end
             high = min(float(t[0]) for t in times) - self.settings.start
@@ -426,7 +310,7 @@ class Fit:
             value = free.value_of(one.name)
             scale = scale_of(self.model, one.name, value)
         if not one.low < value < one.high:
-            value = _between(one.low, one.high, value)
+            value = start_within(one.low, one.high, value)
         return one._replace(start=value, scale=scale)
 
     def _following(
@@ -462,7 +346,7 @@ class Fit:
         key = x.tobytes()
         if key != self._known[0]:
             made = [self._recording(k, x) for k in range(len(self.records))]
-            self._known, self._slopes = (key, made), {}
+            self._known, self._jacobians = (key, made), {}
         return self._known[1]
 
     def _recording(
@@ -470,7 +354,7 @@ class Fit:
     ) -> Recording:
         values = {}
         for one, value in zip(self.names, x.tolist(), strict=True):
-            if number in _concerned(one, self.names, len(self.records)):
+            if number in concerned(one, self.names, len(self.records)):
                 values[one.name] = value
         self.runs += 1
         at = self.records[number].times if times is None else times
@@ -490,31 +374,31 @@ class Fit:
         ]
         return np.asarray(np.concatenate(rows) - self.data)
 
-    def slopes(self, x: Floats, how: dict[str, Any]) -> Slopes:
+    def jacobian(self, x: Floats, how: dict[str, Any]) -> Jacobian:
         """Return the derivatives of the residuals by the varied names, at x (p,).
 
         how : ROUGH or ACCURATE, options of `Sensitivities.by`.
         """
         runs, key = self.at(x), len(how)
-        if key not in self._slopes:
+        if key not in self._jacobians:
             blocks = [self._block(k, run, how) for k, run in enumerate(runs)]
             lost: dict[str, int] = {}
             for one in blocks:
                 for name, count in one.lost.items():
                     lost[name] = lost.get(name, 0) + count
             J = np.concatenate([one.J for one in blocks])
-            self._slopes[key] = Slopes(J, lost, max(one.error for one in blocks))
-        return self._slopes[key]
+            self._jacobians[key] = Jacobian(J, lost, max(one.error for one in blocks))
+        return self._jacobians[key]
 
-    def _block(self, number: int, run: Recording, how: dict[str, Any]) -> Slopes:
+    def _block(self, number: int, run: Recording, how: dict[str, Any]) -> Jacobian:
         """Return the derivatives of the residuals of one record, by the varied names.
 
-        number : of the record, from 0. run : at the values. how : as for `slopes`.
+        number : of the record, from 0. run : at the values. how : as for `jacobian`.
         """
         seen, lost, error = self.seen[number], dict[str, int](), 0.0
         J = np.zeros((int(np.count_nonzero(seen)), len(self.names)))
         for j, one in enumerate(self.names):
-            if number not in _concerned(one, self.names, len(self.records)):
+            if number not in concerned(one, self.names, len(self.records)):
                 continue
             found = run.by(one.name, scale=one.scale, **how)
             self.runs += found.runs
@@ -524,7 +408,7 @@ class Fit:
             if found.lost.any():
                 lost[one.label] = int(np.count_nonzero(found.lost))
         J[~np.all(np.isfinite(J), axis=1)] = 0.0
-        return Slopes(J, lost, error)
+        return Jacobian(J, lost, error)
 
     def _cost(self, x: Floats, weights: Floats) -> Floats:
         """Return residuals in standard deviations, shape (n,), at x (p,).
@@ -560,8 +444,8 @@ class Fit:
             self.iterations += 1
             if self._progress is not None:
                 self._progress(1.0 - 0.85**self.iterations)
-            J = self.slopes(z * s, ROUGH).J
-            return _determined(J * weights[self.of][:, None])
+            J = self.jacobian(z * s, ROUGH).J
+            return determined(J * weights[self.of][:, None])
 
         ends = np.array([[one.low, one.high] for one in self.names]).T / s
         found = least_squares(
@@ -622,8 +506,7 @@ class Fit:
         if np.all(given > 0.0) or (len(given) == 1 and self.loss == LINEAR):
             return x, noise, ended
         for _ in range(1 if self.loss == LINEAR else ROUNDS):
-            slopes = self.slopes(x, ROUGH)
-            estimate = self._estimate(x, slopes, noise, self._active(x))
+            estimate = self._estimate(x, noise, self._active(x), ROUGH)
             last, noise = noise, self._noise(self.raw(x), estimate, given)
             if np.all(np.abs(noise - last) <= SAME_NOISE * noise):
                 break
@@ -648,7 +531,7 @@ class Fit:
         raw = self.raw(x)
         if not np.all(np.isfinite(raw)):
             self._refuse_early()
-        J, lost, _ = self.slopes(x, ROUGH)
+        J, lost, _ = self.jacobian(x, ROUGH)
         sizes = np.array([
             float(np.max(np.abs((raw + self.data)[self.of == k]), initial=0.0)) or 1.0
             for k in range(len(self.matches))
@@ -692,7 +575,7 @@ class Fit:
         results = [self._solve(x, weights, loss)]
         random = np.random.default_rng(SEED)
         for _ in range(starts):
-            other = np.array([_drawn(one, random) for one in self.names])
+            other = np.array([drawn_start(one, random) for one in self.names])
             if np.all(np.isfinite(self._cost(other, weights))):
                 try:
                     results.append(self._solve(other, weights, loss))
@@ -722,7 +605,7 @@ class Fit:
             spread = math.sqrt(float(np.mean(raw[own] ** 2)))
             if self.loss != LINEAR:
                 spread = OF_MEDIAN * float(np.median(np.abs(raw[own])))
-            free = float(np.sum(1.0 - estimate.taken[own]))
+            free = float(np.sum(1.0 - estimate.leverages[own]))
             count = float(np.count_nonzero(own))
             found[k] = max(spread * math.sqrt(count / max(free, SPENT_ROWS)), least)
         return found
@@ -739,31 +622,15 @@ class Fit:
         return found
 
     def _estimate(
-        self, x: Floats, slopes: Slopes, noise: Floats, active: Collection[str]
+        self, x: Floats, noise: Floats, active: Collection[str], how: dict[str, Any]
     ) -> Estimate:
-        """Return covariance, undetermined combinations and leverages at x (p,).
+        """Return the uncertainties at x (p,).
 
-        noise (m,) : standard deviations of the columns. active : names at a bound,
-        which are left out.
+        noise (m,) : standard deviations of the columns. active : names at a bound. how
+        : as for `jacobian`.
         """
-        J, _, error = slopes
-        p = len(self.names)
-        free = np.array([one.label not in active for one in self.names])
-        norms, (U, sizes, Vt), kept = _decomposed(
-            J[:, free] / noise[self.of][:, None], error
-        )
-        taken = np.sum(U[: len(J), kept] ** 2, axis=1)
-        labels = [one.label for one in self.names if one.label not in active]
-        relative = (self.scales / np.where(x == 0.0, self.scales, np.abs(x)))[free]
-        combinations = _combinations(Vt[~kept] / norms * relative, labels)
-        part = Vt[kept] / sizes[kept][:, None]
-        inner = part.T @ part / np.outer(norms, norms)
-        loose = {name for one in combinations for name in one}
-        unknown = np.array([name in loose for name in labels], dtype=bool)
-        inner[unknown, :] = inner[:, unknown] = np.nan
-        covariance = np.full((p, p), np.nan)
-        covariance[np.ix_(free, free)] = inner
-        return Estimate(covariance, combinations, taken)
+        J, _, error = self.jacobian(x, how)
+        return estimated(J / noise[self.of][:, None], x, self.names, active, error)
 
     def _result(
         self, x: Floats, noise: Floats, given: Floats, ended: bool,
@@ -781,14 +648,15 @@ class Fit:
             Number of starts, and from how many the values were found.
         """
         raw, active = self.raw(x), self._active(x)
-        slopes = self.slopes(x, ACCURATE)
-        found = self._estimate(x, slopes, noise, active)
+        found = self._estimate(x, noise, active, ACCURATE)
         if not np.all(given > 0.0):
             noise = self._noise(raw, found, given)
-            found = self._estimate(x, slopes, noise, active)
+            found = self._estimate(x, noise, active, ACCURATE)
         if self.loss != LINEAR:
             r = raw / noise[self.of]
-            factor = _robust(r, self.loss, len(r) - float(np.sum(found.taken)))
+            factor = robust_factor(
+                r, self.loss, len(r) - float(np.sum(found.leverages))
+            )
             found = found._replace(covariance=found.covariance * factor)
         outcome = CONVERGED if ended else SPENT
         cautions = [
@@ -798,7 +666,7 @@ class Fit:
                 f"{counted(count, 'row')} of the data: these count in the residuals, "
                 "not in the standard errors",
             )
-            for name, count in slopes.lost.items()
+            for name, count in self.jacobian(x, ACCURATE).lost.items()
         ]
         for one in found.combinations:
             parts = ", ".join(f"{name} by {part:+.3g}" for name, part in one.items())
@@ -813,7 +681,7 @@ class Fit:
         """Return the values for the model file: of starts those of the first record."""
         values: dict[str, float] = {}
         for one, value in zip(self.names, found.x.tolist(), strict=True):
-            if 0 in _concerned(one, self.names, 1) and not self.is_clock(one):
+            if 0 in concerned(one, self.names, 1) and not self.is_clock(one):
                 values[one.name] = value
         return values
 
@@ -839,102 +707,3 @@ class Fit:
         dense = np.linspace(times[0], times[-1], count)
         run = self._recording(number, x, dense)
         return dense, run.rows(run.centre)
-
-
-def _between(low: float, high: float, value: float) -> float:
-    """Return a value inside bounds of which one, at least, is finite.
-
-    It is the middle, or beside the finite bound by the size of that bound or of
-    `value`.
-    """
-    if math.isfinite(low) and math.isfinite(high):
-        return 0.5 * (low + high)
-    end, sign = (low, 1.0) if math.isfinite(low) else (high, -1.0)
-    return end + sign * (abs(end) or abs(value) or 1.0)
-
-
-def _drawn(one: Varied, random: np.random.Generator) -> float:
-    """Return a random start value of a name.
-
-    It is between the bounds, or from half to double of the value.
-    """
-    part = float(random.uniform())
-    if math.isfinite(one.low) and math.isfinite(one.high):
-        return one.low + part * (one.high - one.low)
-    value = one.start * float(SPREAD ** (2.0 * part - 1.0))
-    if not one.start:
-        value = one.scale * (2.0 * part - 1.0)
-    return min(max(value, one.low), one.high)
-
-
-def _decomposed(
-    J: Floats, error: float = 0.0
-) -> tuple[Floats, tuple[Floats, Floats, Floats], Flags]:
-    """Return the singular value decomposition of a Jacobian with columns of length 1.
-
-    Returns
-    -------
-    norms : ndarray, shape (p,)
-        The lengths of the columns; 1 for a column of zeros.
-    decomposition : tuple of ndarray, shape (n, p), (p,), (p, p)
-        U, singular values and V^T; with rows of zeros where n < p.
-    kept : ndarray of bool, shape (p,)
-        Singular values beyond the relative error of the derivatives.
-    """
-    norms = np.linalg.norm(J, axis=0)
-    norms[norms == 0.0] = 1.0
-    padded = np.pad(J / norms, ((0, max(0, J.shape[1] - len(J))), (0, 0)))
-    U, sizes, Vt = np.linalg.svd(padded, full_matrices=False)
-    largest = float(np.max(sizes, initial=0.0))
-    return norms, (U, sizes, Vt), sizes > max(DETERMINED, error) * largest
-
-
-def _determined(J: Floats) -> Floats:
-    """Return a Jacobian without the combinations that are rounding.
-
-    A step along these would have any size.
-    """
-    norms, (U, sizes, Vt), kept = _decomposed(J)
-    if kept.all():
-        return J
-    return np.asarray((U[: len(J), kept] * sizes[kept]) @ Vt[kept] * norms)
-
-
-def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return directions that span those of `kernel` (d, p), each with few names.
-
-    A direction maps names to relative changes, of which the largest is 1.
-    """
-    rest = kernel.copy()
-    for k in range(len(rest)):
-        row, column = divmod(int(np.argmax(np.abs(rest[k:]))), rest.shape[1])
-        rest[[k, k + row]] = rest[[k + row, k]]
-        rest[k] /= rest[k, column]
-        for other in range(len(rest)):
-            if other != k:
-                rest[other] -= rest[other, column] * rest[k]
-    return [
-        {
-            name: part
-            for name, part in zip(names, one.tolist(), strict=True)
-            if abs(part) > TINY_PART
-        }
-        for one in (row / row[np.argmax(np.abs(row))] for row in rest)
-    ]
-
-
-def _robust(r: Floats, loss: str, free: float) -> float:
-    """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6).
-
-    r (n,) : residuals in standard deviations. loss : `soft_l1` or `huber`. free :
-    degrees of freedom.
-    """
-    z = r * r
-    if loss == LOSSES[1]:
-        first, second = (1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5
-    else:
-        outer = np.maximum(z, 1.0)
-        first = outer**-0.5
-        second = np.where(z > 1.0, -0.5 * outer**-1.5, 0.0)
-    bend = float(np.mean(first + 2.0 * z * second))
-    return float(np.sum(z * first**2)) / max(free, SPENT_ROWS) / bend**2

@@ -102,7 +102,7 @@ def _quantile(fit: Fit, found: Found) -> float:
     estimated = np.array([x.deviation == 0.0 for x in fit.matches])[fit.of]
     if not estimated.any() or found.estimate is None:
         return float(ndtri(above))
-    free = float(np.sum(1.0 - found.estimate.taken[estimated]))
+    free = float(np.sum(1.0 - found.estimate.leverages[estimated]))
     return float(stdtrit(free, above)) if free > 0.5 else math.nan
 
 
