@@ -56,16 +56,13 @@ from lagsim.run.observers import Corners, Extremes, Observer, Relay, Store
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import Frames, picture_thinning
 from lagsim.run.trajectory import Outcome, Trajectory
-from lagsim.studies.alarms import (
+from lagsim.studies.audit.alarms import alarms
+from lagsim.studies.audit.evidence import (
     Evidence,
-    Finding,
-    alarms,
-    audit,
     constraint_residual,
-    fault,
     inertia_roots,
-    up_to,
 )
+from lagsim.studies.audit.finding import Finding, audit, fault, up_to
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     NO_MOTION,

@@ -31,7 +31,7 @@ from lagsim.outputs.results import open_results
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import stated_units
 from lagsim.run.error import could_push
-from lagsim.studies.alarms import HIGHER
+from lagsim.studies.audit.evidence import HIGHER
 from lagsim.studies.comparison import (
     ComparedColumn,
     Deviation,

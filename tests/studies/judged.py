@@ -4,8 +4,10 @@ from lagsim.model.reader import read
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.session import Stopwatch, open_case
-from lagsim.studies.alarms import Evidence, alarms, audit
 from lagsim.studies.attempts import Allowance, Attempts, ErrorBars
+from lagsim.studies.audit.alarms import alarms
+from lagsim.studies.audit.evidence import Evidence
+from lagsim.studies.audit.finding import audit
 
 
 def evidence(found, bar="not estimated"):

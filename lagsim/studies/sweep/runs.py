@@ -46,8 +46,8 @@ from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes, Measures
 from lagsim.run.session import Session, StartError, Stopwatch, wanted
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
+from lagsim.studies.audit.evidence import UNEXPLAINED
 from lagsim.studies.drawing import beside
 from lagsim.studies.trials import Forms, refused, structure
 from lagsim.tolerances import SAME_STEP

@@ -11,7 +11,7 @@ import pytest
 
 import lagsim
 from lagsim.run.error import ErrorBar
-from lagsim.studies.alarms import Energy, group_balances
+from lagsim.studies.audit.balances import Energy, group_balances
 from tests.small_scenes import held_pendulum, scene
 from tests.studies.judged import cautions, codes, doubt, evidence
 from tests.support import run

@@ -13,7 +13,7 @@ import pytest
 import lagsim
 import lagsim.codes
 from lagsim.run.observers.monitors import EnergyMonitor, gained
-from lagsim.studies.alarms import about_constraints
+from lagsim.studies.audit.alarms import about_constraints
 from tests.invariance.same import CHANGES
 from tests.invariance.transforms import document
 from tests.small_scenes import oscillator, scene

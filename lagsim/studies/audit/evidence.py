@@ -1,0 +1,260 @@
+"""Evidence on a run: residuals of constraints and energies, from its rows.
+
+A residual or an energy counts if it exceeds the rounding errors that the rows show.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.constraints import Kind
+from lagsim.run.error import could_push, largest_beside
+from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor
+from lagsim.studies.audit.balances import Balance, energy_error, group_balances
+from lagsim.tolerances import PLACE_BESIDE, SATISFIED, UNIT_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.run.error import ErrorBar
+    from lagsim.run.session import Session
+    from lagsim.run.trajectory import Trajectory
+
+# The least unexplained change of the energy that raises a warning, relative to the
+# energy in play: half of it, as an error of an amplitude, is about the width of a line
+# in a picture, and the drift at the default tolerance is a million times smaller.
+UNEXPLAINED = 1e-3
+# Safety factor of the energy error that the errors of the state explain, to first order
+# and with all errors in the worst direction.
+FAR = 100.0
+# A coordinate is at rest if it moves less than this many times as far as the rounding
+# of the forces on it would move it.
+HIGHER = 16.0
+
+
+class Evidence:
+    """Evidence for the warnings of a run: monitors of its rows, its end, its error bar.
+
+    A repeat is audited too, since a repeat that is not valid is no reason to reject the
+    run.
+
+    Attributes
+    ----------
+    gaps : Gaps
+        Values that are not finite.
+    residuals : ResidualMonitor
+        Constraint residuals with their scales, and the drift of energy - work.
+    monitor : EnergyMonitor
+        Energies and states of the rows.
+    trajectory : Trajectory
+        Set by `end`.
+    bar : ErrorBar or str
+        The error bar, or the reason why there is none; set by `end`.
+    """
+
+    trajectory: Trajectory
+    bar: ErrorBar | str
+
+    def __init__(self, session: Session) -> None:
+        columns = session.columns
+        self.session, self.plan = session, session.plan
+        self.equations = session.equations
+        self.gaps = Gaps(columns.names[: columns.table])
+        self.residuals = ResidualMonitor(columns.names)
+        self.monitor = EnergyMonitor(columns.names, self.equations)
+
+    def add(self, rows: Floats) -> None:
+        """Pass rows (k, columns) to the monitors."""
+        self.gaps.add(rows)
+        self.residuals.add(rows)
+        self.monitor.add(rows)
+
+    def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
+        """Store the end of the run and its error bar; return this object.
+
+        The extremes of the state and the energy between rows, which the steps recorded,
+        are passed to the monitor.
+        """
+        self.monitor.between_rows = trajectory.largest_energy
+        self.monitor.extents = trajectory.extents
+        self.trajectory, self.bar = trajectory, bar
+        return self
+
+    @cached_property
+    def balances(self) -> Sequence[Balance]:
+        """The energy balances of all decoupled groups, then of the whole system.
+
+        They are computed after the last row. With an absolute tolerance in the model or
+        the options the groups are left out: such a tolerance says nothing about the
+        accuracy of a group with a small motion.
+        """
+        e, monitor, residuals = self.equations, self.monitor, self.residuals
+        worst = residuals.drift.row
+        worst = worst if worst is None else worst[e.state_columns]
+        whole = Balance(
+            range(len(e.q)), (), e.energy, monitor.energy_in_play, monitor.work_range,
+            residuals.drift.size, residuals.energy_gained, worst,
+            monitor.balance, monitor.passed, residuals.drift.since,
+        )  # fmt: skip
+        return [*(group_balances(e, monitor) if self.plan.atol is None else ()), whole]
+
+
+def worst_residual(
+    run: Evidence, coarse: tuple[float, Floats] | None = None
+) -> tuple[str, float] | None:
+    """Return the worst violated constraint and its residual relative to its scale.
+
+    None if all constraints are satisfied.
+
+    Parameters
+    ----------
+    coarse : tuple of float and ndarray, optional
+        For a method that does not locate events: the time until it corrects a residual,
+        and the largest speeds (n,).
+    """
+    for name, part, moved in _residuals_off(run, coarse):
+        if not moved <= SATISFIED:
+            return name, part
+    return None
+
+
+def constraint_residual(run: Evidence) -> float:
+    """Return the largest relative residual of all constraints.
+
+    A residual is relative to the scale of its constraint or to the motion of the
+    coordinates in the constraint, whichever is larger. The value is inf or nan if a
+    residual is not finite.
+    """
+    parts = run.residuals.constraint_parts
+    off = {name: min(part, moved) for name, part, moved in _residuals_off(run, None)}
+    return max((parts | off).values(), default=0.0)
+
+
+def _residuals_off(
+    run: Evidence, coarse: tuple[float, Floats] | None
+) -> Iterator[tuple[str, float, float]]:
+    """Yield constraints whose residual exceeds the part SATISFIED of their scale.
+
+    Each item has the name, the residual relative to the scale, and the residual
+    relative to the motion: the size of the motion of the coordinates, multiplied by the
+    slopes of the constraint. The latter decides where all terms of a constraint are
+    close to zero, so that their sizes are no scale. Residuals that one step explains
+    are left out; `coarse` is that of `worst_residual`.
+    """
+    equations, start = run.equations, run.session.case.examined.state
+    n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
+    contacts = {x.name for x in equations.laws if x.kind is Kind.CONTACT}
+    names = run.session.columns.names
+    for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
+        if not math.isfinite(residual):
+            yield name, part, residual
+            continue
+        row = equations.row(name)
+        moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
+        state = equations.model.parameter_values
+        state |= dict(zip(names, values.tolist(), strict=False))
+        slopes = np.abs(evaluate(g, list(row.A), state))
+        if coarse is not None:
+            left = _changed(equations, row, state, values, coarse[0])
+            if name in contacts:
+                still = state | dict.fromkeys(equations.velocities, 0.0)
+                (moving,) = evaluate(g, [row.rate], still)
+                left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
+            if residual <= left:
+                continue
+        # The motion of each coordinate that the largest motion can cause by inertia:
+        # for a heavier body at most its own range, so that the motion of a light body
+        # does not hide its residual; for a lighter one less, as the roots of the
+        # masses.
+        seed = largest_beside(inertia_roots(equations, start), moved)
+        seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
+        motion = float(slopes @ moved) + float(slopes @ seed) / SATISFIED
+        yield name, part, residual / motion if motion > 0.0 else math.inf
+
+
+def inertia_roots(equations: Equations, start: Instant) -> Floats:
+    """Return the square roots of the diagonal of M at the start, shape (n,)."""
+    diagonal = Point(equations, start).array(equations.inertias)
+    return np.sqrt(np.fmax(diagonal, 0.0))
+
+
+def _changed(
+    equations: Equations, row: Row, state: Mapping[str, float], values: Floats, h: float
+) -> float:
+    """Return a bound of the residual of a constraint after a step of size h.
+
+    The step satisfies the linearised rate of the constraint with positions and time of
+    half a step before.
+
+    Parameters
+    ----------
+    row : Row
+        The constraint.
+    state : mapping
+        Values of parameters and columns by name.
+    values : ndarray
+        The row of the table: time, coordinates, velocities, accelerations and more.
+    """
+    g, n = equations.graph, len(equations.q)
+    q, v, a = values[1 : 1 + 3 * n].reshape(3, n)
+
+    def rate(ago: float, more: float) -> float:
+        x = {**state, "t": state["t"] - ago}
+        x |= zip(equations.q, (q - ago * v).tolist(), strict=True)
+        x |= zip(equations.velocities, (v + more * a).tolist(), strict=True)
+        return float(evaluate(g, [row.rate], x)[0])
+
+    now = rate(0.0, 0.0)
+    off = max(abs(rate(part * h, 0.0) - now) for part in (0.25, 0.5, 1.0))
+    off += abs(rate(0.0, h) - 2.0 * now + rate(0.0, -h))
+    return h * (abs(now) + off) if row.holonomic else off
+
+
+def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
+    """Return the motion that rounding causes in coordinates at rest, and its energy.
+
+    Where forces balance, the rounding error of their sum moves a coordinate, and in a
+    system at rest there is no larger motion to compare that motion with. Coordinates
+    that move farther have the value 0.
+
+    Parameters
+    ----------
+    which : sequence of int
+        Indices of the coordinates considered.
+
+    Returns
+    -------
+    moved : ndarray, shape (n,)
+        In the units of the coordinates.
+    energy : float
+    """
+    n, monitor = len(run.equations.q), run.monitor
+    rows, span = monitor.passed, float(monitor.ranges[0])
+    found = could_push(run.equations, rows, which, span, monitor.held)
+    rests = monitor.ranges[1 : 1 + n] <= HIGHER * found.moved
+    moved = np.where(rests, found.moved, 0.0)
+    return moved, float(moved @ found.forces)
+
+
+def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> float:
+    """Return the rounding error of an energy at the worst row of a balance.
+
+    The larger of two values: `times` the rounding error by the state and by the work of
+    constraint forces, and the energy of the motion that rounding causes at rest.
+    """
+    row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
+    if row is None:
+        return 0.0
+    state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + len(run.equations.state)])
+    own = times * energy_error(run.equations, balance.energy, row, state)
+    own += times * UNIT_ROUNDOFF * float(monitor.held[j] @ monitor.ranges[1:][j])
+    return max(own, motion_of_rest(run, balance.coordinates)[1])
