@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.mechanics.equations import groups
 from lagsim.run.error import ErrorBar
 from lagsim.studies.audit.balances import Energy, group_balances
 from tests.small_scenes import held_pendulum, scene
@@ -283,6 +284,21 @@ def test_the_share_of_each_group():
 def test_what_is_no_sum_is_one_account(more):
     found = run(beside(M=1, more=more))
     assert not shown(found)
+    assert doubt(found) is None
+    assert doubt(spoilt(found, "energy", bump(0.3))).refutes
+
+
+@pytest.mark.parametrize("more", [{}, {"forces": "x: -0.1*x_dot"}])
+def test_no_group_counts_energy_of_another_that_its_expression_contains(more):
+    """M is the identity, but each term of its expression has both velocities."""
+    kinetic = "(x_dot + z_dot)^2/2 - x_dot*z_dot"
+    more |= {"simulation": "duration: 10, output_step: 0.01"}
+    found = run(scene("x: 1, z: 1", "x^2/2 + 5*z^2", kinetic, **more))
+    assert groups(found.equations) == [[0], [1]]
+    assert not shown(found)
+    assert {work.energy for work in found.equations.works} <= {found.equations.energy}
+    whole = (found["x_dot"] ** 2 + found["z_dot"] ** 2 + found["x"] ** 2) / 2
+    assert found["energy"] == pytest.approx(whole + 5 * found["z"] ** 2, rel=1e-13)
     assert doubt(found) is None
     assert doubt(spoilt(found, "energy", bump(0.3))).refutes
 
