@@ -26,20 +26,20 @@ def command(
     no_browser: bool = flag("--no-browser", "Print the address, open no browser."),
 ) -> int:  # fmt: skip
     """Set values on a page and watch the motion follow, until Ctrl-C."""
-    from lagsim.studies.explore.engine import Engine
+    from lagsim.studies.explore.explorer import Explorer
     from lagsim.studies.explore.server import HOST, Server
 
     if model == STANDARD_INPUT:
         text = "explore needs a file, which it reads again when it has been saved"
         raise unusable("usage", text)
-    engine = Engine(model, assignments(sets), _ranges(vary), text_of)
+    explorer = Explorer(model, assignments(sets), _ranges(vary), text_of)
     try:
-        server = Server(engine, port)
+        server = Server(explorer, port)
     except OSError as error:
         text = f"--port {port}: {HOST} does not offer this port: {error.strerror}"
         raise unusable("usage", text) from None
     # At once, also into a pipe.
-    put(lambda: print(f"{engine.model.name}: {server.address}", flush=True))
+    put(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
     if not no_browser and not webbrowser.open(server.address):
         complain("no browser was found: open the address above in one")
     complain("Ctrl-C ends")

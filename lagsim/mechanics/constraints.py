@@ -185,7 +185,7 @@ def scale_of(
     return largest
 
 
-class Slider(NamedTuple):
+class MasslessSlider(NamedTuple):
     """Limited relation on a coordinate without mass, see `reduction`.
 
     Attributes
@@ -306,7 +306,7 @@ class Law(NamedTuple):
     when: int | None = None
     bounce: int | None = None
     poisson: bool = False
-    slider: Slider | None = None
+    slider: MasslessSlider | None = None
 
     @property
     def name(self) -> str:

@@ -29,7 +29,7 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.names import UNIT_LENGTH, rate_of
 from lagsim.language.sparse import SparseVector
-from lagsim.mechanics.constraints import Kind, Row, Slider, constraint_row
+from lagsim.mechanics.constraints import Kind, MasslessSlider, Row, constraint_row
 from lagsim.mechanics.equations import Quadrature, Work, derive
 from lagsim.model.model import FirstOrderState, Force, Relation, Transition
 
@@ -509,7 +509,7 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
 
 def _slider(
     e: Equations, law: Law, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
-) -> Slider | None:
+) -> MasslessSlider | None:
     """Return the slider of law k on the massless coordinate j.
 
     None where no spring or damper acts between the slider and the rest.
@@ -541,7 +541,7 @@ def _slider(
         ends = g.call("min", ends, law.bound)  # the limit may not become negative
     left = g.call("if", slides, ends, limit) if first else g.one
     name, solved = str(g.payload(way)), _one_of(g, slides, row, law.row)
-    return Slider(j, force, name, solved, limit, left, first)
+    return MasslessSlider(j, force, name, solved, limit, left, first)
 
 
 def _one_of(g: Graph, slides: int, row: Row, sticks: Row) -> Row:

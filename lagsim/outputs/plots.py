@@ -82,7 +82,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import DrawnExpression, Model, Plot, Scene
     from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
-    from lagsim.outputs.record import Band, Record
+    from lagsim.outputs.plot_data import Band, PlotData
     from lagsim.run.observers.thinning import Array, Thinning
 
     # Abscissae and ordinates of curves, by name.
@@ -92,7 +92,7 @@ if TYPE_CHECKING:
 
 
 def sheet(
-    record: Record,
+    data: PlotData,
     height: float,
     subject: str,
     *,
@@ -111,13 +111,11 @@ def sheet(
     """
     names: list[tuple[str, Pen]] = [DEVIATIONS] if banded else []
     if timed:
-        names += [(look.name, look.top) for look, _ in event_marks(record)]
-    if record.horizon < record.rows.last("t"):
+        names += [(look.name, look.top) for look, _ in event_marks(data)]
+    if data.horizon < data.rows.last("t"):
         names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
-    notes = [record.note] if record.note else ()
-    return Picture(
-        height, record.title, subject, width=width, legend=names, notes=notes
-    )
+    notes = [data.note] if data.note else ()
+    return Picture(height, data.title, subject, width=width, legend=names, notes=notes)
 
 
 # The legend of bands around curves.
@@ -127,23 +125,23 @@ DEVIATIONS: tuple[str, Pen] = (
 )
 
 
-def event_marks(record: Record) -> list[tuple[Mark, Sequence[float]]]:
+def event_marks(data: PlotData) -> list[tuple[Mark, Sequence[float]]]:
     """Return the marks of events that occurred, each with the times of the events."""
-    known = [(look, record.events.get(kind, ())) for kind, look in MARKS.items()]
-    others = [t for k, own in record.events.items() if k not in MARKS for t in own]
+    known = [(look, data.events.get(kind, ())) for kind, look in MARKS.items()]
+    others = [t for k, own in data.events.items() if k not in MARKS for t in own]
     return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
 
 
-def mark_events(record: Record, axes: Axes) -> None:
+def mark_events(data: PlotData, axes: Axes) -> None:
     """Mark events on Axes against time, and shade the part past the horizon."""
-    shade(axes, record.horizon)
-    for look, times in event_marks(record):
+    shade(axes, data.horizon)
+    for look, times in event_marks(data):
         marks(axes, times, look)
 
 
-def time_of(record: Record) -> Scale:
+def time_of(data: PlotData) -> Scale:
     """Return the scale of time, from the first row to the last."""
-    return time_scale(np.array([record.rows.first("t"), record.rows.last("t")]))
+    return time_scale(np.array([data.rows.first("t"), data.rows.last("t")]))
 
 
 # --- Columns against time
@@ -167,20 +165,20 @@ GRIDS = (
 IN_PAIRS = 4
 
 
-def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
+def grouped(data: PlotData, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return groups of column names, one per panel; names of one unit share a panel."""
     by_unit: dict[str, list[str]] = {}
     for name in names:
-        by_unit.setdefault(record.unit(name), []).append(name)
+        by_unit.setdefault(data.unit(name), []).append(name)
     groups: dict[str, tuple[str, ...]] = {name: (name,) for name in names}
     for unit, alike in by_unit.items():
-        if unit and 1 < len(alike) <= SHARING and _comparable(record, alike):
+        if unit and 1 < len(alike) <= SHARING and _comparable(data, alike):
             groups.update(dict.fromkeys(alike, tuple(alike)))
     return list(dict.fromkeys(groups.values()))
 
 
-def _comparable(record: Record, names: Sequence[str]) -> bool:
-    scales = [value_scale(record.rows.series(name)[1], margin=0.0) for name in names]
+def _comparable(data: PlotData, names: Sequence[str]) -> bool:
+    scales = [value_scale(data.rows.series(name)[1], margin=0.0) for name in names]
     whole = max(s.high for s in scales) - min(s.low for s in scales)
     return min(s.high - s.low for s in scales) >= SQUEEZED * whole
 
@@ -242,8 +240,8 @@ class Panels:
         Of the grid with its labels, in inches.
     """
 
-    def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
-        self._record = record
+    def __init__(self, data: PlotData, groups: Sequence[tuple[str, ...]]) -> None:
+        self._data = data
         abreast, self._each = next(x for most, *x in GRIDS if len(groups) <= most)
         self._groups, self._abreast = in_pairs(groups, int(abreast))
         self._rows = -(-len(self._groups) // self._abreast)
@@ -253,32 +251,32 @@ class Panels:
         self, picture: Picture, part: Picture | SubFigure, *, above: bool = False
     ) -> None:
         """Draw the panels in a part of a picture; with `above`, labels are above."""
-        record, abreast = self._record, self._abreast
+        data, abreast = self._data, self._abreast
         above = above or abreast > 1
         panels = part.subplots(self._rows, abreast, squeeze=False)
         names = [name for group in self._groups for name in group]
-        sizes = largest(record, {name: size_of_column(record, name) for name in names})
+        sizes = largest(data, {name: size_of_column(data, name) for name in names})
         under = self._groups[abreast:]
         for axes, group, follows in zip_longest(panels.flat, self._groups, under):
             if not group:
                 axes.remove()
                 continue
-            unit = record.unit(group[0])
-            written = [record.letters.name(name) for name in group]
-            drawn = [record.rows.series(name) for name in group]
-            bands = bands_of(record, group, drawn)
+            unit = data.unit(group[0])
+            written = [data.letters.name(name) for name in group]
+            drawn = [data.rows.series(name) for name in group]
+            bands = bands_of(data, group, drawn)
             extents = [*drawn, *sides_of(bands)]
             scale, draw = spread_scale(*extents, size=sizes[unit]), series
             if made(group[0], IMPULSE):  # each has a size of its own
                 columns = [values for _, values in drawn]
                 scale, draw = value_scale(*columns, size=sizes[unit]), stems
             frame(
-                axes, time_of(record), scale, up=(", ".join(written), unit),
-                below=NOTHING if follows else record.named("t"),
+                axes, time_of(data), scale, up=(", ".join(written), unit),
+                below=NOTHING if follows else data.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
             picture.when_placed(bands_around, axes, bands, PENS)
-            picture.when_placed(against_time, record, axes, drawn, PENS, draw)
+            picture.when_placed(against_time, data, axes, drawn, PENS, draw)
             label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
@@ -287,11 +285,11 @@ class Panels:
 
 
 def bands_of(
-    record: Record, columns: Iterable[str], drawn: Iterable[tuple[Array, Array]]
+    data: PlotData, columns: Iterable[str], drawn: Iterable[tuple[Array, Array]]
 ) -> list[Band | None]:
     """Return the band of one standard deviation of each column, if it has one."""
     pairs = zip(columns, drawn, strict=True)
-    return [record.band(name, *curve) for name, curve in pairs]
+    return [data.band(name, *curve) for name, curve in pairs]
 
 
 def sides_of(bands: Iterable[Band | None]) -> list[tuple[Array, Array]]:
@@ -308,14 +306,14 @@ def bands_around(axes: Axes, bands: Iterable[Band | None], pens: Iterable[Pen]) 
 
 
 def against_time(
-    record: Record,
+    data: PlotData,
     axes: Axes,
     drawn: Iterable[tuple[Array, Array]],
     pens: Iterable[Pen],
     draw: Callable[[Axes, Array, Array, Pen], None] = series,
 ) -> None:
     """Draw columns (times, values) against time, and mark the events."""
-    mark_events(record, axes)
+    mark_events(data, axes)
     for (t, values), pen in zip(drawn, pens, strict=False):
         draw(axes, t, values, pen)
 
@@ -344,17 +342,17 @@ def label_greatest(
     axes.add_artist(AnchoredText(text, f"upper {side}", frameon=False, prop=look))
 
 
-def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
+def largest(data: PlotData, sizes: Mapping[str, float]) -> dict[str, float]:
     """Return the greatest of the sizes of columns, for each unit."""
     found: dict[str, float] = {}
     for name, size in sizes.items():
-        found[record.unit(name)] = max(found.get(record.unit(name), 0.0), size)
+        found[data.unit(name)] = max(found.get(data.unit(name), 0.0), size)
     return found
 
 
-def size_of_column(record: Record, name: str) -> float:
+def size_of_column(data: PlotData, name: str) -> float:
     """Return the greatest absolute finite value of a column; 0 without any."""
-    return greatest(record.rows.series(name)[1])
+    return greatest(data.rows.series(name)[1])
 
 
 # --- A plot that the model asks for
@@ -370,18 +368,18 @@ SIDES = ("y", "y2")
 
 
 @in_house_style
-def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
+def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
     """Draw entry `number`, counted from 0, of the model's `output.plots`."""
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves
-    texts = {name: record.letters.text(curve.text) for name, curve in curves.items()}
+    texts = {name: data.letters.text(curve.text) for name, curve in curves.items()}
     pens = dict(zip(names, PENS * 2, strict=False))
-    drawn = {name: _values(record, wanted, x, name, timed=timed) for name in names}
+    drawn = {name: _values(data, wanted, x, name, timed=timed) for name in names}
     bands = {
-        name: record.band(curves[name].text.strip(), *drawn[name]) if timed else None
+        name: data.band(curves[name].text.strip(), *drawn[name]) if timed else None
         for name in names
     }
-    scales = {"x": time_of(record) if timed else value_scale(*_xs(drawn), margin=0.03)}
+    scales = {"x": time_of(data) if timed else value_scale(*_xs(drawn), margin=0.03)}
     if "x" in wanted.log:
         scales["x"] = log_scale(*_xs(drawn), margin=0.0, least=0.0)
     sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
@@ -390,19 +388,19 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
         scales[side] = _up(shown, log=side in wanted.log, timed=timed)
     ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
     has_one_scale = not timed and not wanted.y2 and not wanted.log
-    has_one_scale = has_one_scale and _are_directions(record, curves, scene, drawn)
+    has_one_scale = has_one_scale and _are_directions(data, curves, scene, drawn)
     width, height = _sides(*ends) if has_one_scale else (WIDTH, HEIGHT)
     height += BELOW_PANELS + (APART if len(names) > 1 else 0.0)
     picture = sheet(
-        record, height, wanted.title, timed=timed, width=width,
+        data, height, wanted.title, timed=timed, width=width,
         banded=any(bands.values()),
     )  # fmt: skip
     axes = picture.subplots()
     if has_one_scale:
         picture.adjust.append(lambda: put_around(axes, ends, per_inch(axes, ends)))
-    below = texts[x], record.unit("t" if timed else x)
+    below = texts[x], data.unit("t" if timed else x)
     for side, own in sides.items() if wanted.y2 else [("y", names)]:
-        units = {record.unit(name) for name in own}
+        units = {data.unit(name) for name in own}
         up = ", ".join(texts[n] for n in own), units.pop() if len(units) == 1 else ""
         single = wanted.y2 and len(own) == 1
         panel = axes if side == "y" else axes.twinx()
@@ -414,14 +412,14 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
         if panel is not axes:
             panel.grid(visible=False)
         if timed and side == "y":
-            picture.when_placed(mark_events, record, axes)
+            picture.when_placed(mark_events, data, axes)
             label_greatest(axes, scales[side], [drawn[name] for name in own])
         for name in own:
             if timed:
                 picture.when_placed(bands_around, panel, [bands[name]], [pens[name]])
                 picture.when_placed(series, panel, *drawn[name], pens[name])
             else:
-                picture.when_placed(_path, record, panel, *drawn[name], pens[name])
+                picture.when_placed(_path, data, panel, *drawn[name], pens[name])
     if len(names) > 1:
         legend_above(axes, [(texts[name], pens[name]) for name in names])
     return picture
@@ -433,11 +431,11 @@ def side_of(name: str) -> str:
 
 
 def _values(
-    record: Record, wanted: Plot, x: str, name: str, *, timed: bool
+    data: PlotData, wanted: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
     """Return abscissae and ordinates to draw, nan where a logarithm is undefined."""
     # Against time the envelope keeps spikes; others need both values of a row.
-    across, up = record.rows.series(name) if timed else record.rows.path(x, name)
+    across, up = data.rows.series(name) if timed else data.rows.path(x, name)
     if "x" in wanted.log:
         across = np.where(across > 0.0, across, np.nan)
     if side_of(name) in wanted.log:
@@ -461,13 +459,13 @@ def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scal
 
 
 def _are_directions(
-    record: Record, curves: Mapping[str, DrawnExpression], scene: Scene, drawn: Curves
+    data: PlotData, curves: Mapping[str, DrawnExpression], scene: Scene, drawn: Curves
 ) -> bool:
     """Whether abscissa and ordinate are lengths that one scale can show.
 
     They are if units are equal, or both are coordinates of points or called x, y or z.
     """
-    units = {record.unit(name) for name in curves}
+    units = {data.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}
     is_known = units != {""} and len(units) == 1
     is_known |= all(curve.node in components for curve in curves.values())
@@ -484,10 +482,10 @@ def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float
     return min(max(NARROWEST, BESIDE + height / ratio), WIDTH), height
 
 
-def _path(record: Record, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
+def _path(data: PlotData, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     dots = mark(".", 1.2, pen["color"])
     pen = dots if dotted(*inches(axes, x, y)) else pen
-    path(axes, x, y, pen, record.trusted())
+    path(axes, x, y, pen, data.trusted())
 
 
 # --- The pictures
@@ -502,24 +500,24 @@ LONG = "trajectory"
 
 
 @in_house_style
-def energy(record: Record) -> Picture:
+def energy(data: PlotData) -> Picture:
     """Draw the energies, and below them the drift of energy - work.
 
     Parameters
     ----------
-    record : Record
+    data : PlotData
         Its rows have `energy` and `kinetic`, `potential` or `lagrangian`, and the
         difference `DRIFT` if there is a column `work`.
     """
     heights = [TALL, LOW]
-    picture = sheet(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
+    picture = sheet(data, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
     axes, lower = picture.subplots(2, height_ratios=heights)
-    total = "energy T + V" if record.is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
+    total = "energy T + V" if data.is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
-    names = [name for name in named if name in record.rows]
-    starts = _far_starts(record, names)
-    unit = record.unit("energy")
+    names = [name for name in named if name in data.rows]
+    starts = _far_starts(data, names)
+    unit = data.unit("energy")
     for name, start in starts.items():
         if start:
             named[name] += f" less {read_off(start)} {unit}".rstrip()
@@ -528,25 +526,25 @@ def energy(record: Record) -> Picture:
     # A part that equals the sum is drawn above the sum.
     drawn = {}
     for name in reversed(names):
-        t, energies = record.rows.series(name)
+        t, energies = data.rows.series(name)
         drawn[name] = t, energies - starts[name]
     values = spread_scale(*drawn.values())
-    frame(axes, time_of(record), values, up=("energy", unit))
+    frame(axes, time_of(data), values, up=("energy", unit))
     looks = [pens[name] for name in drawn]
-    picture.when_placed(against_time, record, axes, drawn.values(), looks)
+    picture.when_placed(against_time, data, axes, drawn.values(), looks)
     label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
-    _drift(picture, lower, record)
+    _drift(picture, lower, data)
     picture.align_ylabels()
     return picture
 
 
-def _far_starts(record: Record, names: Sequence[str]) -> dict[str, float]:
+def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
     """Return the constant that is subtracted from each energy: its start, or 0.
 
     It is 0 for an energy near 0. Constants of T and V are also subtracted from T + V.
     """
-    series = {name: record.rows.series(name)[1] for name in names}
+    series = {name: data.rows.series(name)[1] for name in names}
     ends = {name: extent(values) for name, values in series.items()}
     moving = max((high - low for low, high in ends.values()), default=0.0)
     starts = dict.fromkeys(names, 0.0)
@@ -554,20 +552,20 @@ def _far_starts(record: Record, names: Sequence[str]) -> dict[str, float]:
         nearest = min(map(abs, ends[name]))
         if moving and nearest > FAR * moving and len(series[name]):
             starts[name] = float(series[name][0])
-    if record.is_sum and {"kinetic", "potential"} <= set(names):
+    if data.is_sum and {"kinetic", "potential"} <= set(names):
         starts["energy"] = starts["kinetic"] + starts["potential"]
     return starts
 
 
-def _drift(picture: Picture, axes: Axes, record: Record) -> None:
-    balance = DRIFT if DRIFT in record.rows else "energy"
-    t, values = record.rows.series(balance)
+def _drift(picture: Picture, axes: Axes, data: PlotData) -> None:
+    balance = DRIFT if DRIFT in data.rows else "energy"
+    t, values = data.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
-    size = max(size_of_column(record, "energy"), greatest(values))
-    unit = record.unit("energy")
+    size = max(size_of_column(data, "energy"), greatest(values))
+    unit = data.unit("energy")
     scale = noise_scale(drift, size)
-    frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
-    picture.when_placed(against_time, record, axes, [(t, drift)], [BLACK])
+    frame(axes, time_of(data), scale, below=data.named("t"), up=("drift", unit))
+    picture.when_placed(against_time, data, axes, [(t, drift)], [BLACK])
     what = "energy − work" if balance == DRIFT else "energy"
     worst = greatest(drift)
     most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"
@@ -576,7 +574,7 @@ def _drift(picture: Picture, axes: Axes, record: Record) -> None:
 
 @in_house_style
 def trajectory(
-    record: Record,
+    data: PlotData,
     names: Sequence[str],
     scene: Scene,
     subject: str = "coordinates",
@@ -586,7 +584,7 @@ def trajectory(
 
     Parameters
     ----------
-    record : Record
+    data : PlotData
     names : sequence of str
         Coordinates and states.
     scene : Scene
@@ -595,11 +593,11 @@ def trajectory(
         Source of the scene's shapes, which are drawn if given.
     """
     shown = chosen(names, MOST_PANELS)
-    panels = Panels(record, grouped(record, shown))
-    views = Views(record, scene, model)
+    panels = Panels(data, grouped(data, shown))
+    views = Views(data, scene, model)
     subject = _counted(subject, len(shown), len(names))
     height = panels.height + views.height
-    picture = sheet(record, height, subject, banded=record.has_band(shown))
+    picture = sheet(data, height, subject, banded=data.has_band(shown))
     if not views.height:
         panels.draw(picture, picture)
         return picture
@@ -612,25 +610,25 @@ def trajectory(
 
 @in_house_style
 def constraint_forces(
-    record: Record, coordinates: Sequence[str], constraints: Sequence[str]
+    data: PlotData, coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Picture:
     """Draw the constraint force on each coordinate, each multiplier and impulse.
 
     Parameters
     ----------
-    record : Record
+    data : PlotData
     coordinates, constraints : sequence of str
         Names.
     """
     forces = [FORCE.of(name) for name in coordinates]
     multipliers = [MULTIPLIER.of(name) for name in constraints]
-    columns = record.rows.columns
+    columns = data.rows.columns
     multipliers += [name for name in columns if made(name, FRICTION)]
     impulses = [name for name in columns if made(name, IMPULSE)]
     names = [*forces, *multipliers, *impulses]
-    sizes = {name: size_of_column(record, name) for name in names}
-    most = largest(record, sizes)
-    acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[record.unit(n)]]
+    sizes = {name: size_of_column(data, name) for name in names}
+    most = largest(data, sizes)
+    acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[data.unit(n)]]
     acting = acting or forces[:1]
     shown = chosen(acting, MOST_PANELS)
     subject = "constraint forces Qc and multipliers λ"
@@ -641,8 +639,8 @@ def constraint_forces(
         subject = f"{subject}; {rest} more {'is' if rest == 1 else 'are'} 0"
     else:
         subject = _counted(subject, len(shown), len(names))
-    panels = Panels(record, [(name,) for name in shown])
-    picture = sheet(record, panels.height, subject)
+    panels = Panels(data, [(name,) for name in shown])
+    picture = sheet(data, panels.height, subject)
     panels.draw(picture, picture, above=True)
     return picture
 
@@ -651,27 +649,25 @@ def _counted(subject: str, shown: int, total: int) -> str:
     return subject if shown == total else f"{subject}: {shown} of {total} are shown"
 
 
-def pictures(record: Record, model: Model) -> Iterator[Made]:
+def pictures(data: PlotData, model: Model) -> Iterator[Made]:
     """Yield file name and content of each picture of a run."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
     moving = [x.name for x in model.variables]
     subject = "coordinates and states" if model.states else "coordinates"
     draw: dict[str, Callable[[], Picture]] = {
-        "energy": partial(energy, record),
-        LONG: partial(trajectory, record, moving, model.scene, subject, model),
+        "energy": partial(energy, data),
+        LONG: partial(trajectory, data, moving, model.scene, subject, model),
     }
     # The length of a quaternion takes no force.
     names = [c.name for c in model.constraints if c.name not in model.quaternions]
     if names:
-        draw["constraint_forces"] = partial(
-            constraint_forces, record, coordinates, names
-        )
+        draw["constraint_forces"] = partial(constraint_forces, data, coordinates, names)
     for k, wanted in enumerate(model.output.plots):
-        draw[f"plot_{k + 1}"] = partial(plot, record, k, wanted, model.scene)
-    files = {key: partial(_file, own, record.form) for key, own in draw.items()}
+        draw[f"plot_{k + 1}"] = partial(plot, data, k, wanted, model.scene)
+    files = {key: partial(_file, own, data.form) for key, own in draw.items()}
     brought = {LONG: ahead.bring(files[LONG])}
     for key, file in (files | brought).items():
-        name = f"{key}.{record.form}"
+        name = f"{key}.{data.form}"
         yield name, attempted(name, file)
         # A figure holds the pixels that it was drawn on, some megabytes, and itself.
         if not gc.isenabled():  # see `cli.entry`

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model, Scene
     from lagsim.outputs.figure import Entry, Pen, Picture
-    from lagsim.outputs.record import Record
+    from lagsim.outputs.plot_data import PlotData
     from lagsim.outputs.shapes import Body
     from lagsim.run.observers.thinning import Array
 
@@ -90,17 +90,17 @@ class Views:
     """
 
     def __init__(
-        self, record: Record, scene: Scene, model: Model | None = None
+        self, data: PlotData, scene: Scene, model: Model | None = None
     ) -> None:
-        self._record, self._links = record, scene.links
+        self._data, self._links = data, scene.links
         self._looks = scene.looks or ("",) * len(scene.links)
         self._strings = string_lengths(model) if model else []
         self._strings = self._strings or [None] * len(scene.links)
         self.height = 0.0
         shown = scene.points or (model and scene.shapes)
-        if not shown or not record.rows.row_count:
+        if not shown or not data.rows.row_count:
             return
-        self._bodies = _bodies(record, model) if model and scene.shapes else []
+        self._bodies = _bodies(data, model) if model and scene.shapes else []
         self._take(scene)
         self._pens = self._pens_of_moving()
         self._entries = list(self._names())
@@ -117,15 +117,15 @@ class Views:
 
     def _take(self, scene: Scene) -> None:
         """Store positions (directions, rows) of all points, their extent and unit."""
-        record = self._record
+        data = self._data
         dimension = scene.dimension
         self._positions: dict[str, Array] = {}
         units = set()
         for name, parts in scene.points.items():
             columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
             # A point that stands at a number has none.
-            units |= {record.unit(column) for column in columns} - {""}
-            known = [record.rows.sampled(column) for column in columns]
+            units |= {data.unit(column) for column in columns} - {""}
+            known = [data.rows.sampled(column) for column in columns]
             flat = [np.zeros_like(known[0])] * (dimension - len(parts))
             self._positions[name] = np.stack(known + flat)
         self._unit = units.pop() if len(units) == 1 else ""
@@ -191,12 +191,12 @@ class Views:
         if self._links:
             yield "links at the start", START_LINK
             yield "links at the end", END_LINK
-        if self._pens and (stride := self._record.rows.stride) > 1:
+        if self._pens and (stride := self._data.rows.stride) > 1:
             yield f"one of {stride} rows", {}
 
     def _written(self, name: str) -> str:
         """Return the name of a point or shape; of a family member with subscripts."""
-        return self._record.letters.name(name) if "." in name else name
+        return self._data.letters.name(name) if "." in name else name
 
     def draw(self, part: SubFigure, picture: Picture) -> None:
         """Add panels and legend to a part of a picture; curves follow the layout."""
@@ -268,7 +268,7 @@ class Views:
         """
         for name, pen in self._pens.items():
             x, y = shown[name]
-            path(axes, x, y, pen, self._record.trusted())
+            path(axes, x, y, pen, self._data.trusted())
         for row, pen in ((0, START_LINK), (-1, END_LINK)):
             for (a, b), kind, length in zip(
                 self._links, self._looks, self._strings, strict=True
@@ -371,12 +371,12 @@ HATCH, APART, HEAD, COIL, TURNS = 0.07, 0.08, 0.08, 0.045, 8
 MOST_HATCHES = 400
 
 
-def _bodies(record: Record, model: Model) -> list[Body]:
+def _bodies(data: PlotData, model: Model) -> list[Body]:
     """Return the shapes in at most 500 rows, the first and the last included."""
-    count = len(record.rows.sampled("t"))
+    count = len(data.rows.sampled("t"))
     rows = np.unique(np.linspace(0, count - 1, 500).astype(int))
-    known = [name for name in needed(model) if name in record.rows]
-    columns = {name: record.rows.sampled(name)[rows] for name in known}
+    known = [name for name in needed(model) if name in data.rows]
+    columns = {name: data.rows.sampled(name)[rows] for name in known}
     return bodies(model, columns, len(rows))
 
 

@@ -19,7 +19,7 @@ from lagsim.native.link import ahead
 from lagsim.notes import Caution
 from lagsim.outputs import Made, attempted
 from lagsim.outputs.letters import letters_of
-from lagsim.outputs.record import Record, marked
+from lagsim.outputs.plot_data import PlotData, marked
 from lagsim.outputs.table import events_table
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.thinning import Frames, Thinning
     from lagsim.studies.attempts import Attempt
 
-    Draw: TypeAlias = "Callable[[Record, Model], Iterator[Made]]"
+    Draw: TypeAlias = "Callable[[PlotData, Model], Iterator[Made]]"
 
 
 def events(made: Attempt) -> Iterator[Made]:
@@ -66,11 +66,11 @@ def drawings(
     if made.thin is None:
         return
     model = made.session.case.model
-    record = attempted("pictures", partial(_record, made, made.thin, form))
-    if isinstance(record, Caution):
-        yield "pictures", record
+    data = attempted("pictures", partial(_plot_data, made, made.thin, form))
+    if isinstance(data, Caution):
+        yield "pictures", data
     else:
-        yield from (draw or drawn)(record, model)
+        yield from (draw or drawn)(data, model)
     if made.extremes is not None:
         from lagsim.outputs.sections import RecordedSections, pictures
 
@@ -85,7 +85,7 @@ def beside(made: Attempt) -> Iterator[Made]:
     yield from drawings(made)
 
 
-def _record(made: Attempt, rows: Thinning, form: str) -> Record:
+def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
     """Return the data that all pictures of a run share."""
     from lagsim.outputs.units import units
 
@@ -99,7 +99,7 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     note = note if happened and listed < count else ""
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
-    return Record(
+    return PlotData(
         model.name, rows, units(equations, made.session.columns.of_table),
         happened, note, _horizon(made), letters_of(model), form,
         equations.energy_is_sum, made.appended,
@@ -127,11 +127,11 @@ def _horizon(made: Attempt) -> float:
     return math.inf if horizon is None else horizon
 
 
-def drawn(record: Record, model: Model) -> Iterator[Made]:
+def drawn(data: PlotData, model: Model) -> Iterator[Made]:
     """Draw in this process, and yield the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
 
-    yield from pictures(record, model)
+    yield from pictures(data, model)
 
 
 @contextlib.contextmanager
@@ -145,15 +145,15 @@ def artist(model: Model) -> Iterator[Draw]:
     if ahead.is_possible():
         helper = ahead.Helper(_ready, partial(_contents, model))
 
-    def draw(record: Record, model: Model) -> Iterator[Made]:
+    def draw(data: PlotData, model: Model) -> Iterator[Made]:
         brought = set()
-        for picture in helper.give(pickle.dumps(record)) if helper else ():
+        for picture in helper.give(pickle.dumps(data)) if helper else ():
             name, _, file = picture.partition(b"\n")
             brought.add(name.decode())
             yield name.decode(), file
         if helper is None or not helper.done:
             _ready()
-            yield from (x for x in drawn(record, model) if x[0] not in brought)
+            yield from (x for x in drawn(data, model) if x[0] not in brought)
 
     try:
         yield draw
@@ -178,9 +178,9 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
         If a picture cannot be drawn; the first process then draws it and reports why.
     """
     gc.freeze()  # what is loaded stays
-    record: Record = pickle.loads(content)
+    data: PlotData = pickle.loads(content)
     with ahead.helped():
-        for name, picture in drawn(record, model):
+        for name, picture in drawn(data, model):
             if isinstance(picture, Caution):
                 # The first draws it again, and reports it.
                 raise RuntimeError(picture.text)  # noqa: TRY004

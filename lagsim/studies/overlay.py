@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.outputs.record import Band
+    from lagsim.outputs.plot_data import Band
     from lagsim.run.observers.thinning import Thinning
 
     Document = dict[str, Any]

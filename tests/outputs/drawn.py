@@ -26,7 +26,7 @@ from PIL import Image
 from lagsim.model.model import DrawnExpression, Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, Picture, content
-from lagsim.outputs.record import Record
+from lagsim.outputs.plot_data import PlotData
 from lagsim.run.observers.thinning import Thinning
 
 UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
@@ -213,7 +213,7 @@ def record(columns, differences=None, **fields):
     thinning = Thinning(tuple(columns), differences=differences)
     rows = [np.broadcast_to(column, t.shape) for column in columns.values()]
     thinning.add(np.stack(rows, axis=1).astype(float))
-    return Record(rows=thinning, **fields)
+    return PlotData(rows=thinning, **fields)
 
 
 def drawn(draw, *args, **kwargs):

@@ -11,7 +11,7 @@ from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, LOST, MARKS, TICKS_APART
-from lagsim.outputs.record import Record, marked
+from lagsim.outputs.plot_data import PlotData, marked
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs import drawn as kit
 from tests.outputs.drawn import below, coordinates, drawn
@@ -263,7 +263,7 @@ def test_nothing_is_pale_before_the_horizon(horizon):
     """Paths pass through states at events, which are no rows; they are trusted too."""
     columns, events = {"y": HEIGHT, "point.b.1": HEIGHT, "point.b.2": HEIGHT}, 4
     rows = with_corners(columns, [0.7, 1.2, 1.7, 2.5])
-    run = Record("ball", rows, horizon=horizon)
+    run = PlotData("ball", rows, horizon=horizon)
     assert run.trusted() == len(T) + 2 * events
     drawing = drawn(plots.trajectory, run, ["y"], Scene({"b": (0, 0)}))
     assert not any(panel.of_colour(LOST) for panel in drawing.panels)
@@ -272,4 +272,4 @@ def test_nothing_is_pale_before_the_horizon(horizon):
 def test_what_lies_past_the_horizon_is_counted_with_states_at_events():
     rows = with_corners({"y": HEIGHT, "point.b.1": T, "point.b.2": T}, [0.7, 2.5])
     # Seven rows up to t = 2, and the states before and after the event at 0.7.
-    assert Record("ball", rows, horizon=2.2).trusted() == 9
+    assert PlotData("ball", rows, horizon=2.2).trusted() == 9

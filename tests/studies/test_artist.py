@@ -9,7 +9,7 @@ import pytest
 from lagsim.native.link import ahead
 from lagsim.outputs import plots
 from lagsim.outputs.letters import letters_of
-from lagsim.outputs.record import Record
+from lagsim.outputs.plot_data import PlotData
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.studies.drawing import artist, drawn
 from tests.small_scenes import PENDULUM
@@ -23,7 +23,7 @@ def ordered():
     model = session.case.equations.model
     rows = picture_thinning(model, session.system.columns.names)
     session.run([rows])
-    order = Record(model.name, rows, letters=letters_of(model)), model
+    order = PlotData(model.name, rows, letters=letters_of(model)), model
     return order, dict(drawn(*order))
 
 

@@ -35,7 +35,7 @@ from lagsim.language.names import rate_of
 from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
-from lagsim.outputs.record import merged
+from lagsim.outputs.plot_data import merged
 from lagsim.outputs.shapes import bodies, needed, reached, string_lengths, words
 from lagsim.run.observers.thinning import Frames
 from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED

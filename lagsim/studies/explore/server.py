@@ -1,4 +1,4 @@
-"""The engine behind HTTP on the loopback of this machine, for a page in a browser.
+"""HTTP server of an explorer on the loopback of this machine, for one page.
 
 `http.server` of the standard library suffices: one page makes a few small requests a
 second, and a server with fewer parts has fewer faults. A request is answered only if
@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, Any
 from lagsim.errors import LagsimError
 from lagsim.outputs.animation.pages import explorer, policy
 from lagsim.outputs.manifest import encode
-from lagsim.studies.explore.engine import SupersededError
+from lagsim.studies.explore.explorer import SupersededError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from lagsim.studies.explore.engine import Engine
+    from lagsim.studies.explore.explorer import Explorer
 
 HOST = "127.0.0.1"
 # Bytes of a request's body, bytes of random secret, seconds for a request to arrive,
@@ -64,11 +64,11 @@ def refuse(status: HTTPStatus, *, unless: bool) -> None:
 
 
 class Server(ThreadingHTTPServer):
-    """Server of one engine's page.
+    """Server of one explorer's page.
 
     Parameters
     ----------
-    engine : Engine
+    explorer : Explorer
     port : int
         0 for a free one.
 
@@ -88,8 +88,8 @@ class Server(ThreadingHTTPServer):
     # allow two listeners.
     allow_reuse_address = False
 
-    def __init__(self, engine: Engine, port: int = 0) -> None:
-        self.engine, self.secret = engine, secrets.token_urlsafe(SECRET_BYTES)
+    def __init__(self, explorer: Explorer, port: int = 0) -> None:
+        self.explorer, self.secret = explorer, secrets.token_urlsafe(SECRET_BYTES)
         self._pages, self._closed = 0, math.inf
         self._seats = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self._told = threading.Condition()
@@ -108,7 +108,7 @@ class Server(ThreadingHTTPServer):
         answering.start()
         try:
             while not self.over.wait(LOOK):
-                if self.engine.changed():
+                if self.explorer.changed():
                     self._tell()
                 if time.monotonic() > self._closed + LINGER:
                     break
@@ -207,7 +207,7 @@ class Handler(BaseHTTPRequestHandler):
         except SupersededError:
             self._send_json({"superseded": True})
         except LagsimError as error:
-            self._send_json({"error": self.server.engine.told(error)})
+            self._send_json({"error": self.server.explorer.told(error)})
 
     def _check(self) -> None:
         """Refuse a request that names another host or comes from another origin."""
@@ -262,23 +262,23 @@ class Handler(BaseHTTPRequestHandler):
     # --- What is answered
 
     def _page(self) -> None:
-        content = explorer(self.server.engine.model.name)
+        content = explorer(self.server.explorer.model.name)
         self._send(content, HTML, more={"Content-Security-Policy": policy(content)})
 
     def _model(self) -> None:
-        self._send_json(self.server.engine.document)
+        self._send_json(self.server.explorer.document)
 
     def _equations(self) -> None:
-        self._send_json({"mathml": self.server.engine.equations()})
+        self._send_json({"mathml": self.server.explorer.equations()})
 
     def _motion(self) -> None:
         found, values = self._asked()
-        self._send(self.server.engine.motion(values, _page_of(found)), BYTES)
+        self._send(self.server.explorer.motion(values, _page_of(found)), BYTES)
 
     def _state(self) -> None:
         found, values = self._asked()
         t = _number(found.get("t"))
-        state = self.server.engine.state(values, t, _page_of(found))
+        state = self.server.explorer.state(values, t, _page_of(found))
         self._send_json({"state": state})
 
     def _drag(self) -> None:
@@ -286,7 +286,7 @@ class Handler(BaseHTTPRequestHandler):
         target = found.get("target")
         if not isinstance(target, list) or len(target) not in (2, 3):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
-        moved = self.server.engine.drag(
+        moved = self.server.explorer.drag(
             values, _number(found.get("t")), str(found.get("point")),
             [_number(x) for x in target], _page_of(found),
         )  # fmt: skip
@@ -294,7 +294,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _file(self) -> None:
         _, values = self._asked()
-        self._send(self.server.engine.text(values).encode(), YAML)
+        self._send(self.server.explorer.text(values).encode(), YAML)
 
     def _listen(self) -> None:
         """Send news of the file as server-sent events, until the page is closed."""

@@ -13,10 +13,10 @@ import pytest
 from lagsim.cli._faults import text_of
 from lagsim.outputs.animation.pages import explorer, policy
 from lagsim.studies.explore import server as serving
-from lagsim.studies.explore.engine import Engine
+from lagsim.studies.explore.explorer import Explorer
 from lagsim.studies.explore.server import HOST, MOST_BYTES, Server
 from tests.patience import PATIENCE
-from tests.studies.explore.test_engine import OSCILLATOR, unpacked
+from tests.studies.explore.test_explorer import OSCILLATOR, unpacked
 
 OWN = {"Content-Type": "application/json"}
 
@@ -30,7 +30,7 @@ def file(tmp_path_factory):
 
 @pytest.fixture
 def server(file):
-    made = Server(Engine(str(file), {}, {}, text_of))
+    made = Server(Explorer(str(file), {}, {}, text_of))
     answering = threading.Thread(target=made.serve)
     answering.start()
     yield made
@@ -245,7 +245,7 @@ def test_two_hosts_are_refused(server):
 
 def test_a_port_that_is_taken_is_an_error(server):
     with pytest.raises(OSError, match="in use"):
-        Server(server.engine, server.server_address[1])
+        Server(server.explorer, server.server_address[1])
 
 
 def test_saved_files_are_told_to_pages_that_listen(server, file):
@@ -267,7 +267,7 @@ def test_saved_files_are_told_to_pages_that_listen(server, file):
 def test_it_ends_some_time_after_the_last_page_has_been_closed(file, monkeypatch):
     monkeypatch.setattr(serving, "LINGER", 0.5)
     monkeypatch.setattr(serving, "SIGN", 0.05)
-    server = Server(Engine(str(file), {}, {}, text_of))
+    server = Server(Explorer(str(file), {}, {}, text_of))
     answering = threading.Thread(target=server.serve)
     answering.start()
     time.sleep(0.8)  # before a page has been opened it waits

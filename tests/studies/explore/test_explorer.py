@@ -11,7 +11,7 @@ import pytest
 import lagsim
 from lagsim.cli._faults import text_of
 from lagsim.errors import LagsimError
-from lagsim.studies.explore.engine import MOST_ROWS, Engine, SupersededError
+from lagsim.studies.explore.explorer import MOST_ROWS, Explorer, SupersededError
 from tests.support import MODELS
 
 OSCILLATOR = """\
@@ -33,8 +33,8 @@ def file(tmp_path):
     return path
 
 
-def engine_of(path, vary=(), **overrides):
-    return Engine(str(path), overrides, dict(vary), text_of)
+def explorer_of(path, vary=(), **overrides):
+    return Explorer(str(path), overrides, dict(vary), text_of)
 
 
 def unpacked(content):
@@ -46,9 +46,9 @@ def unpacked(content):
 
 
 def test_a_motion_at_other_values_is_that_of_a_run_with_them(file):
-    engine = engine_of(file)
+    explorer = explorer_of(file)
     for values in ({}, {"k": 8.0, "x": "0.1*pi"}, {"m": 1.0}):
-        header, columns = unpacked(engine.motion(values, "page"))
+        header, columns = unpacked(explorer.motion(values, "page"))
         k, m = float(values.get("k", 4)), float(values.get("m", 2))
         x0 = 0.1 * math.pi if "x" in values else 0.5
         expected = x0 * np.cos(math.sqrt(k / m) * columns["t"])
@@ -59,20 +59,20 @@ def test_a_motion_at_other_values_is_that_of_a_run_with_them(file):
 
 
 def test_a_state_is_that_of_the_run_at_a_time_between_its_rows(file):
-    engine = engine_of(file)
+    explorer = explorer_of(file)
     run = lagsim.simulate(lagsim.load(file, k=8), error_bar="never")
-    found = engine.state({"k": 8.0}, 1.234, "page")
+    found = explorer.state({"k": 8.0}, 1.234, "page")
     assert list(found) == ["t", "x", "x_dot"]
     assert found == {name: run.at(1.234)[name] for name in found}
-    assert engine.state({}, 99.0, "page")["t"] == 3.0
-    assert engine.state({}, -1.0, "page")["t"] == 0.0
+    assert explorer.state({}, 99.0, "page")["t"] == 3.0
+    assert explorer.state({}, -1.0, "page")["t"] == 0.0
 
 
 def test_sliders_are_those_of_plain_numbers_and_of_the_start(file):
-    engine = engine_of(file)
-    sliders = {x["name"]: x for x in engine.document["sliders"]}
+    explorer = explorer_of(file)
+    sliders = {x["name"]: x for x in explorer.document["sliders"]}
     assert list(sliders) == ["k", "m", "x", "x_dot"]
-    ends = unpacked(engine.motion({}, "page"))[0]["ends"]
+    ends = unpacked(explorer.motion({}, "page"))[0]["ends"]
     assert ends["k"] == [1.0, 9.0]
     assert ends["m"] == [0.0, 6.0]
     # x moves from -0.5 to 0.5 in rows 0.5 s apart; the slider covers twice that.
@@ -82,19 +82,19 @@ def test_sliders_are_those_of_plain_numbers_and_of_the_start(file):
 
 
 def test_the_slider_of_an_angle_covers_a_period():
-    engine = engine_of(MODELS / "double-pendulum.yaml")
-    ends = unpacked(engine.motion({}, "page"))[0]["ends"]
+    explorer = explorer_of(MODELS / "double-pendulum.yaml")
+    ends = unpacked(explorer.motion({}, "page"))[0]["ends"]
     assert ends["theta1"] == pytest.approx([-math.pi, math.pi])
     assert ends["theta1_dot"] != ends["theta1"]
 
 
 def test_vary_names_the_sliders_and_their_ends(file):
-    engine = engine_of(file, {"x": (-1.0, 2.0), "m": None})
-    sliders = engine.document["sliders"]
+    explorer = explorer_of(file, {"x": (-1.0, 2.0), "m": None})
+    sliders = explorer.document["sliders"]
     assert [x["name"] for x in sliders] == ["x", "m"]
-    assert unpacked(engine.motion({}, "page"))[0]["ends"]["x"] == [-1.0, 2.0]
+    assert unpacked(explorer.motion({}, "page"))[0]["ends"]["x"] == [-1.0, 2.0]
     with pytest.raises(LagsimError) as refused:
-        engine_of(file, {"kk": None})
+        explorer_of(file, {"kk": None})
     assert refused.value.code == "unknown-name"
 
 
@@ -113,11 +113,11 @@ def test_vary_names_the_sliders_and_their_ends(file):
 def test_values_that_cannot_be_used_are_refused_and_leave_the_engine_whole(
     file, values, code
 ):
-    engine = engine_of(file)
+    explorer = explorer_of(file)
     with pytest.raises(LagsimError) as refused:
-        engine.motion(values, "page")
+        explorer.motion(values, "page")
     assert refused.value.code == code
-    assert unpacked(engine.motion({}, "page"))[0]["error"] == ""
+    assert unpacked(explorer.motion({}, "page"))[0]["error"] == ""
 
 
 def test_a_run_that_fails_says_so_with_its_number(tmp_path):
@@ -126,38 +126,38 @@ def test_a_run_that_fails_says_so_with_its_number(tmp_path):
         "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: -x^4}\n"
         "initial: {x: 1}\nsimulation: {duration: 5}\n"
     )
-    engine = engine_of(path)
-    header, _ = unpacked(engine.motion({}, "page"))
+    explorer = explorer_of(path)
+    header, _ = unpacked(explorer.motion({}, "page"))
     assert "[E5" in header["error"]
     with pytest.raises(LagsimError):
-        engine.state({}, 5.0, "page")
-    assert engine.state({"x": 1e-3}, 5.0, "page")["t"] == 5.0
+        explorer.state({}, 5.0, "page")
+    assert explorer.state({"x": 1e-3}, 5.0, "page")["t"] == 5.0
 
 
 def test_rows_are_thinned_to_a_screen(file):
     file.write_text(OSCILLATOR.replace("output_step: 0.5", "output_step: 0.0001"))
-    header, columns = unpacked(engine_of(file).motion({}, "page"))
+    header, columns = unpacked(explorer_of(file).motion({}, "page"))
     assert header["rows"] <= MOST_ROWS + 1
     assert columns["t"][-1] == 3.0
 
 
 def test_a_file_that_was_saved_is_read_again_and_a_faulty_one_is_reported(file):
-    engine = engine_of(file)
-    assert not engine.changed()
+    explorer = explorer_of(file)
+    assert not explorer.changed()
     file.write_text(OSCILLATOR.replace("m: 2", "m: 3"))
-    assert engine.changed()
-    assert engine.document["version"] == 2
-    assert unpacked(engine.motion({}, "page"))[0]["values"]["m"] == 3.0
+    assert explorer.changed()
+    assert explorer.document["version"] == 2
+    assert unpacked(explorer.motion({}, "page"))[0]["values"]["m"] == 3.0
     file.write_text(OSCILLATOR.replace("k*x^2/2", "k*y^2/2"))
-    assert engine.changed()
-    assert "oscillator.yaml:6" in engine.document["fault"]
-    assert "^" in engine.document["fault"]
+    assert explorer.changed()
+    assert "oscillator.yaml:6" in explorer.document["fault"]
+    assert "^" in explorer.document["fault"]
     # The last sound model stays.
-    assert unpacked(engine.motion({}, "page"))[0]["values"]["m"] == 3.0
+    assert unpacked(explorer.motion({}, "page"))[0]["values"]["m"] == 3.0
     file.write_text(OSCILLATOR)
-    assert engine.changed()
-    assert engine.document["fault"] == ""
-    assert not engine.changed()
+    assert explorer.changed()
+    assert explorer.document["fault"] == ""
+    assert not explorer.changed()
 
 
 def test_a_table_that_was_saved_changes_the_motion(tmp_path):
@@ -168,17 +168,17 @@ def test_a_table_that_was_saved_changes_the_motion(tmp_path):
         "tables: {push: {file: force.csv, x: t, y: F}}\nforces: {x: push(t)}\n"
         "initial: {x: 0}\nsimulation: {duration: 2}\n"
     )
-    engine = engine_of(path)
-    assert not engine.changed()
-    assert engine.state({}, 2.0, "page")["x"] == pytest.approx(2.0, rel=1e-10)
+    explorer = explorer_of(path)
+    assert not explorer.changed()
+    assert explorer.state({}, 2.0, "page")["x"] == pytest.approx(2.0, rel=1e-10)
     (tmp_path / "force.csv").write_text("t,F\n0,3\n10,3\n")
-    assert engine.changed()
-    assert engine.state({}, 2.0, "page")["x"] == pytest.approx(6.0, rel=1e-10)
+    assert explorer.changed()
+    assert explorer.state({}, 2.0, "page")["x"] == pytest.approx(6.0, rel=1e-10)
 
 
 def test_the_text_of_the_file_has_the_values_and_its_comments(file):
-    engine = engine_of(file)
-    text = engine.text({"m": 2.5, "x": "1/4"})
+    explorer = explorer_of(file)
+    text = explorer.text({"m": 2.5, "x": "1/4"})
     assert "m: 2.5 # kilograms" in text
     model = lagsim.load(text)
     assert lagsim.simulate(model, error_bar="never").at(0.0)["x"] == 0.25
@@ -189,24 +189,24 @@ def test_the_last_request_of_a_page_wins(tmp_path):
     path.write_text(
         OSCILLATOR.replace("duration: 3", "duration: 9e5, method: rk4, step: 0.01")
     )
-    engine, ends = engine_of(path), []
+    explorer, ends = explorer_of(path), []
 
     def ask():
         try:
-            engine.motion({}, "page")
+            explorer.motion({}, "page")
             ends.append("done")
         except SupersededError:
             ends.append("superseded")
 
     first = threading.Thread(target=ask)
     first.start()
-    while not engine._asked:
+    while not explorer._asked:
         pass
     second = threading.Thread(target=ask)
     second.start()
     first.join(60)
     assert ends == ["superseded"]
-    engine._asked["page", True].stop()
+    explorer._asked["page", True].stop()
     second.join(60)
     assert ends == ["superseded"] * 2
 
@@ -216,7 +216,7 @@ def test_a_motion_ends_a_state_and_a_state_no_motion(tmp_path):
     path.write_text(
         OSCILLATOR.replace("duration: 3", "duration: 9e5, method: rk4, step: 0.01")
     )
-    engine, ends = engine_of(path), []
+    explorer, ends = explorer_of(path), []
 
     def ask(what, *given):
         try:
@@ -225,19 +225,19 @@ def test_a_motion_ends_a_state_and_a_state_no_motion(tmp_path):
         except SupersededError:
             ends.append("superseded")
 
-    state = threading.Thread(target=ask, args=(engine.state, 9e5))
+    state = threading.Thread(target=ask, args=(explorer.state, 9e5))
     state.start()
-    while not engine._asked:
+    while not explorer._asked:
         pass
-    motion = threading.Thread(target=ask, args=(engine.motion,))
+    motion = threading.Thread(target=ask, args=(explorer.motion,))
     motion.start()
     state.join(60)
     assert ends == ["superseded"]
-    late = threading.Thread(target=ask, args=(engine.state, 9e5))
+    late = threading.Thread(target=ask, args=(explorer.state, 9e5))
     late.start()
     motion.join(0.2)
     assert motion.is_alive()
-    for interrupt in [*engine._asked.values()]:
+    for interrupt in [*explorer._asked.values()]:
         interrupt.stop()
     motion.join(60)
     late.join(60)
@@ -245,7 +245,7 @@ def test_a_motion_ends_a_state_and_a_state_no_motion(tmp_path):
 
 
 def test_equations_are_mathml_without_marks_of_the_file(file):
-    found = engine_of(file).equations()
+    found = explorer_of(file).equations()
     assert found.count("<math") == 1
     assert "<mi>x\u0308</mi>" in found
 
@@ -254,20 +254,20 @@ def test_equations_are_mathml_without_marks_of_the_file(file):
 
 
 def test_a_dragged_bob_turns_the_angle_to_where_it_is():
-    engine = engine_of(MODELS / "double-pendulum.yaml")
+    explorer = explorer_of(MODELS / "double-pendulum.yaml")
     target = [math.sin(1.0) + math.sin(0.2), -math.cos(1.0) - math.cos(0.2)]
-    found = engine.drag({}, 0.0, "lower", target, "page")
+    found = explorer.drag({}, 0.0, "lower", target, "page")
     x = math.sin(found["theta1"]) + math.sin(found["theta2"])
     y = -math.cos(found["theta1"]) - math.cos(found["theta2"])
     assert [x, y] == pytest.approx(target, abs=1e-8)
 
 
 def test_a_point_out_of_reach_comes_as_near_as_it_can():
-    engine = engine_of(MODELS / "pendulum-cartesian.yaml")
-    found = engine.drag({}, 0.0, "mass", [3.0, -4.0], "page")
+    explorer = explorer_of(MODELS / "pendulum-cartesian.yaml")
+    found = explorer.drag({}, 0.0, "mass", [3.0, -4.0], "page")
     # On the circle of the rod, in the direction of the target.
     length = math.hypot(found["x"], found["y"])
     assert length == pytest.approx(1.0, rel=1e-12)
     assert found["x"] / length == pytest.approx(0.6, abs=1e-5)
     values = {name: float(x) for name, x in found.items()}
-    assert unpacked(engine.motion(values, "page"))[0]["error"] == ""
+    assert unpacked(explorer.motion(values, "page"))[0]["error"] == ""

@@ -86,7 +86,7 @@ class SupersededError(Exception):
     """A motion was interrupted, because a later one is wanted."""
 
 
-class Engine:
+class Explorer:
     """Motions of one model file.
 
     Methods may be called by several threads; one computation runs at a time.
@@ -113,7 +113,7 @@ class Engine:
     Raises
     ------
     LagsimError
-        If the file has faults when the engine is created, or a name is unknown.
+        If the file has faults when the explorer is created, or a name is unknown.
     """
 
     def __init__(

@@ -26,13 +26,13 @@ IMPACTS = ("impact", "corner", "zeno")
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class PlotData:
     """Data shared by the pictures of one run.
 
     Attributes
     ----------
     title : str
-        The model's name; plain text, as all texts of a record.
+        The model's name; plain text, as all texts of pictures.
     rows : Thinning
         The thinned rows of the run.
     units : mapping of str to str
