@@ -308,6 +308,7 @@ class _Examiner:
         unmet = [x for x in starts if not x.satisfied]
         if self.rest:
             unmet += [x for x in judge_rest(point, laws) if not x.satisfied]
+        rested, point = point, point.of(e)
         warnings = self.warnings
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
@@ -342,7 +343,7 @@ class _Examiner:
             self._warn("coordinate-singularity", text)
         if classify and laws:
             laws, sticking, cautions = contact_status(
-                here, laws, judged.ranks.rank, sound=sound and satisfied
+                here.of(rested.e), laws, judged.ranks.rank, sound=sound and satisfied
             )
             warnings += cautions
         if classify and satisfied and sound:
@@ -532,7 +533,7 @@ class _Examiner:
             return self._guessed()[0], "no rest was found near the guesses"
         rates = self.stated.v.copy()
         rates[self.free[1]] = 0.0
-        self.touching |= one_sided(found.point, found.touching)
+        self.touching |= one_sided(found.point.of(self.e), found.touching)
         self._undetermined(found.undetermined, "nothing determines")
         solved, errors = found.point, found.point.solved_errors(self.origin)
         for name in self._guesses_at(solved):
@@ -713,13 +714,14 @@ class _Examiner:
 
         The changes are stored as the repair.
         """
-        near = self._rest(range(self.n), range(len(self.e.states)))
-        if near is None:
+        found = self._rest(range(self.n), range(len(self.e.states)))
+        if found is None:
             why = "no rest was found near the start, whatever may change"
             return self._analysed(point, ())._replace(unsolved=why)
-        changed = self._changes(self.stated, near.point)
+        near = found.point.of(self.e)
+        changed = self._changes(self.stated, near)
         repair = {name: new for name, (_, new) in changed.items()}
-        return self._analysed(near.point, LEVELS)._replace(repair=repair)
+        return self._analysed(near, LEVELS)._replace(repair=repair)
 
     def _touch(
         self, point: Point, *, velocities: bool, free: Sequence[int] | None = None

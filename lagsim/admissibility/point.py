@@ -61,7 +61,8 @@ class Point:
     Attributes
     ----------
     multipliers : mapping of str to float
-        Multipliers that are variables of an expression; else empty.
+        Multipliers, and shares of sides, that are variables of an expression; else
+        empty.
     """
 
     # Coordinates from which on a dense decomposition takes longer than loading scipy.
@@ -90,7 +91,7 @@ class Point:
     ) -> Point:
         """Return the equations at another state, or with other errors.
 
-        q, v, t, s, errors : by default this point's. `sizes` are kept.
+        q, v, t, s, errors : by default this point's, as `sizes` and `multipliers`.
         """
         state = Instant(
             self.t if t is None else t,
@@ -99,7 +100,13 @@ class Point:
             self.state.s if s is None else s,
         )
         other = Point(self.e, state, self.errors if errors is None else errors)
-        other._sizes = self._sizes
+        other._sizes, other.multipliers = self._sizes, self.multipliers
+        return other
+
+    def of(self, equations: Equations) -> Point:
+        """Return other equations at this state, with its errors and multipliers."""
+        other = Point(equations, self.state, self.errors)
+        other._sizes, other.multipliers = self._sizes, self.multipliers
         return other
 
     @property

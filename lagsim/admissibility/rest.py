@@ -11,6 +11,12 @@ Contacts that are closed at the guess are active, with their friction. A contact
 penetrated is added, one whose force pulls is removed, and friction beyond its limit is
 removed. If no rest is found, the next contact is tried, finally each beside the earlier
 ones. The laws of the contacts decide elsewhere whether they hold.
+
+A rest in a corner, where forces step or rows of equalities turn, is found by a walk: on
+one side of each surface Newton's method, or where this fails the acceleration, leads to
+the first surface, on which the state is then held with the share of the upper side as
+an unknown. A share outside of [0, 1] releases the state to the side beyond; see
+`kinks`.
 """
 
 from __future__ import annotations
@@ -22,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.kinks import ROUNDED, Kinks, Pin, Step, drift
 from lagsim.admissibility.newton import (
     MOST_STEPS,
     SMALLEST_DAMPING,
@@ -53,11 +60,12 @@ from lagsim.mechanics.constraints import Kind, scale_of
 from lagsim.tolerances import COMPUTED_ZERO, SAME_RESULT, STATE_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.constraints import Law, Row
+    from lagsim.mechanics.equations import Equations
 
 # Newton's method is accepted if slopes change by at most this part along each step, and
 # the next step is at most this part of it.
@@ -72,6 +80,8 @@ FLAT = 1e-6
 TRIES = 4
 # Longest step relative to the lengths of the relations.
 FAR = 1e3
+# Most surfaces that a walk to a corner meets or leaves.
+MOST_MET = 200
 
 
 class Rest(Relations):
@@ -87,6 +97,9 @@ class Rest(Relations):
         The rows of the active laws.
     free : tuple of sequence of int
         Indices of the positions, and of the states, that are guesses.
+    pinned : mapping of str to int
+        Unknown shares of the upper sides of surfaces, by name, and the node that is
+        zero on the surface.
     """
 
     def __init__(
@@ -95,12 +108,15 @@ class Rest(Relations):
         stated: Sequence[Condition],
         held: Sequence[Row],
         free: tuple[Sequence[int], Sequence[int]],
+        pinned: Mapping[str, int] | None = None,
     ) -> None:
-        e, g = point.e, point.g
+        e, g, pinned = point.e, point.g, pinned or {}
+        point.multipliers = {**dict.fromkeys(pinned, 0.5), **point.multipliers}
         self.rows, self.positions, self.states = [*e.rows, *held], *map(list, free)
+        self.shares = [*pinned]
         q = [e.q[j] for j in self.positions]
         lam = [f"lambda/{k}" for k in range(len(self.rows))]
-        names = [*q, *(e.states[j].name for j in self.states), *lam]
+        names = [*q, *(e.states[j].name for j in self.states), *pinned, *lam]
         place = {g.variable(name): k for k, name in enumerate(names)}
         forces = [[f] for f in e.f]
         for row, name in zip(self.rows, lam, strict=True):
@@ -115,8 +131,8 @@ class Rest(Relations):
             x._replace(A={own[j]: s for j, s in x.A.items() if j in own})
             for x in self.stated
         ]
-        self.relations = len(wanted)
-        for name, node in nodes:
+        self.relations = len(wanted) + len(pinned)
+        for name, node in (*pinned.items(), *nodes):
             found = slopes(g, node, frozenset(place))
             A = {place[x]: slope for x, slope in found.items()}
             wanted.append(Condition(name, node, A, scale_of(g, node, (), {})))
@@ -133,8 +149,9 @@ class Rest(Relations):
         if len(A):
             sizes = self.point.sizes
             lam = least_squares(A.T / sizes[:, None], -point.array(point.e.f) / sizes)
+        shares = [point.values[name] for name in self.shares]
         return np.concatenate([
-            point.q[self.positions], point.state.s[self.states], lam
+            point.q[self.positions], point.state.s[self.states], shares, lam
         ])  # fmt: skip
 
     @property
@@ -330,10 +347,11 @@ class Way(Enum):
 
     NEAR: Newton's method where it contracts, else downhill. CONTRACTED: Newton's method
     where it contracts, else none. FAR: other starts around the guess, too. DOWN:
-    downhill. ROOT: damped steps, which may end at a saddle of the energy.
+    downhill. ROOT: damped steps, which may end at a saddle of the energy. CORNER: from
+    surface to surface, to a corner of forces or of equalities.
     """
 
-    NEAR, CONTRACTED, FAR, DOWN, ROOT = range(5)
+    NEAR, CONTRACTED, FAR, DOWN, ROOT, CORNER = range(6)
 
 
 def _solved(rest: Rest, way: Way = Way.NEAR) -> NewtonResult:
@@ -372,6 +390,12 @@ class AtRest(NamedTuple):
         The rows of the active laws.
     multipliers : ndarray, shape (m + held,)
         Of the rows that always hold, then of `held`.
+    corner : Corner or None
+        The surfaces on which the state rests; the equations of `point` are then those
+        of both sides, with shares as variables.
+    on_ridge : bool
+        Whether the state lies on a surface from which the forces of a side drive it
+        away.
     """
 
     point: Point
@@ -379,6 +403,361 @@ class AtRest(NamedTuple):
     undetermined: list[str]
     held: list[Row]
     multipliers: Floats
+    corner: Corner | None = None
+    on_ridge: bool = False
+
+
+class Corner(NamedTuple):
+    """Surfaces on which a state rests.
+
+    Attributes
+    ----------
+    equations : Equations
+        The equations of both sides, with the shares that balance there as numbers.
+    rows : tuple of Row
+        Equalities that hold the state on the surfaces.
+    """
+
+    equations: Equations
+    rows: tuple[Row, ...]
+
+
+class _Balance(NamedTuple):
+    """Solved equations of a rest: residuals, unknowns (k,), state, corner or ridge."""
+
+    rest: Rest
+    x: Floats
+    there: Point
+    corner: Corner | None = None
+    on_ridge: bool = False
+
+
+def _balance(
+    point: Point,
+    stated: Sequence[Condition],
+    held: Sequence[Row],
+    free: tuple[Sequence[int], Sequence[int]],
+    way: Way,
+) -> _Balance | None:
+    """Return a balance of forces with the rows `held` in force, or None.
+
+    point, stated, held, free : see `Rest`.
+    """
+    if way is Way.CORNER:
+        return _Walk(point, stated, held, free).found()
+    rest = Rest(point, stated, held, free)
+    end = _solved(rest, way)
+    if not end.converged:
+        return None
+    there = rest.at(end.x).at(errors=rest.errors(end.x))
+    there.multipliers = {}
+    found = _Balance(rest, end.x, there)
+    return _beside_kinks(found, stated, held, free, near=way is Way.NEAR)
+
+
+def _beside_kinks(
+    found: _Balance,
+    stated: Sequence[Condition],
+    held: Sequence[Row],
+    free: tuple[Sequence[int], Sequence[int]],
+    *,
+    near: bool,
+) -> _Balance:
+    """Return the corner in which a balance lies, or one that is nearer.
+
+    Parameters
+    ----------
+    found : _Balance
+        Of the equations as written.
+    stated, held, free
+        See `Rest`.
+    near : bool
+        Whether a nearer corner between the guess and the balance is searched for.
+    """
+    rest, point = found.rest, found.rest.point
+    walk = _Walk(found.there, stated, held, free)
+    if walk.levels:
+        own = walk.found()
+        if own is not None and own.corner is not None:
+            far = np.abs(own.there.q - found.there.q)
+            errors = [own.there.errors.get(name, 0.0) for name in point.e.q]
+            if np.all(far <= errors):
+                return own
+        if walk.on_ridge:
+            found = found._replace(on_ridge=True)
+    if not near or not walk.kinks.sides:
+        return found
+    before = _Walk(point, stated, held, free)
+    if before.sides == walk.sides:
+        return found
+    other = before.found()
+    if other is None or other.corner is None:
+        return found
+    size = np.diag(rest.metric)[: len(rest.positions)]
+    far, close = (
+        size @ (x.there.q - point.q)[rest.positions] ** 2 for x in (found, other)
+    )
+    return other if close < far else found
+
+
+class _Walk:
+    """Walk from a guess from surface to surface, to a rest in a corner.
+
+    Parameters
+    ----------
+    point, stated, held, free
+        See `Rest`.
+
+    Attributes
+    ----------
+    sides : dict of int to float
+        The side of each surface on which the walk is.
+    levels : dict of int to float
+        The levels of the surfaces on which the state is held.
+    on_ridge : bool
+        Whether the guess is a balance from which the forces of a side drive the state
+        away.
+    """
+
+    def __init__(
+        self,
+        point: Point,
+        stated: Sequence[Condition],
+        held: Sequence[Row],
+        free: tuple[Sequence[int], Sequence[int]],
+    ) -> None:
+        self.guess, self.here, self.stated, self.free = point, point, stated, free
+        self.kinks, self.held = Kinks(point.e), held
+        self.sides, self.levels = self.kinks.at(point)
+        self.on_ridge, self.tried = False, set[object]()
+
+    def found(self) -> _Balance | None:
+        """Return the rest to which the walk leads, or None."""
+        for _ in range(MOST_MET if self.kinks.sides else 0):
+            mode = _mode(self.levels, self.sides)
+            if mode in self.tried:
+                return None
+            self.tried.add(mode)
+            rest = self._rest()
+            if self._meets(self._unbalanced(rest), beyond=True):
+                continue
+            end = _solved(rest)
+            if end.converged:
+                if self._meets([self._at(rest, end.x)], beyond=False):
+                    continue
+                found = self._decided(rest, end.x, first=len(self.tried) == 1)
+                if found is not None:
+                    return found
+            elif not self._meets(self._driven(rest), beyond=True):
+                if not self.levels:
+                    return None
+                self._cross([*self.levels][-1])
+        return None
+
+    def _decided(self, rest: Rest, x: Floats, *, first: bool) -> _Balance | None:
+        """Return the balance x (k,) if it lasts; else leave a surface.
+
+        first : whether no surface was met or left before.
+        """
+        own = self._shares(rest, x)
+        off = [max(-w, w - 1.0) for w in own]
+        if max(off, default=0.0) > ROUNDED and self._meet_in_a_point(rest, x):
+            x = self._with_bounds(rest, x)
+            own = self._shares(rest, x)
+            off = [max(-w, w - 1.0) for w in own]
+        shares: dict[int, float] = dict(zip(self.levels, own, strict=True))
+        if max(off, default=0.0) > ROUNDED:
+            worst = sorted(zip(off, shares, strict=True), reverse=True)
+            out = [k for w, k in worst if w > ROUNDED]
+            ends = {k: shares[k] > 1.0 for k in out}
+            new = (k for k in out if self._without(k, above=ends[k]) not in self.tried)
+            k = next(new, out[0])
+            self._release(k, above=ends[k])
+            self.here = self._at(rest, x)
+            return None
+        found = self._balance(rest, x, shares)
+        actual, near = self.kinks.at(found.there)
+        passed = [k for k in actual if k not in near and k not in self.levels]
+        if any(actual[k] != self.sides[k] for k in passed):
+            self.sides |= {k: actual[k] for k in passed}
+            self.here = self._at(rest, x)
+            return None
+        steps = self.kinks.steps(found.there, self.sides, self._pins(), self.held)
+        gone = [k for k, step in steps.items() if step is not Step.TOWARDS]
+        if not gone:
+            return found
+        self.on_ridge |= first and Step.AWAY in steps.values()
+        self._cross(gone[0])
+        self.here = self._at(rest, x)
+        return None
+
+    def _pins(self, shares: Mapping[int, float] | None = None) -> dict[int, Pin]:
+        """Return the pins with their shares as variables, or with the given shares."""
+        g, kinks = self.guess.g, self.kinks
+        return {
+            k: Pin(
+                level,
+                g.variable(kinks.share(k)) if shares is None else g.constant(shares[k]),
+            )
+            for k, level in self.levels.items()
+        }
+
+    def _rest(self) -> Rest:
+        """Return the residuals on the present sides and surfaces, from `here`."""
+        kinks, pins = self.kinks, self._pins()
+        e = kinks.on(self.sides, pins)
+        pinned = {
+            kinks.share(k): kinks.distance(k, level, self.sides)
+            for k, level in self.levels.items()
+        }
+        held = kinks.rows(self.held, self.sides, pins)
+        return Rest(self.here.of(e), self.stated, held, self.free, pinned)
+
+    def _at(self, rest: Rest, x: Floats) -> Point:
+        """Return the equations as written, at the values x (k,)."""
+        at = rest.at(x).state
+        return self.guess.at(at.q, s=at.s)
+
+    def _shares(self, rest: Rest, x: Floats) -> list[float]:
+        first = len(rest.positions) + len(rest.states)
+        return [float(w) for w in x[first : first + len(rest.shares)]]
+
+    def _meet_in_a_point(self, rest: Rest, x: Floats) -> bool:
+        """Whether surfaces on which the state is held depend on each other."""
+        J = rest(x)[1][: rest.relations] / np.sqrt(np.diag(rest.metric))
+        lengths = np.linalg.norm(J, axis=1)
+        J /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        return bool(np.linalg.matrix_rank(J, tol=SAME_RESULT) < rest.relations)
+
+    def _with_bounds(self, rest: Rest, x: Floats) -> Floats:
+        """Return x (k,) with shares between 0 and 1 where these balance the forces.
+
+        The shares of more surfaces than directions are not unique. Without a balance x
+        is returned.
+        """
+        from scipy.optimize import least_squares as bounded  # slow to load
+
+        first, m = len(rest.positions) + len(rest.states), rest.relations
+        weights = np.ones(len(rest.targets))
+        weights[m : m + self.here.n] = self.here.sizes
+        size = np.sqrt(np.diag(rest.metric))[first:]
+        n = len(rest.shares)
+        size[:n] = 1.0
+
+        def of(z: Floats) -> Floats:
+            return np.concatenate([x[:first], z / size])
+
+        low, high = np.full(len(size), -np.inf), np.full(len(size), np.inf)
+        low[:n], high[:n] = 0.0, 1.0
+        begun = x[first:] * size
+        begun[:n] = 0.5
+        fit = bounded(
+            lambda z: (rest.looked_at(of(z))[0] / weights)[m:],
+            begun,
+            jac=lambda z: (rest.looked_at(of(z))[1] / weights[:, None])[m:, first:]
+            / size,
+            bounds=(low, high),
+            xtol=1e-15, ftol=1e-15, gtol=1e-15,
+        )  # fmt: skip
+        found = of(np.asarray(fit.x, dtype=float))
+        return found if rest.hold(found, STATE_ROUNDOFF * np.abs(found)) else x
+
+    def _meets(self, ways: Iterable[Point], *, beyond: bool) -> bool:
+        """Hold the state on the first surface on a way; return whether there is one.
+
+        Parameters
+        ----------
+        ways : iterable of Point
+            The ends of straight ways from `here`, in the order in which they are tried.
+        beyond : bool
+            Whether the ways continue beyond their ends.
+        """
+        here = self.here
+        for there in ways:
+            met = self.kinks.first_crossing(
+                (here, there), self.sides, self.levels, beyond=beyond
+            )
+            if met is None:
+                continue
+            self.levels[met.side] = met.level
+            self.here = here.at(
+                here.q + met.part * (there.q - here.q),
+                s=here.state.s + met.part * (there.state.s - here.state.s),
+            )
+            return True
+        return False
+
+    def _unbalanced(self, rest: Rest) -> Iterator[Point]:
+        """Generate a state along the forces that no displacement balances, if any."""
+        n, m = self.here.n, rest.relations
+        r, J = rest(rest.x0)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+            return
+        weights = np.ones(len(r))
+        weights[:m] = np.linalg.norm(J[:m], axis=1)
+        weights[m : m + n] = self.here.sizes
+        weights = 1.0 / np.where(weights > 0.0, weights, 1.0)
+        r, J = weights * r, weights[:, None] * J
+        columns = np.linalg.norm(J, axis=0)
+        J /= np.where(columns > 0.0, columns, 1.0)
+        left = r + J @ least_squares(J, -r)
+        if np.linalg.norm(left[m:]) > SAME_RESULT * np.linalg.norm(r[m:]):
+            left *= weights
+            yield self._moved(rest, left[m : m + n], left[m + n :])
+
+    def _driven(self, rest: Rest) -> Iterator[Point]:
+        """Generate a state along the acceleration on the present surfaces."""
+        rows = [*rest.rows[len(self.here.e.rows) :]]
+        rows += [self.kinks.row(k, x, self.sides) for k, x in self.levels.items()]
+        a, rates = drift(rest.at(rest.x0), rows)
+        yield self._moved(rest, a, rates[rest.states])
+
+    def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
+        """Return the state displaced by a (n,), and its states by their rates."""
+        q, s = self.here.q.copy(), self.here.state.s.copy()
+        q[rest.positions] += a[rest.positions]
+        s[rest.states] += rates
+        return self.here.at(q, s=s)
+
+    def _without(self, k: int, *, above: bool) -> object:
+        """Return the key of the mode after a surface has been left."""
+        end = self.kinks.ends(k, self.levels[k])[above]
+        levels = {i: x for i, x in self.levels.items() if i != k}
+        return _mode(levels, {**self.sides, k: end})
+
+    def _cross(self, k: int) -> None:
+        """Let the state leave a surface to the side from which it did not come."""
+        low, _ = self.kinks.ends(k, self.levels[k])
+        self._release(k, above=self.sides[k] == low)
+
+    def _release(self, k: int, *, above: bool) -> None:
+        """Let the state leave a surface, to its upper or lower side."""
+        self.sides[k] = self.kinks.ends(k, self.levels.pop(k))[above]
+
+    def _balance(self, rest: Rest, x: Floats, shares: Mapping[int, float]) -> _Balance:
+        """Return a balance, with the equations as written away from surfaces."""
+        there, corner = rest.at(x).of(self.guess.e), None
+        there.multipliers = dict(zip(rest.shares, shares.values(), strict=True))
+        if shares:
+            kinks, sides = self.kinks, self.sides
+            there = there.of(kinks.on(sides, self._pins()))
+            rows = (kinks.row(k, level, sides) for k, level in self.levels.items())
+            corner = Corner(kinks.on(sides, self._pins(shares)), tuple(rows))
+        found = there.solved_errors((self.guess.q, self.guess.v))
+        errors = {name: found[name] for name in rest.names if name in found}
+        if corner is not None:
+            # A zero within rounding is one: a run begins exactly in the corner.
+            own = np.array([errors.get(name, 0.0) for name in rest.names])
+            x = np.where(np.abs(x) <= own, 0.0, x)
+            at = rest.at(x).state
+            there = there.at(at.q, s=at.s)
+        there = there.at(errors={**self.guess.errors, **errors})
+        return _Balance(rest, x, there, corner)
+
+
+def _mode(levels: Mapping[int, float], sides: Mapping[int, float]) -> object:
+    """Return a key of the surfaces on which a state is held, and its other sides."""
+    return frozenset(levels.items()), frozenset(sides.items())
 
 
 def find_rest(
@@ -386,7 +765,7 @@ def find_rest(
     stated: Sequence[Condition],
     free: tuple[Sequence[int], Sequence[int]],
     off: Collection[str],
-    ways: Sequence[Way] = (Way.NEAR, Way.FAR),
+    ways: Sequence[Way] = (Way.NEAR, Way.CORNER, Way.FAR),
 ) -> AtRest | None:
     """Return a state at rest; None if there is none near the guess.
 
@@ -416,10 +795,10 @@ def find_rest(
         held, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
         while frozenset(held) not in tried and len(tried) <= TRIES * (1 + len(apart)):
             tried.add(frozenset(held))
-            rest = Rest(point, stated, [rows[k] for k in sorted(held)], free)
-            end = _solved(rest, way)
-            if end.converged:
-                there = rest.at(end.x).at(errors=rest.errors(end.x))
+            own = [rows[k] for k in sorted(held)]
+            end = _balance(point, stated, own, free, way)
+            if end is not None:
+                rest, there = end.rest, end.there
                 changes = _changes(rest, end.x, there, held, off)
                 if not all(x.satisfied for x in judge(there)):
                     return None  # a relation that moves
@@ -431,7 +810,8 @@ def find_rest(
                     touching = {laws[k].constraint for k in sided}
                     own = rest.rows[len(point.e.rows) :]
                     lam = end.x[len(end.x) - len(rest.rows) :]
-                    return AtRest(there, touching, rest.undetermined(end.x), own, lam)
+                    loose = rest.undetermined(end.x)
+                    return AtRest(there, touching, loose, own, lam, *end[3:])
             else:
                 more = [laws[k].constraint for k in apart if k not in held]
                 changes = _of(laws, more[:1])

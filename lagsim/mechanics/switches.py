@@ -395,6 +395,15 @@ class Switches:
                 done[n] = self._rebuilt(n, args)
         return [done[n] for n in nodes]
 
+    def among(self, chosen: Collection[int]) -> Switches:
+        """Return the switches of the sides with the given numbers alone.
+
+        All others, of time too, stay as written where nodes are frozen.
+        """
+        own = {self.graph.variable(self.sides[k].variable) for k in chosen}
+        of = {d: side for d, side in self._sides_of.items() if side[0] in own}
+        return replace(self, _modes_of={}, _sides_of=of)
+
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
         """Return discrete functions that depend on `names` with other sides frozen.
 

@@ -420,6 +420,9 @@ class Branches:
                 continue
             rests = rests or found
             for one in found:
+                if one.steady.in_corner:  # its shares change along a branch
+                    self.skipped += 1
+                    continue
                 curve = RestCurve(
                     self.model, self.name, self.ends, search, one.steady, value
                 )

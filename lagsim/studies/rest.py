@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.kinks import CORNER, Kinks
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import AtRest, Rest, Way, find_rest
+from lagsim.admissibility.rest import AtRest, Corner, Rest, Way, find_rest
 from lagsim.admissibility.verdict import (
     RelationResiduals,
     acting,
@@ -172,6 +173,11 @@ class Steady(NamedTuple):
         Coordinates that no force depends on, and which the constraints do not fix.
     sticks : bool
         Whether friction, or a limit, holds.
+    in_corner : bool
+        Whether the rest is in a corner of forces or equalities; the equations are those
+        of all its sides with their shares, and rows hold the state in the corner.
+    on_ridge : bool
+        Whether the forces of one side of a surface drive the state away from it.
     """
 
     equations: Equations
@@ -182,6 +188,8 @@ class Steady(NamedTuple):
     values: dict[str, float]
     free: tuple[str, ...] = ()
     sticks: bool = False
+    in_corner: bool = False
+    on_ridge: bool = False
 
     @property
     def energy(self) -> float:
@@ -204,16 +212,21 @@ def _steady(
     free: Sequence[str] = (),
     *,
     sticks: bool = False,
+    corner: Corner | None = None,
 ) -> Steady:
-    e = setting.equations
-    e = replace(e, rows=(*e.rows, *held), laws=())
+    """Return a state with the motion linearised about it.
+
+    held, corner : as in `AtRest`.
+    """
+    e, edges = corner or (setting.equations, ())
+    e = replace(e, rows=(*e.rows, *held, *edges), laws=())
     linearisation = Linearisation(e)
     x = linearisation.values(state.t, state.q, state.v, state.s)
     errors = Point(e, state).solved_errors((setting.point.q, setting.start.v))
     linear = linearisation.linear(x, linearisation.noise(x, errors))
     return Steady(
         e, state, linearisation, linear, spectrum(linear.R), x.values,
-        tuple(free), sticks,
+        tuple(free), sticks, bool(edges),
     )  # fmt: skip
 
 
@@ -228,7 +241,9 @@ def steady_rest(setting: Setting, found: AtRest) -> Steady:
     bounded = {x.row.name for x in laws if x.kind.bounded}
     free = found.undetermined
     sticks = not bounded.isdisjoint(held)
-    return _steady(setting, point.state, [*held.values()], free, sticks=sticks)
+    rows, at = [*held.values()], point.state
+    steady = _steady(setting, at, rows, free, sticks=sticks, corner=found.corner)
+    return steady._replace(on_ridge=found.on_ridge)
 
 
 def steady_start(setting: Setting) -> Steady:
@@ -344,7 +359,7 @@ class Equilibrium(NamedTuple):
         names = [c.called for c in model.constraints]
         forces = dict.fromkeys(names, 0.0)
         more: dict[str, float] = {}
-        for row in e.rows:
+        for row in (x for x in e.rows if not x.name.startswith(CORNER)):
             own, value = whole(row.name), values[f"lambda_{row.name}"]
             into = more if own.startswith("friction.") else forces
             into[own] = into.get(own, 0.0) + value + 0.0
@@ -386,6 +401,7 @@ def turning(point: Point) -> Flags:
     """
     e = point.e
     nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row)]
+    nodes += Kinks(e).positions  # forces that are constant on one side tell nothing
     found = np.zeros(point.n, bool)
     here = [point.q + np.array(x * (1 + np.arange(point.n)) % 1.0) for x in BESIDE]
     before = [point.at(q).array(nodes) for q in here]
@@ -427,7 +443,7 @@ class Search:
 
     def nearby(self, *ways: Way) -> AtRest | None:
         """Return the rest that a search from the start of the file leads to."""
-        return self._found(self._point, ways or (Way.NEAR, Way.FAR))
+        return self._found(self._point, ways or (Way.NEAR, Way.CORNER, Way.FAR))
 
     def _found(self, point: Point, ways: Sequence[Way]) -> AtRest | None:
         try:
@@ -448,7 +464,7 @@ class Search:
             drawn = random.uniform(-1.0, 1.0, len(q0))
             start = self._point.at(q0 + sizes * drawn * self._moves)
             yield self._found(start, (Way.ROOT,))
-            yield self._found(start, (Way.DOWN,))
+            yield self._found(start, (Way.DOWN, Way.CORNER))
 
     def _without_force(self) -> Flags:
         """Return whether no force depends on each coordinate, shape (n,)."""
@@ -459,7 +475,12 @@ class Search:
             x = rest.x0 + part * random.standard_normal(len(rest.x0))
             J = np.nan_to_num(rest.looked_at(x)[1], nan=1.0)
             found &= np.all(J[:, : point.n] == 0.0, axis=0)
-        return found
+        # Forces that are constant beside a surface still depend on its side.
+        stepped = point.g.depends(Kinks(point.e).surfaces.values())
+        return np.array([
+            not own and q not in stepped
+            for own, q in zip(~found, point.e.q, strict=True)
+        ])  # fmt: skip
 
     @cached_property
     def extent(self) -> float:
@@ -664,6 +685,8 @@ def stability(x: Steady) -> tuple[bool | None, str]:
     the constraints decides, if no force does work against it.
     """
     found, linear, e = x.spectrum, x.linear, x.equations
+    if x.on_ridge:
+        return False, "ridge"
     if found.growing.any():
         return False, "eigenvalues"
     k, d = linear.Zh.shape[1], linear.Z.shape[1]
