@@ -24,6 +24,7 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from lagsim.model.model import Model
     from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
 
@@ -244,6 +245,35 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
         if folders:
             path.parent.mkdir(parents=True, exist_ok=True)
         put(path, content)
+
+
+def check_replaced(path: Path, model: Model) -> None:
+    """Refuse to replace a file of `--write` that is no version of a model.
+
+    A version has the same parameters, coordinates and states.
+
+    Raises
+    ------
+    InputError
+    """
+    from lagsim.errors import unusable
+    from lagsim.model.reader import read_file
+
+    if not path.is_file():
+        return
+    try:
+        there = _named_in(read_file(str(path)))
+    except LagsimError:
+        there = []
+    if there != _named_in(model):
+        text = f"--write {path}: this file is no version of {model.file}"
+        hint = "give another name, or remove the file"
+        raise unusable("usage", text, hint=hint)
+
+
+def _named_in(model: Model) -> list[set[str]]:
+    named = model.parameters, model.coordinates, model.states
+    return [{one.name for one in each} for each in named]
 
 
 def put_picture(

@@ -18,6 +18,7 @@ from lagsim.cli._shared import (
     PictureFormat,
     aligned,
     assignments,
+    check_replaced,
     complain,
     experiment,
     listed,
@@ -74,6 +75,8 @@ def command(
     """Find positions of rest, and whether they are stable."""
     given = assignments(sets)
     read = read_file(model, given)
+    if write is not None:
+        check_replaced(write, read)
     search = rest.Search(rest.setting_of(read))
     branches = _branches(read, vary, plot)
     for caution in search.setting.cautions:

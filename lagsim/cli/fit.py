@@ -10,14 +10,15 @@ import typer
 
 from lagsim.cli._shared import (
     FORMAT,
+    JOBS,
     JSON,
     MODEL,
     NO_PLOTS,
-    SETS,
     Measured,
     PictureFormat,
     aligned,
     assignments,
+    check_replaced,
     coloured,
     complain,
     experiment,
@@ -28,8 +29,10 @@ from lagsim.cli._shared import (
     quiet,
     table,
 )
+from lagsim.cli.run import about
 from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
+from lagsim.run.session import wanted
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record
 from lagsim.studies.fit.estimate import LINEAR, LOSSES
@@ -72,21 +75,44 @@ def command(
         "FILE", "Write the model file with the values found to FILE, too.", "--write"
     ),
     folder: Path | None = output_folder("Output folder; default results/NAME/fit."),
-    sets: list[str] | None = SETS,
+    jobs: int | None = JOBS,
+    sets: list[str] | None = option(
+        "NAME[@K]=EXPR",
+        "Another value of a parameter or of the start; NAME@K for the data file K "
+        "alone; may be repeated.",
+        "--set",
+    ),
+    duration: str | None = option("T", about("duration"), "--duration"),
+    method: str | None = option("M", about("method"), "--method"),
+    formulation: str | None = option("F", about("formulation"), "--formulation"),
+    atol: str | None = option("X", about("atol"), "--atol"),
     form: PictureFormat = FORMAT,
     no_plots: bool = NO_PLOTS,
     as_json: bool = JSON,
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Find the values of parameters with which a model explains measured data."""
-    given, matched = assignments(sets), _matched(match)
+    every, matched = assignments(sets), _matched(match)
+    own = {name: text for name, text in every.items() if "@" in name}
+    given = {name: text for name, text in every.items() if name not in own}
+    asked = {
+        "duration": duration, "method": method, "formulation": formulation,
+        "atol": atol,
+    }  # fmt: skip
+    options = {key: text for key, text in asked.items() if text is not None}
     read = read_file(model, given)
+    wanted(read, "fit", options, "add it, or give --duration")
     problems, records = Problems(), []
     for path in data:
         with problems.gathered():
             records.append(read_record(path))
     problems.refuse()
-    fit = Fit(read, records, vary or (), matched, loss.value)
+    if write is not None:
+        check_replaced(write, read)
+    fit = Fit(
+        read, records, vary or (), matched, loss.value, own=own, options=options,
+        jobs=jobs,
+    )  # fmt: skip
     for record in fit.records:
         if unused := fit.unused(record):
             text = f"note: {record.name}: not used: {', '.join(unused)}"

@@ -86,6 +86,11 @@ ERROR_BAR: Any = typer.Option(
 )
 
 
+def about(key: str) -> str:
+    """Return the help of an option that is a key of `simulation`."""
+    return str(SIMULATION[key]["description"])
+
+
 def with_settings(command: Callable[..., int]) -> Callable[..., int]:
     """Replace the parameter `options` of a command by the keys of `simulation`.
 
@@ -100,9 +105,8 @@ def with_settings(command: Callable[..., int]) -> Callable[..., int]:
 
     settings = []
     for key, metavar in OPTIONS.items():
-        about = SIMULATION[key]["description"]
         known = (lambda: ["auto", *names()]) if key == "method" else None
-        option = typer.Option(metavar=metavar, help=about, autocompletion=known)
+        option = typer.Option(metavar=metavar, help=about(key), autocompletion=known)
         kind = inspect.Parameter.KEYWORD_ONLY
         annotation = Annotated[str | None, option]
         settings.append(

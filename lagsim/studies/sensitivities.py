@@ -252,6 +252,8 @@ class Sensitivities:
         The method of all runs; by default that of the run itself.
     who : str
         The name of the command, for messages.
+    centre : Trial, optional
+        The run itself, if it is known.
     interrupt : Interrupt, optional
         Requests of an early end.
     """
@@ -268,6 +270,7 @@ class Sensitivities:
         trials: Trials | None = None,
         method: str = "",
         who: str = "run",
+        centre: Trial | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
         self.model, self.times, self.interrupt = model, times, interrupt
@@ -277,7 +280,7 @@ class Sensitivities:
         if method:
             self.settings["method"] = method
         self.columns = tuple(columns if columns is not None else motion_columns(model))
-        self.centre = self.trials.run(self._variant({}))
+        self.centre = centre or self.trials.run(self._variant({}))
         if not self.centre.columns:
             raise InputError(
                 [Problem(self.centre.code or "failed", self.centre.reason)]

@@ -278,19 +278,19 @@ def _check_cells(column: str, records: Iterable[Record], faults: Problems) -> No
 
 
 def check_span(
-    records: Sequence[Record], clocks: Sequence[tuple[float, float]], settings: Settings
+    records: Sequence[Record], clocks: Sequence[float], settings: Settings
 ) -> None:
     """Raise an InputError where times of the data lie outside the run.
 
     Parameters
     ----------
-    clocks : sequence of (float, float)
-        Least and greatest difference of the clock of each record to that of the run.
+    clocks : sequence of float
+        Difference of the clock of each record to that of the run.
     """
     faults = []
-    for record, (least, most) in zip(records, clocks, strict=True):
-        early = np.flatnonzero(record.times - least < settings.start)
-        late = np.flatnonzero(record.times - most > settings.end)
+    for record, clock in zip(records, clocks, strict=True):
+        early = np.flatnonzero(record.times - clock < settings.start)
+        late = np.flatnonzero(record.times - clock > settings.end)
         span = f"the run is from {settings.start:g} to {settings.end:g}"
         for rows, hint in (
             (early[:1], "leave out the rows before the start, or set `start`"),

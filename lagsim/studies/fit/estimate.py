@@ -113,6 +113,23 @@ def determined(J: Floats) -> Floats:
     return np.asarray((U[: len(J), kept] * sizes[kept]) @ Vt[kept] * norms)
 
 
+def undetermined(J: Floats, error: float) -> Floats:
+    """Return an orthonormal basis of the changes that J does not determine.
+
+    Parameters
+    ----------
+    J : ndarray, shape (n, p)
+    error : float
+        Relative error of J.
+
+    Returns
+    -------
+    basis : ndarray, shape (d, p)
+    """
+    norms, (_, _, Vt), kept = _decomposed(J, error)
+    return np.asarray(np.linalg.qr((Vt[~kept] / norms).T)[0].T)
+
+
 def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
     """Return directions that span those of `kernel` (d, p), each with few names.
 

@@ -32,22 +32,20 @@ from lagsim.studies.fit.estimate import (
     determined,
     estimated,
     robust_factor,
+    undetermined,
 )
 from lagsim.studies.fit.names import (
     CLOCK,
     Varied,
     concerned,
     drawn_start,
+    own_values,
     parse_names,
     start_within,
 )
-from lagsim.studies.sensitivities import (
-    COMMON,
-    RTOL,
-    Sensitivities,
-    scale_of,
-)
-from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trial, Trials, Variant
+from lagsim.studies.fit.recordings import Recording, Setup, Task, Team
+from lagsim.studies.sensitivities import COMMON, RTOL, Sensitivities, scale_of
+from lagsim.studies.trials import INADMISSIBLE, Trials, Variant
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -57,6 +55,7 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.fit.data import Record
     from lagsim.studies.fit.estimate import Estimate
+    from lagsim.studies.sensitivities import Derivative
 
     Progress = Callable[[float], None] | None
 
@@ -80,62 +79,13 @@ ROUNDS, SAME_NOISE = 6, 0.02
 SEED = 11
 # Part of the time of the data to which steps of the clock are relative.
 OF_SPAN = 0.05
+# Most minimisations that bring undetermined combinations back to their start, and the
+# distance from it, relative to the names, that ends them.
+RETURNS, RETURNED = 8, 1e-5
 
 
 class StoppedError(Exception):
     """Error raised by an interrupt within an iteration."""
-
-
-class Recording(Sensitivities):
-    """Runs at the times of a record, whose clock may differ from the runs' by t0.
-
-    A name of the fit `t0` is no parameter of the model but this difference: data at
-    time t are compared with the run at t - t0.
-
-    Parameters
-    ----------
-    fit : Fit
-    values : mapping of str to float
-        Values of the varied names.
-    times : ndarray, shape (k,)
-        Times on the clock of the record.
-    columns : sequence of str
-        Columns of the runs to be compared and differentiated.
-    """
-
-    def __init__(
-        self, fit: Fit, values: Mapping[str, float], times: Floats,
-        columns: Sequence[str],
-    ) -> None:  # fmt: skip
-        self.clocked = fit.clocked
-        self.span = fit.settings.start, fit.settings.end
-        super().__init__(
-            fit.model, times=times, columns=columns, values=values,
-            guesses=fit.guesses, trials=fit.trials, method=fit.method,
-            interrupt=fit.interrupt,
-        )  # fmt: skip
-
-    def _variant(
-        self, values: Mapping[str, float], guesses: Collection[str] = ()
-    ) -> Variant:
-        variant = super()._variant(values, guesses)
-        if not self.clocked:
-            return variant
-        at = dict(variant.values)
-        clock = float(at.pop(CLOCK, 0.0))
-        return variant._replace(values=at, times=self.times - clock)
-
-    def trial(self, name: str, value: float, held: bool) -> Trial:
-        """Return the run with one value replaced.
-
-        It is unusable if t0 moves times of the data outside the run. held : see
-        `Sensitivities.trial`.
-        """
-        if self.clocked and name == CLOCK:
-            low, high = self.times[0] - value, self.times[-1] - value
-            if low < self.span[0] or high > self.span[1]:
-                return Trial(UNUSABLE, "the times of the data are outside the run")
-        return super().trial(name, value, held)
 
 
 # --- The fit
@@ -199,6 +149,12 @@ class Fit:
         Expressions by columns, see `matched`.
     loss : str
         One of LOSSES.
+    own : mapping of str to str, optional
+        Values of one record alone, by `NAME@K`.
+    options : mapping of str to str, optional
+        Options of the runs, such as `duration`.
+    jobs : int or None
+        The number of processes; None for one on each core, where that saves time.
     interrupt : Interrupt, optional
         Requests of an early end.
 
@@ -224,21 +180,28 @@ class Fit:
         vary: Sequence[str],
         match: Mapping[str, str] | None = None,
         loss: str = LINEAR,
+        *,
+        own: Mapping[str, str] | None = None,
+        options: Mapping[str, str] | None = None,
+        jobs: int | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
         self.given, self.records, self.loss = model, records, loss
         self.interrupt, self.runs, self.iterations = interrupt, 0, 0
         self._progress: Progress = None
-        names = parse_names(vary, len(records))
+        self._team = Team(jobs)
+        self.own = own_values(model, own or {}, len(records))
+        names = parse_names(vary, self.own)
         self.model, self.matches = matched(model, records, match or {})
-        self.columns = columns_of(self.model)
         self._arrange()
-        self.trials = Trials(self.model, {}, "fit")
-        session = self.trials.session(Variant({}, {"rtol": RTOL}))
-        self.method = session.plan.method
+        trials = Trials(self.model, options, "fit")
+        session = trials.session(Variant({}, {"rtol": RTOL}))
         self.settings: Settings = session.case.settings
-        self.clocked = CLOCK not in model.parameter_values
-        self.guesses: Collection[str] = ()
+        self.setup = Setup(
+            self.model, trials, tuple(columns_of(self.model)), session.plan.method,
+            (self.settings.start, self.settings.end),
+            clocked=CLOCK not in model.parameter_values,
+        )  # fmt: skip
         self.names = self._started(names)
         self.scales = np.array([one.scale for one in self.names])
         self.start = np.array([one.start for one in self.names])
@@ -267,39 +230,43 @@ class Fit:
     def _started(self, names: Sequence[Varied]) -> list[Varied]:
         """Return the varied names with start values, scales, and bounds of t0."""
         start = np.array([self.settings.start])
-        free = Recording(self, {}, start, ())
+        free = [
+            Recording(self.setup, own, start, columns=())
+            for own in (self.own if any(self.own) else self.own[:1])
+        ]
         found, faults = list[Varied](), Problems()
         for one in names:
             with faults.gathered():
-                found.append(self._begun(one, names, free))
+                first = concerned(one, names, self.own)[0]
+                found.append(self._begun(one, names, free[first % len(free)]))
         faults.refuse()
-        clocks = [(0.0, 0.0)] * len(self.records)
+        clocks = [self.setup.clock(own) for own in self.own]
         for one in found:
             if self.is_clock(one):
-                for k in concerned(one, found, len(self.records)):
-                    clocks[k] = one.start, one.start
+                for k in concerned(one, found, self.own):
+                    clocks[k] = one.start
         check_span(self.records, clocks, self.settings)
-        starts = [x.name for x in found if x.name in free.start()]
         if self.model.constraints:
-            self.guesses = self._following(free, found, {*free.start()} - {*starts})
+            known = {*free[0].start()}
+            others = known - {x.name for x in found} - {x for k in self.own for x in k}
+            guesses = self._following(free[0], found, others)
+            self.setup = self.setup._replace(guesses=guesses)
         return found
 
     def is_clock(self, one: Varied) -> bool:
         """Whether a varied name is t0, the difference of the clocks of data and run."""
-        return self.clocked and one.name == CLOCK
+        return self.setup.clocked and one.name == CLOCK
 
     def _begun(
         self, one: Varied, names: Sequence[Varied], free: Sensitivities
     ) -> Varied:
         if self.is_clock(one):
-            times = [
-                self.records[k].times for k in concerned(one, names, len(self.records))
-            ]
+            times = [self.records[k].times for k in concerned(one, names, self.own)]
             low = max(float(t[-1]) for t in times) - self.settings.end
             high = min(float(t[0]) for t in times) - self.settings.start
             one = one._replace(low=max(low, one.low), high=min(high, one.high))
             span = max(float(np.ptp(t)) for t in times)
-            value, scale = 0.0, OF_SPAN * (span or 1.0)
+            value, scale = free.values.get(CLOCK, 0.0), OF_SPAN * (span or 1.0)
             if not one.low < one.high:
                 span_text = f"{self.settings.start:g} to {self.settings.end:g}"
                 text = f"{one.label} cannot vary: the data take all of the run, "
@@ -315,7 +282,7 @@ class Fit:
 
     def _following(
         self, free: Sensitivities, names: Sequence[Varied], others: Collection[str]
-    ) -> Collection[str]:
+    ) -> tuple[str, ...]:
         """Return the start values that are solved for from constraints when names vary.
 
         If the start is inadmissible beside the value of a varied name, these are
@@ -328,7 +295,7 @@ class Fit:
             base = free.value_of(one.name)
             ends = [free.trial(one.name, base + h, False).outcome for h in steps]
             if INADMISSIBLE in ends:
-                return others
+                return tuple(sorted(others))
         return ()
 
     def unused(self, record: Record) -> list[str]:
@@ -349,16 +316,21 @@ class Fit:
             self._known, self._jacobians = (key, made), {}
         return self._known[1]
 
+    def _values(self, number: int, x: Floats) -> dict[str, float]:
+        """Return the values of the names in the runs of a record, at x (p,)."""
+        values = dict(self.own[number])
+        for one, value in zip(self.names, x.tolist(), strict=True):
+            if number in concerned(one, self.names, self.own):
+                values[one.name] = value
+        return values
+
     def _recording(
         self, number: int, x: Floats, times: Floats | None = None
     ) -> Recording:
-        values = {}
-        for one, value in zip(self.names, x.tolist(), strict=True):
-            if number in concerned(one, self.names, len(self.records)):
-                values[one.name] = value
         self.runs += 1
         at = self.records[number].times if times is None else times
-        return Recording(self, values, at, self.columns)
+        values = self._values(number, x)
+        return Recording(self.setup, values, at, interrupt=self.interrupt)
 
     def _stop_if_asked(self) -> None:
         if self.interrupt is not None and self.interrupt.asked:
@@ -381,34 +353,33 @@ class Fit:
         """
         runs, key = self.at(x), len(how)
         if key not in self._jacobians:
-            blocks = [self._block(k, run, how) for k, run in enumerate(runs)]
-            lost: dict[str, int] = {}
-            for one in blocks:
-                for name, count in one.lost.items():
-                    lost[name] = lost.get(name, 0) + count
-            J = np.concatenate([one.J for one in blocks])
-            self._jacobians[key] = Jacobian(J, lost, max(one.error for one in blocks))
+            tasks = [
+                Task(self.setup, run.values, run.times, run.centre, one, how, k)
+                for k, run in enumerate(runs)
+                for one in self.names
+                if k in concerned(one, self.names, self.own)
+            ]
+            found = self._team.derivatives(tasks, runs, self.interrupt)
+            self._stop_if_asked()
+            self._jacobians[key] = self._arranged(tasks, found)
         return self._jacobians[key]
 
-    def _block(self, number: int, run: Recording, how: dict[str, Any]) -> Jacobian:
-        """Return the derivatives of the residuals of one record, by the varied names.
-
-        number : of the record, from 0. run : at the values. how : as for `jacobian`.
-        """
-        seen, lost, error = self.seen[number], dict[str, int](), 0.0
-        J = np.zeros((int(np.count_nonzero(seen)), len(self.names)))
-        for j, one in enumerate(self.names):
-            if number not in concerned(one, self.names, len(self.records)):
-                continue
-            found = run.by(one.name, scale=one.scale, **how)
-            self.runs += found.runs
-            self._stop_if_asked()
-            J[:, j] = found.values[seen] * one.scale
-            error = max(error, found.error)
-            if found.lost.any():
-                lost[one.label] = int(np.count_nonzero(found.lost))
+    def _arranged(self, tasks: Sequence[Task], found: Sequence[Derivative]) -> Jacobian:
+        """Return the Jacobian that has the derivatives of tasks as its blocks."""
+        lost: dict[str, int] = {}
+        sizes = [int(np.count_nonzero(seen)) for seen in self.seen]
+        ends = np.cumsum(sizes).tolist()
+        J = np.zeros((len(self.data), len(self.names)))
+        for task, one in zip(tasks, found, strict=True):
+            k, name = task.number, task.name
+            self.runs += one.runs
+            rows = slice(ends[k] - sizes[k], ends[k])
+            J[rows, self.names.index(name)] = one.values[self.seen[k]] * name.scale
+            if one.lost.any():
+                count = int(np.count_nonzero(one.lost))
+                lost[name.label] = lost.get(name.label, 0) + count
         J[~np.all(np.isfinite(J), axis=1)] = 0.0
-        return Jacobian(J, lost, error)
+        return Jacobian(J, lost, max(one.error for one in found))
 
     def _cost(self, x: Floats, weights: Floats) -> Floats:
         """Return residuals in standard deviations, shape (n,), at x (p,).
@@ -433,23 +404,56 @@ class Fit:
     ) -> tuple[Floats, float, bool]:
         """Minimise the cost from x (p,); return values, cost, and whether it converged.
 
+        Combinations of names that the data do not determine keep the values that the
+        start has: further residuals are their changes, until these are combinations
+        that are undetermined at the solution.
+
         weights (m,) : the inverse standard deviation of each column. loss : one of
         LOSSES.
         """
+        held = self._undetermined(x, weights)
+        for _ in range(RETURNS):
+            x, cost, ended = self._minimised(x, weights, loss, held)
+            last, held = held, self._undetermined(x, weights)
+            away = np.abs(held @ ((x - self.start) / self.scales))
+            if len(held) == len(last) and np.all(away <= RETURNED):
+                break
+        return x, cost, ended
+
+    def _undetermined(self, x: Floats, weights: Floats) -> Floats:
+        """Return the combinations that are undetermined at x, shape (d, p).
+
+        They are orthonormal, in multiples of the scales of the names.
+        """
+        J, _, error = self.jacobian(x, ROUGH)
+        return undetermined(J * weights[self.of][:, None], error)
+
+    def _minimised(
+        self, x: Floats, weights: Floats, loss: str, held: Floats
+    ) -> tuple[Floats, float, bool]:
+        """Minimise the cost, and the changes of the combinations `held` (d, p).
+
+        Parameters and results : see `_solve`.
+        """
         from scipy.optimize import least_squares  # slow to load
 
-        s = self.scales
+        s, begin = self.scales, self.start / self.scales
+        J = self.jacobian(x, ROUGH).J * weights[self.of][:, None]
+        rows = held * (math.sqrt(float(np.mean(np.sum(J**2, axis=0)))) or 1.0)
+
+        def residuals(z: Floats) -> Floats:
+            return np.append(self._cost(z * s, weights), rows @ (z - begin))
 
         def jacobian(z: Floats) -> Floats:
             self.iterations += 1
             if self._progress is not None:
                 self._progress(1.0 - 0.85**self.iterations)
             J = self.jacobian(z * s, ROUGH).J
-            return determined(J * weights[self.of][:, None])
+            return np.vstack([determined(J * weights[self.of][:, None]), rows])
 
         ends = np.array([[one.low, one.high] for one in self.names]).T / s
         found = least_squares(
-            lambda z: self._cost(z * s, weights), x / s, jacobian, ends, x_scale="jac",
+            residuals, x / s, jacobian, ends, x_scale="jac",
             loss=loss, ftol=SAME_COST, xtol=SAME_VALUES, gtol=None, max_nfev=MOST,
         )  # fmt: skip
         return np.asarray(found.x * s), float(found.cost), found.status > 0
@@ -475,14 +479,15 @@ class Fit:
         x = self.start
         given = np.array([match.deviation for match in self.matches])
         noise = np.where(given > 0.0, given, self._sizes())
-        try:
-            self._check_first(x)
-            x, reached, ended = self._from_all(x, 1.0 / noise, starts)
-            x, noise, ended = self._again(x, noise, given, ended=ended)
-            return self._result(x, noise, given, ended, (starts + 1, reached))
-        except StoppedError:
-            _, x, raw = self._best
-            return Found(x, raw, noise, INTERRUPTED)
+        with self._team:
+            try:
+                self._check_first(x)
+                x, reached, ended = self._from_all(x, 1.0 / noise, starts)
+                x, noise, ended = self._again(x, noise, given, ended=ended)
+                return self._result(x, noise, given, ended, (starts + 1, reached))
+            except StoppedError:
+                _, x, raw = self._best
+                return Found(x, raw, noise, INTERRUPTED)
 
     def _again(
         self, x: Floats, noise: Floats, given: Floats, *, ended: bool
@@ -679,10 +684,9 @@ class Fit:
 
     def of_file(self, found: Found) -> dict[str, float]:
         """Return the values for the model file: of starts those of the first record."""
-        values: dict[str, float] = {}
-        for one, value in zip(self.names, found.x.tolist(), strict=True):
-            if 0 in concerned(one, self.names, 1) and not self.is_clock(one):
-                values[one.name] = value
+        values = self._values(0, found.x)
+        if self.setup.clocked:
+            values.pop(CLOCK, None)
         return values
 
     def curve(self, x: Floats, number: int, count: int) -> tuple[Floats, Floats]:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.errors import Problems, counted
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     import numpy as np
+
+    from lagsim.model.model import Model
 
 # The difference between the clocks of data and run: data time t is run time t - t0.
 CLOCK = "t0"
@@ -45,14 +47,74 @@ class Varied(NamedTuple):
     scale: float = 1.0
 
 
-def parse_names(texts: Sequence[str], records: int) -> list[Varied]:
+def own_values(
+    model: Model, texts: Mapping[str, str], records: int
+) -> list[dict[str, float]]:
+    """Return the values that one record alone has, by name, of each record.
+
+    Parameters
+    ----------
+    model : Model
+    texts : mapping of str to str
+        Expressions by `NAME@K`; t0@K is the difference of the clocks of a record.
+    records : int
+        Number of records.
+
+    Raises
+    ------
+    InputError
+        If there is no such record, name or value.
+    """
+    faults, found = Problems(), [dict[str, str]() for _ in range(records)]
+    values: list[dict[str, float]] = []
+    for label, text in texts.items():
+        name, _, number = (part.strip() for part in label.partition("@"))
+        if _known(f"--set {label}", number, records, faults):
+            found[int(number) - 1][name] = text
+    for own in found:
+        values.append({})
+        clock = None if CLOCK in model.parameter_values else own.pop(CLOCK, None)
+        with faults.gathered():
+            bound = model.bind(**own)
+            starts = {x.name: x.value for x in bound.initial}
+            values[-1] = {x: (bound.parameter_values | starts)[x] for x in own}
+            if clock is not None:
+                values[-1][CLOCK] = _clock(clock)
+                if not math.isfinite(values[-1][CLOCK]):
+                    faults.add(
+                        "usage", f"--set {CLOCK}@K={clock}: a number is expected"
+                    )
+    faults.refuse()
+    return values
+
+
+def _clock(text: str) -> float:
+    """Return the number of a text, nan if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _known(label: str, number: str, records: int, faults: Problems) -> bool:
+    """Whether there is a record of a number, from 1; else add a fault."""
+    if number.isdecimal() and 1 <= int(number) <= records:
+        return True
+    message = f"{label}: there is no data file {number or '``'}"
+    hint = f"there {'is' if records == 1 else 'are'} "
+    hint += f"{counted(records, 'data file')}, counted from 1"
+    faults.add("usage", message, hint=hint)
+    return False
+
+
+def parse_names(texts: Sequence[str], own: Sequence[Collection[str]]) -> list[Varied]:
     """Parse the names of a fit: `NAME`, `NAME=a:b`, `NAME@K`, `NAME@K=a:b`.
 
     Parameters
     ----------
     texts : sequence of str
-    records : int
-        Number of records.
+    own : sequence of collection of str
+        The names of each record whose values it alone has.
 
     Raises
     ------
@@ -68,16 +130,9 @@ def parse_names(texts: Sequence[str], records: int) -> list[Varied]:
             message = f"--vary {text}: a name, and bounds if any, are expected"
             faults.add("usage", message, hint="such as --vary k, or --vary k=1:10")
             continue
-        record = -1
-        if at:
-            known = number.isdecimal() and 1 <= int(number) <= records
-            if not known:
-                message = f"--vary {label}: there is no data file {number or '``'}"
-                hint = f"there {'is' if records == 1 else 'are'} "
-                hint += f"{counted(records, 'data file')}, counted from 1"
-                faults.add("usage", message, hint=hint)
-                continue
-            record = int(number) - 1
+        if at and not _known(f"--vary {label}", number, len(own), faults):
+            continue
+        record = int(number) - 1 if at else -1
         label = f"{name}@{record + 1}" if at else name
         if any(label == one.label for one in found):
             faults.add("usage", f"--vary {label} is given twice")
@@ -85,7 +140,7 @@ def parse_names(texts: Sequence[str], records: int) -> list[Varied]:
     if not texts:
         faults.add("usage", "no name is varied", hint="such as --vary k")
     for one in found:
-        if one.record < 0 and not concerned(one, found, records):
+        if not concerned(one, found, own):
             text = f"--vary {one.name}: each data file has a value of its own"
             faults.add("usage", text, hint="leave out the name without a number")
     faults.refuse()
@@ -105,17 +160,22 @@ def _bounds(text: str) -> tuple[float, float]:
     return ends if colon else (math.nan, math.nan)
 
 
-def concerned(one: Varied, every: Sequence[Varied], records: int) -> list[int]:
+def concerned(
+    one: Varied, every: Sequence[Varied], own: Sequence[Collection[str]]
+) -> list[int]:
     """Return the numbers of the records, from 0, to which a varied name applies.
 
-    A name without a number applies to all records that have no name of their own.
+    A name without a number applies to all records without a varied name or a value of
+    their own.
 
-    every : all varied names. records : the count of records.
+    every : all varied names. own : the names of each record with values of its own.
     """
     if one.record >= 0:
         return [one.record]
-    own = {x.record for x in every if x.name == one.name}
-    return [k for k in range(records) if k not in own]
+    varied = {x.record for x in every if x.name == one.name}
+    return [
+        k for k, names in enumerate(own) if k not in varied and one.name not in names
+    ]
 
 
 def start_within(low: float, high: float, value: float) -> float:

@@ -1,0 +1,210 @@
+"""Runs at the times of a record, and their derivatives, by several processes.
+
+Every process computes derivatives by some of the names for some of the records.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from lagsim.errors import LagsimError
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.fit.names import CLOCK
+from lagsim.studies.sensitivities import Derivative, Sensitivities
+from lagsim.studies.trials import UNUSABLE, Trial, Trials, Variant
+from lagsim.studies.workers import Died, cores, spread, standing
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+    from types import TracebackType
+
+    from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model
+    from lagsim.studies.fit.names import Varied
+    from lagsim.studies.workers import Hired
+
+# Processor time of a Jacobian, in s, above which further processes compute the next.
+WORTH_SECONDS = 0.5
+
+
+class Setup(NamedTuple):
+    """Properties that all runs of a fit have in common.
+
+    Attributes
+    ----------
+    model : Model
+    trials : Trials
+    columns : tuple of str
+        Columns of the runs to be compared and differentiated.
+    method : str
+    span : tuple of float
+        Start and end of the runs.
+    clocked : bool
+        Whether `t0` is the difference of the clocks, not a parameter of the model.
+    guesses : collection of str
+        Start values that follow as the constraints require.
+    """
+
+    model: Model
+    trials: Trials
+    columns: tuple[str, ...]
+    method: str
+    span: tuple[float, float]
+    clocked: bool
+    guesses: Collection[str] = ()
+
+    def clock(self, values: Mapping[str, float]) -> float:
+        """Return the difference of the clocks of data and run, of values by name."""
+        return values.get(CLOCK, 0.0) if self.clocked else 0.0
+
+
+class Recording(Sensitivities):
+    """Runs at the times of a record, whose clock may differ from the runs' by t0.
+
+    A name of the fit `t0` is no parameter of the model but this difference: data at
+    time t are compared with the run at t - t0.
+
+    Parameters
+    ----------
+    setup : Setup
+    values : mapping of str to float
+        Values of the names.
+    times : ndarray, shape (k,)
+        Times on the clock of the record.
+    columns : sequence of str, optional
+        Columns to be compared and differentiated, by default the columns of the setup.
+    centre : Trial, optional
+        The run at the values, if it is known.
+    interrupt : Interrupt, optional
+        Requests of an early end.
+    """
+
+    def __init__(
+        self, setup: Setup, values: Mapping[str, float], times: Floats, *,
+        columns: Sequence[str] | None = None, centre: Trial | None = None,
+        interrupt: Interrupt | None = None,
+    ) -> None:  # fmt: skip
+        self.setup = setup
+        super().__init__(
+            setup.model, times=times, values=values, guesses=setup.guesses,
+            columns=setup.columns if columns is None else columns,
+            trials=setup.trials, method=setup.method, centre=centre,
+            interrupt=interrupt,
+        )  # fmt: skip
+
+    def _variant(
+        self, values: Mapping[str, float], guesses: Collection[str] = ()
+    ) -> Variant:
+        variant = super()._variant(values, guesses)
+        if not self.setup.clocked:
+            return variant
+        at = dict(variant.values)
+        clock = float(at.pop(CLOCK, 0.0))
+        return variant._replace(values=at, times=self.times - clock)
+
+    def trial(self, name: str, value: float, held: bool) -> Trial:
+        """Return the run with one value replaced.
+
+        It is unusable if t0 moves times of the data outside the run. held : see
+        `Sensitivities.trial`.
+        """
+        if self.setup.clocked and name == CLOCK:
+            low, high = self.times[0] - value, self.times[-1] - value
+            if low < self.setup.span[0] or high > self.setup.span[1]:
+                return Trial(UNUSABLE, "the times of the data are outside the run")
+        return super().trial(name, value, held)
+
+
+class Task(NamedTuple):
+    """Derivatives of the runs of a record by a name.
+
+    Attributes
+    ----------
+    values, times, centre
+        As of `Recording`.
+    name : Varied
+    how : dict
+        Options of `Sensitivities.by`.
+    number : int
+        Number of the record, from 0.
+    """
+
+    setup: Setup
+    values: Mapping[str, float]
+    times: Floats
+    centre: Trial
+    name: Varied
+    how: Mapping[str, Any]
+    number: int
+
+
+def _differentiated(task: Task, interrupt: Interrupt) -> Derivative | LagsimError:
+    """Return the derivatives of a task, or the error that ends their computation."""
+    try:
+        recording = Recording(
+            task.setup, task.values, task.times, centre=task.centre,
+            interrupt=interrupt,
+        )  # fmt: skip
+        return recording.by(task.name.name, scale=task.name.scale, **task.how)
+    except LagsimError as error:
+        return error
+
+
+class Team:
+    """Context manager: processes that compute the derivatives of a fit.
+
+    Further processes begin when a Jacobian has taken long, or if their number is given.
+
+    Parameters
+    ----------
+    jobs : int or None
+        The number of processes; None for one on each core, where that saves time.
+    """
+
+    def __init__(self, jobs: int | None) -> None:
+        self.most, self._wanted = jobs or cores(), jobs is not None
+        self._hired: Hired | None = None
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._hired = None
+        self._stack.close()
+
+    def derivatives(
+        self,
+        tasks: Sequence[Task],
+        runs: Sequence[Recording],
+        interrupt: Interrupt | None,
+    ) -> list[Derivative]:
+        """Return the derivatives of all tasks; fewer after an interrupt.
+
+        runs : the recordings of this process, by the number of their record.
+        """
+        known: dict[int, Derivative | LagsimError | Died] = {}
+        if self._wanted and self.most > 1 and len(tasks) > 1:
+            interrupt = interrupt or Interrupt()
+            self._hired = self._hired or self._stack.enter_context(standing(self.most))
+            known |= spread(_differentiated, tasks, self.most, interrupt, self._hired)
+        began, found = time.process_time(), list[Derivative]()
+        for k, task in enumerate(tasks):
+            if interrupt is not None and interrupt.asked:
+                break
+            one = known.get(k, Died())
+            if isinstance(one, Died):
+                run = runs[task.number]
+                one = run.by(task.name.name, scale=task.name.scale, **task.how)
+            if isinstance(one, LagsimError):
+                raise one
+            found.append(one)
+        self._wanted |= time.process_time() - began > WORTH_SECONDS
+        return found
