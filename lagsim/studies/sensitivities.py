@@ -45,7 +45,7 @@ from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
 from lagsim.tolerances import SAME_INSTANT, SAME_STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model, Settings
@@ -358,6 +358,49 @@ class Sensitivities:
         InputError
             If the name is unknown, or constraints determine it.
         """
+        search = self._begun(name, scale, first, order)
+        while search.open and search.count + MORE_RUNS <= spare:
+            search.improve()
+        return search.derivative()
+
+    def by_each(
+        self, names: Sequence[str], progress: Callable[[float], None] | None = None
+    ) -> list[Derivative]:
+        """Return the derivatives by each name, of MOST_RUNS runs for a name on average.
+
+        Runs that a name does not need serve the name with the largest error. After an
+        interrupt the derivatives by some of the names are left out.
+
+        progress : called with the fraction that is done.
+        """
+        most = MOST_RUNS * len(names) - 1  # beside the run itself
+        searches = list[_Search]()
+        for name in names:
+            if self._stopped():
+                break
+            searches.append(self._begun(name))
+            if self._stopped():
+                searches.pop()
+            elif progress is not None:
+                progress(sum(one.count for one in searches) / most)
+        while (
+            (unfinished := [one for one in searches if one.open])
+            and sum(one.count for one in searches) + MORE_RUNS <= most
+            and not self._stopped()
+        ):
+            max(unfinished, key=lambda one: one.found.score).improve()
+            if progress is not None:
+                progress(sum(one.count for one in searches) / most)
+        return [one.derivative() for one in searches]
+
+    def _stopped(self) -> bool:
+        return self.interrupt is not None and self.interrupt.asked
+
+    def _begun(
+        self, name: str, scale: float | None = None, first: float = FIRST,
+        order: int = 8,
+    ) -> _Search:  # fmt: skip
+        """Return the search for the step of differences by a name; arguments: `by`."""
         value = self.value_of(name)
         size = scale if scale is not None else scale_of(self.model, name, value)
         runs = _Runs(self, name, value, first * size, order=order)
@@ -367,40 +410,10 @@ class Sensitivities:
             sides = runs.usable(1), runs.usable(-1)
         if not any(sides):
             raise _not_free(name, runs.trial(1, 0))
+        return _Search(runs, sides)
 
-        def at(power: int) -> _Difference:
-            return _central(runs, power) if all(sides) else _aside(runs, power, sides)
-
-        found, power = at(0), 0
-        for step in (-1, 1):
-            while len(runs.known) + MORE_RUNS <= spare and found.score > (0, ENOUGH):
-                wanted = -1 if found.lost.any() or _truncated(found) else 1
-                if wanted != step:
-                    break
-                other = at(power + step)
-                if other.score >= found.score:
-                    break
-                found, power = other, power + step
-        return Derivative(
-            name, found.values, found.lost & self._reached(), runs.unit * FACTOR**power,
-            found.error, len(runs.known),
-        )  # fmt: skip
-
-    def by_each(self, names: Sequence[str]) -> Iterator[Derivative]:
-        """Yield the derivatives by each name, with at most MOST_RUNS runs for a name.
-
-        Runs that one name does not need are left to the names after it. After an
-        interrupt no more are yielded.
-        """
-        left = MOST_RUNS * len(names) - 1
-        for k, name in enumerate(names):
-            found = self.by(name, spare=left - FIRST_RUNS * (len(names) - k - 1))
-            left -= found.runs
-            if self.interrupt is not None and self.interrupt.asked:
-                return
-            yield found
-
-    def _reached(self) -> Flags:
+    @property
+    def reached(self) -> Flags:
         """Mark the rows that the run itself reaches."""
         return np.asarray(np.all(np.isfinite(self.rows(self.centre)), axis=1))
 
@@ -426,6 +439,64 @@ class Sensitivities:
         text = f"there is no parameter or start value `{name}`"
         hint = did_you_mean(name, [*known, *start])
         raise InputError([Problem("unknown-name", text, hint=hint)])
+
+
+class _Search:
+    """Search for the step with which the differences by a name have the least error.
+
+    Parameters
+    ----------
+    runs : _Runs
+    sides : tuple of bool
+        Whether runs above and below the value can be used.
+
+    Attributes
+    ----------
+    found : _Difference
+        The best difference so far.
+    """
+
+    def __init__(self, runs: _Runs, sides: tuple[bool, bool]) -> None:
+        self.runs, self.sides = runs, sides
+        self.found, self._power = self._at(0), 0
+        # Steps are divided by FACTOR as long as this helps, then multiplied by it.
+        self._left = [-1, 1]
+
+    def _at(self, power: int) -> _Difference:
+        if all(self.sides):
+            return _central(self.runs, power)
+        return _aside(self.runs, power, self.sides)
+
+    @property
+    def count(self) -> int:
+        """The number of runs."""
+        return len(self.runs.known)
+
+    @property
+    def open(self) -> bool:
+        """Whether another step may have a smaller error."""
+        found = self.found
+        wanted = -1 if found.lost.any() or _truncated(found) else 1
+        while self._left and self._left[0] != wanted:
+            self._left.pop(0)
+        return bool(self._left) and found.score > (0, ENOUGH)
+
+    def improve(self) -> None:
+        """Try another step."""
+        power = self._power + self._left[0]
+        other = self._at(power)
+        if other.score >= self.found.score:
+            self._left.pop(0)
+        else:
+            self.found, self._power = other, power
+
+    def derivative(self) -> Derivative:
+        """Return the best derivatives so far."""
+        runs, found = self.runs, self.found
+        return Derivative(
+            runs.name, found.values, found.lost & runs.study.reached,
+            runs.unit * FACTOR**self._power, found.error, self.count,
+        )  # fmt: skip
 
 
 def _truncated(found: _Difference) -> bool:
@@ -545,7 +616,7 @@ def appended(
     square = np.zeros((len(times), len(study.columns)))
     blocks = {name: np.full_like(square, np.nan) for name in names}
     record, cautions, done = dict[str, dict[str, float]](), list[Caution](), 0
-    for found in study.by_each(varied):
+    for found in study.by_each(varied, progress):
         name = found.name
         square += (found.values * deviations.get(name, 0.0)) ** 2
         if name in blocks:
@@ -553,8 +624,8 @@ def appended(
         record[name] = {"step": found.step, "error": found.error, "runs": found.runs}
         cautions += _not_differentiable(found, times)
         done += 1
-        if progress is not None:
-            progress(done / len(varied))
+    if progress is not None:
+        progress(1.0)
     if done < len(varied):
         square[:] = np.nan
     heads = [f"{SENSITIVITY.prefix}{x}.{k}" for k in names for x in study.columns]
