@@ -258,7 +258,9 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     if discs:
         yield _proximal(unit, FIRM_ON_DISCS, PROXIMAL_ON_DISCS)
         for corners in CORNERS:
-            yield _descend(unit, _by_pivots(unit, corners))
+            point = _descend(unit, _by_pivots(unit, corners))
+            yield point
+            yield from _beside_held(point)
         # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
         yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
         return
@@ -268,6 +270,34 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     at = np.where(unit.c > 0.0, unit.low, unit.high)
     low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
     yield _MultiplierPoint(unit, _by_pivots(replace(unit, low=low, high=high)))
+
+
+def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
+    """Yield a point of Newton's method with the single rows that hold eliminated.
+
+    Beside a row that holds, the inertia in the directions of a disc may be another than
+    without it, by the ratio of masses. The remaining problem is scaled by itself.
+
+    Parameters
+    ----------
+    point : _MultiplierPoint
+        An approximate solution, which determines the rows that hold.
+    """
+    problem = point.problem
+    single = point.inside & (problem.pairs < 0)
+    single[problem.normals[problem.normals >= 0]] = False
+    held, left = np.flatnonzero(single), np.flatnonzero(~single).tolist()
+    if not len(held):
+        return
+    right = np.column_stack([problem.D, problem.c])
+    X = least_squares(right[np.ix_(held, held)], right[held], DEPENDENT_SQUARE)
+    less = right - problem.D[:, held] @ X
+    reduced, s = _scaled(replace(problem, D=less[:, :-1], c=less[:, -1]).part(left))
+    found = _descend(reduced, point.p[left] / s)
+    p = point.p.copy()
+    p[left] = found.p * s
+    p[held] = -X[:, left] @ p[left] - X[:, -1]
+    yield _MultiplierPoint(problem, p)
 
 
 def _proximal(

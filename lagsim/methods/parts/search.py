@@ -129,8 +129,6 @@ FARTHER = 4.0
 LOST = 2.0**-26
 # Of the ITP method (k_1 times the width of the bracket).
 ITP = 0.2
-# Part of the first bracket within which values are rounding, and secants have no use.
-NOISY = 2.0**-36
 # A function jumps if its change over the part JUST of the time is half of that over
 # SOON; it is continuous if its change is at most SOON times that over half of the time,
 # or JUMP times its rounding.
@@ -699,9 +697,8 @@ def end_of(
     """
     at_low = value_at(kind, s, p, k, low) - least
     at_high = value_at(kind, s, p, k, high) - least
-    whole = high - low
-    curved = ITP / whole
-    most = 2.0 * whole  # of half the bracket, by bisections that are left
+    curved = ITP / (high - low)
+    most = 2.0 * (high - low)  # of half the bracket, by bisections that are left
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
         most *= 0.5
@@ -715,7 +712,7 @@ def end_of(
         free = max(0.0, most - 0.5 * width)
         if not abs(x - middle) <= free:
             x = middle - toward * free
-        if width < NOISY * whole or not (low < x and x < high):
+        if not (low < x and x < high):
             x = middle
         value = value_at(kind, s, p, k, x) - least
         if value >= 0.0:

@@ -160,6 +160,11 @@ def _collocated(
     states = straight
     rates, slip = np.empty((len(nodes), size)), np.empty((len(nodes), count, 2))
     tolerance = float(arc.plan.tolerance)
+    # Rounding of states: where friction of several slips cancels, that of each of them.
+    pushed = np.abs(here.answer.response[:, pairs.ravel()]) @ np.repeat(friction, 2)
+    rounding = SUM_ROUNDOFF * here.seen
+    rounding[arc.velocities] += SUM_ROUNDOFF * lasts * pushed
+    rounding[arc.state.positions] += SUM_ROUNDOFF * lasts**2 * pushed
     for _ in range(SWEEPS):
         along = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
@@ -180,9 +185,7 @@ def _collocated(
         least = tolerance * speed[-1] / turned + SUM_ROUNDOFF
         rounded = CLEAR_OF_ROUNDING * here.still[pairs].max(axis=1) / turned
         # Positions, on which forces depend, change one sweep later than velocities.
-        near = (
-            tolerance * np.abs(states - straight).max(axis=0) + SUM_ROUNDOFF * here.seen
-        )
+        near = tolerance * np.abs(states - straight).max(axis=0) + rounding
         if (np.abs(states - former).max(axis=0) <= near).all() and (
             np.abs(step).max(axis=0) <= 0.1 * least + rounded
         ).all():
