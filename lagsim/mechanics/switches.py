@@ -518,6 +518,38 @@ class Switches:
             return g.call(op, *args)
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 
+    def at_levels(self, nodes: Iterable[int]) -> list[int]:
+        """Return `nodes` for conditions: as written, at levels that the motion keeps.
+
+        Where the motion follows a surface, or rests at it, rounding leaves its
+        expression on either side; a step then has its value at the level: `sign(x_dot)`
+        is 0 where friction holds x_dot at 0.
+        """
+        g, half = self.graph, self.graph.constant(0.5)
+        carried = g.constant(1.5)  # above CARRIED, below FOLLOWED
+        kept = {g.variable(s.variable): s for s in self.sides}
+        done: dict[int, int] = {}
+        nodes = list(nodes)
+        for n in g.cone(nodes):
+            args = tuple(done[a] for a in g.args[n])
+            done[n] = n if args == g.args[n] else g.call(g.ops[n], *args)
+            if n not in self._sides_of:
+                continue
+            variable, sign = self._sides_of[n]
+            side, op = kept[variable], g.ops[n]
+            mode = g.variable(side.sliding)
+            follows = g.call("gt", mode, carried)
+            level = g.call("add", variable, half) if side.whole else g.zero
+            at = g.call("if", follows, level, variable)
+            held = g.call("or", follows, g.call("lt", mode, g.constant(-0.5)))
+            value = stepped(g, op, at, sign)
+            if op in STEPS:
+                done[n] = g.call("if", held, value, done[n])
+            else:
+                free = g.call("and", g.call("not", held), done[n])
+                done[n] = g.call("or", g.call("and", held, value), free)
+        return [done[n] for n in nodes]
+
     def shown(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` for output rows: as written, except while sliding.
 

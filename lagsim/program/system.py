@@ -62,6 +62,8 @@ MOST_NUMBERS = 2**20
 STATES = 2**14
 # Number of points of tables that are passed to the kernel at a time.
 KNOTS = 256
+# Functions that decide where something happens, and what modes become then.
+CONDITIONS = ("located", "located_slopes", "sets", "sections", "section_slopes")
 _POINTER = ctypes.c_void_p
 # Result and arguments of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
@@ -198,15 +200,12 @@ class System:
             relations = self.columns.sections
             nodes_of |= section_functions(equations, relations, self.state)
         self.has_energies = "energies" in nodes_of
-        # Rows show the expressions as written; the method sees the arc's branches.
-        shown = (
-            "observe", "columns", "energies", "located", "sets", "located_slopes",
-            "sections", "section_slopes",
-        )  # fmt: skip
+        # Rows and conditions see the expressions as written; the method sees the arc's
+        # branches.
+        views = dict.fromkeys(("observe", "columns", "energies"), self.switches.shown)
+        views |= dict.fromkeys(CONDITIONS, self.switches.at_levels)
         nodes_of = {
-            name: self.switches.shown(nodes)
-            if name in shown
-            else self.switches.freeze(nodes)
+            name: views.get(name, self.switches.freeze)(nodes)
             for name, nodes in nodes_of.items()
         }
         self.indicators: list[Indicator] = []
@@ -269,8 +268,8 @@ class System:
         equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
-        ends += switches.shown([x.node for x in equations.model.located])
-        ends += switches.shown(self.columns.sections)
+        ends += switches.at_levels([x.node for x in equations.model.located])
+        ends += switches.at_levels(self.columns.sections)
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:

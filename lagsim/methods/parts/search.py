@@ -452,13 +452,24 @@ def find_end(s: Events, p: Parameters) -> None:
     if UNTIL:
         follow_true(s, p)
     search(EVENT, s, p, 0.0)
-    while UNTIL and s.event > 0.0 and goes_on(s, p, int(s.event) - 1):
+    while UNTIL and s.event > 0.0:
+        passed = int(s.event) - 1
+        side, leeway = s.orientation[passed], s.leeway[passed]
+        if not goes_on(s, p, passed):
+            break
+        before = max(s.cut - NEXT, 0.0)
         low = min(s.cut + NEXT, 1.0)  # clear of what rounding makes of a jump
         s.event = 0.0
         s.cut = 0.0
         s.t = t
         s.row_limit = s.arc_rows
-        search(EVENT, s, p, low)
+        if SWITCHES and mode_ends(s, p, low):
+            cut(s, p, before, low)
+            if s.switched > 0.0:  # a slip that stops has not passed 0
+                s.orientation[passed] = side
+                s.leeway[passed] = leeway
+        else:
+            search(EVENT, s, p, low)
     if UNTIL:
         for k in range(s.conditions):
             if follows(s, k):
@@ -468,6 +479,14 @@ def find_end(s: Events, p: Parameters) -> None:
                 clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
                 s.leeway[k] = 0.0 if clear else s.leeway[k]
             s.ahead[k] = 0.0
+
+
+def mode_ends(s: Events, p: Parameters, x: float) -> bool:
+    """Whether a mode of a surface or a law has ended at the fraction x of the step."""
+    over = False
+    for k in range(s.surfaces):
+        over = over or ends(s, p, k, value_at(EVENT, s, p, k, x), x)
+    return over
 
 
 def goes_on(s: Events, p: Parameters, k: int) -> bool:
