@@ -1,4 +1,4 @@
-"""Links and rods in number: what each stage takes, with the exponents in the number."""
+"""Links, rods and bodies in number: time of each stage, with exponents."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rod_chain import rod_chain
 
 LINKS = (10, 40, 100, 200, 400)
 RODS = (100, 1000, 3000, 10_000)
+BODIES = (50, 100, 200, 500, 1000)
 STAGES = ("read", "derive, examine", "plan", "compile", "run", "evaluation")
 # One process for each number, whose cache is empty. CPU of the process, not the clock.
 MEASURE = """
@@ -54,8 +55,16 @@ def measured(scene, n):
     return [*json.loads(done.output.splitlines()[-1]), megabytes]
 
 
-def table(title, scene, sizes, turns):
-    """Measure all sizes, each several times, and keep the least of each stage."""
+def one(n):
+    """Give n."""
+    return n
+
+
+def table(title, scene, sizes, turns, number=one):
+    """Measure all sizes, each several times, and keep the least of each stage.
+
+    number : the number, of a size, in which the exponent is.
+    """
     found = {n: [] for n in sizes}
     for _ in range(turns):
         for n in sizes:
@@ -67,7 +76,7 @@ def table(title, scene, sizes, turns):
         scale = 1e6 if stage == "evaluation" else 1.0
         # The last decade or so: below it, what does not depend on the number counts.
         first = len(sizes) // 2 - 1
-        span = math.log(sizes[-1] / sizes[first])
+        span = math.log(number(sizes[-1]) / number(sizes[first]))
         exponent = math.log(values[-1] / values[first]) / span
         unit = stage if k == len(STAGES) else f"{stage}, {'us' if scale > 1 else 's'}"
         shown = [f"{value * scale:.3g}" for value in values]
@@ -86,10 +95,42 @@ def rods(n):
     return rod_chain(n, 0.001, 0.001)
 
 
+ATTRACTING = """
+parameters:
+  n: {n}
+  G: 1
+  eps: 0.05
+  m(i = 1..n): 1/n + 0.1*i/n^2
+coordinates: {{x(1..n): {{}}, y(1..n): {{}}, z(1..n): {{}}}}
+energy:
+  kinetic: sum(i = 1..n, m(i)*(x_dot(i)^2 + y_dot(i)^2 + z_dot(i)^2))/2
+  potential: "sum(i = 1..n, sum(j = i+1..n,
+    -G*m(i)*m(j)/sqrt((x(i) - x(j))^2 + (y(i) - y(j))^2 + (z(i) - z(j))^2 + eps^2)))"
+initial:
+  x(i = 1..n): cos(2.4*i)*sqrt(i/n)
+  y(i = 1..n): sin(2.4*i)*sqrt(i/n)
+  z(i = 1..n): 0.3*cos(7.1*i)
+  x_dot(i = 1..n): -0.7*sin(2.4*i)*sqrt(i/n)
+  y_dot(i = 1..n): 0.7*cos(2.4*i)*sqrt(i/n)
+simulation: {{duration: 0.5, output_step: 0.05}}
+"""
+
+
+def bodies(n):
+    """Give half a second of n bodies that attract each other."""
+    return ATTRACTING.format(n=n)
+
+
+def pairs(n):
+    """Give the number of pairs of n bodies."""
+    return n * (n - 1) / 2
+
+
 def tables(turns):
-    """Give both tables."""
+    """Give the tables."""
     few = max(1, turns // 10)
     return [
         table("Links in angles, in number", links, LINKS, few),
         table("Rods in Cartesian coordinates, in number", rods, RODS, few),
+        table("Bodies that attract; exponents in pairs", bodies, BODIES, few, pairs),
     ]

@@ -16,7 +16,9 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.derivatives import tangent
+from lagsim.language.elements import payload
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.functions import ELEMENTS
 from lagsim.language.graph import CONSTANT, DATA, VARIABLE, Graph
 from lagsim.language.names import in_file
 from lagsim.language.parser import ExpressionError, parse
@@ -245,12 +247,30 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
 
     Its arguments have finite values and slopes.
     """
-    cone = [n for n in point.g.cone([node]) if point.g.ops[n] != DATA]
+    if (member := _member(point, node)) is not None:
+        return _innermost(point, member)
+    cone = [n for n in point.g.cone([node]) if point.g.ops[n] not in (DATA, ELEMENTS)]
     values, slopes = np.isfinite(_values_and_slopes(point, cone))
     if not np.all(values):
         inner = cone[int(np.argmin(values))]
         return inner, f"is {point.array([inner])[0]:g}"
     return cone[int(np.argmin(slopes))], "has no finite slope"
+
+
+def _member(point: Point, node: int) -> int | None:
+    """Return the term, written out, of a member of elements below a node.
+
+    It is the first term without finite value or slope; None if there is none.
+    """
+    g = point.g
+    vectors = [n for n in g.cone([node]) if g.ops[n] == ELEMENTS]
+    for n in vectors:
+        of, args = payload(g, n), g.args[n][1:]
+        if of.size == 1:
+            k = of.without_value(point.array(args).tolist())
+            if k is not None:
+                return of.written(g, args, k)
+    return None
 
 
 def _hint(point: Point, node: int) -> str:

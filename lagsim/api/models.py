@@ -67,6 +67,7 @@ class Accelerations:
     """
 
     def __init__(self, model: Read) -> None:
+        model = model.written_out()
         e = _derived(model, chained=False)
         if e.laws:
             names = dict.fromkeys(f"`{law.name}`" for law in e.laws)
@@ -395,7 +396,7 @@ class Derivation:
     """
 
     def __init__(self, model: Read, options: dict[str, bool]) -> None:
-        self._model, self._options = model, options
+        self._model, self._options = model.written_out(), options
 
     @cached_property
     def _equations(self) -> Equations:

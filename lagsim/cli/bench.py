@@ -118,6 +118,8 @@ def _opened(
 ) -> tuple[Measure, Path]:
     """Return a function that measures a model, and the folder of its results."""
     model = read_file(path, overrides)
+    # Every method is tried, and some need derivatives of the forces.
+    model = model.written_out()
     case = open_case(model, wanted(model, "bench"))
 
     def measured(interrupt: Interrupt, progress: Progress) -> Measured:

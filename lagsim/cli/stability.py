@@ -73,7 +73,7 @@ def command(
 ) -> int:  # fmt: skip
     """Map where each method is stable and where it fails."""
     wish = _wish(methods, steps, vary)
-    read = read_file(model, assignments(sets))
+    read = read_file(model, assignments(sets)).written_out()
     settings = wanted(read, "stability")
     _check_parameter(read, wish.name)
     usual = open_case(read, settings)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.functions import OPERATIONS, SMOOTH
+from lagsim.language.functions import ELEMENTS, OPERATIONS, PART, SMOOTH
 from lagsim.language.graph import memoized
 
 if TYPE_CHECKING:
@@ -120,25 +120,47 @@ class _Reverse:
         g = self.g
         adjoint = {n: weight for n, weight in weights.items() if n in self.active}
         result: Gradient = {}
+        of_sums: dict[int, Gradient] = {}  # vector -> weight of each of its numbers
 
         def add(to: Gradient, n: int, term: int) -> None:
             to[n] = g.call("add", to[n], term) if n in to else term
 
         for n in self._below(adjoint):
             weight = adjoint.pop(n, g.zero)
-            if weight == g.zero:
+            if weight == g.zero and n not in of_sums:
                 continue
             if self._is_variable(n):
                 add(result, n, weight)
             elif n in self.selections:
                 for v, slope in self.selections[n].items():
                     add(result, v, g.call("mul", weight, slope))
+            elif g.ops[n] == PART:
+                vector, k = g.args[n]
+                of_sums.setdefault(vector, {})[int(g.payload(k))] = weight
             else:
-                for a, slope in local_slopes(g, n):
-                    if a in self.active:
-                        one = slope == g.one
-                        add(adjoint, a, weight if one else g.call("mul", weight, slope))
+                shares = self._shares(n, weight, of_sums.pop(n, {}))
+                for a, share in shares:
+                    add(adjoint, a, share)
         return result
+
+    def _shares(
+        self, n: int, weight: int, of_sums: Gradient
+    ) -> Iterable[tuple[int, int]]:
+        """Return pairs (argument, share of its adjoint) of node n.
+
+        weight : its adjoint; of_sums : that of each number of a vector of sums.
+        """
+        g = self.g
+        if g.ops[n] == ELEMENTS:
+            found: list[tuple[int, int]] = g.payload(g.args[n][0]).pull(
+                g, n, of_sums, self.active
+            )
+            return found
+        return [
+            (a, weight if slope == g.one else g.call("mul", weight, slope))
+            for a, slope in local_slopes(g, n)
+            if a in self.active
+        ]
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
         """Return the active nodes below `nodes`, last first.
@@ -190,6 +212,11 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
     rates : node -> rate of its arguments; absent ones are constant.
     """
     args = g.args[n]
+    if g.ops[n] == ELEMENTS:
+        pushed: int = g.payload(args[0]).push(g, n, rates)
+        return pushed
+    if g.ops[n] == PART:
+        return g.kept(PART, (rates[args[0]], args[1]))
     if g.ops[n] == "add":  # of long sums there are many
         one, other = (rates.get(a, g.zero) for a in args)
         if g.zero in (one, other):

@@ -13,7 +13,7 @@ import math
 from itertools import product, repeat, starmap
 from typing import TYPE_CHECKING, Any
 
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import ELEMENTS, OPERATIONS, PART
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.tolerances import UNIT_ROUNDOFF
 
@@ -28,6 +28,16 @@ if TYPE_CHECKING:
 # one node.
 VALUES = 7
 VALUES_WITH_ERRORS = 1.5
+# Number of operations on numbers of arrays whose time is that of creating one node, and
+# the number of operations of a bound of roundoff for each of a sum.
+BY_ARRAYS, BOUNDED = 1000, 4
+
+
+def _of_vectors(g: Graph, cone: Sequence[int]) -> float:
+    """Return the work of the sums over tables in a cone, in operations created."""
+    vectors = g.of((ELEMENTS,))
+    some = set(vectors).intersection(cone) if vectors else ()
+    return sum(float(g.payload(g.args[n][0]).cost) for n in some) / BY_ARRAYS
 
 
 def evaluate(
@@ -46,7 +56,7 @@ def evaluate(
     nodes = list(nodes)
     found: dict[int, Any] = {}
     cone = g.cone(nodes)
-    g.count(len(cone) / VALUES)
+    g.count(len(cone) / VALUES + _of_vectors(g, cone))
     for n in cone:
         op = g.ops[n]
         if op == VARIABLE:
@@ -134,7 +144,7 @@ def evaluate_with_error(
     nodes = list(nodes)
     found: dict[int, tuple[Any, float]] = {}
     cone = g.cone(nodes)
-    g.count(len(cone) / VALUES_WITH_ERRORS)
+    g.count(len(cone) / VALUES_WITH_ERRORS + BOUNDED * _of_vectors(g, cone))
     for n in cone:
         op = g.ops[n]
         if op == VARIABLE:
@@ -145,9 +155,21 @@ def evaluate_with_error(
             c = g.value(n)
             assert c is not None
             found[n] = c, 0.0 if c.is_integer() else UNIT_ROUNDOFF * abs(c)
+        elif op in (ELEMENTS, PART):
+            found[n] = _sums_with_error(op, [found[a] for a in g.args[n]])
         else:
             found[n] = _with_error(op, [found[a] for a in g.args[n]])
     return [found[n] for n in nodes]
+
+
+def _sums_with_error(op: str, args: list[tuple[Any, Any]]) -> tuple[Any, Any]:
+    """Return the values and errors of a vector of sums, or those of one number."""
+    (first, errors), *others = args
+    if op == ELEMENTS:
+        found: tuple[Any, Any] = first.evaluate_with_error(others, 2.0 * UNIT_ROUNDOFF)
+        return found
+    k = int(others[0][0])
+    return float(first[k]), float(errors[k])
 
 
 def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
@@ -169,7 +191,11 @@ SHIFTED = 3.0
 
 
 def roundings(
-    g: Graph, nodes: Iterable[int], moving: Collection[str], state: Collection[str] = ()
+    g: Graph,
+    nodes: Iterable[int],
+    moving: Collection[str],
+    state: Collection[str] = (),
+    known: Mapping[int, int] | None = None,
 ) -> list[int]:
     """Return a node for the rounding error bound of each of `nodes`.
 
@@ -178,10 +204,12 @@ def roundings(
     state : variables whose own rounding is accounted for elsewhere. Far from the
     origin, that is the whole rounding error of an expression that is linear in one such
     variable, except for a shift, and it is equal in all uses of the variable.
+
+    known : bounds of the errors of variables, as nodes; 0 for others.
     """
     nodes = list(nodes)
     varying, placed = g.dependents(nodes, moving, state)
-    errors: dict[int, int] = {}
+    errors: dict[int, int] = dict(known or {})
     linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
     for n in g.cone(nodes):
         if n not in varying and n not in placed:
@@ -195,16 +223,38 @@ def roundings(
                 linear[n] = linear[own[0]]
             elif op == "mul" and sum(a in varying for a in args) == 1:
                 linear[n] = g.call("mul", *(linear.get(a, a) for a in args))
-        if n in varying and args:
+        if op in (ELEMENTS, PART) and n in varying:
+            errors[n] = _of_sums(g, n, varying, state, errors)
+        elif n in varying and args:
             error = _bound(g, n, [errors.get(a, g.zero) for a in args])
-            if n in linear and error != g.zero:
-                alike = g.call("abs", linear[n])
-                if alike == error:
-                    continue
-                alike = g.call("mul", g.constant(SHIFTED), alike)
-                error = g.call("max", g.call("sub", error, alike), g.zero)
-            errors[n] = error
+            errors[n] = _less_shift(g, error, linear.get(n))
     return [errors.get(n, g.zero) for n in nodes]
+
+
+def _less_shift(g: Graph, error: int, linear: int | None) -> int:
+    """Return the error of a x + b without that of the rounding of x, a bound node.
+
+    linear : a x, if the expression has this form.
+    """
+    if linear is None or error == g.zero:
+        return error
+    alike = g.call("abs", linear)
+    if alike == error:
+        return g.zero
+    alike = g.call("mul", g.constant(SHIFTED), alike)
+    return g.call("max", g.call("sub", error, alike), g.zero)
+
+
+def _of_sums(
+    g: Graph, n: int, varying: set[int], state: Collection[str], errors: dict[int, int]
+) -> int:
+    """Return the bound of the error of a vector of sums, or of one number of it."""
+    first, *others = g.args[n]
+    if g.ops[n] == PART:
+        return g.kept(PART, (errors[first], *others))
+    leaves = {g.variable(name) for name in state}
+    bounds: int = g.payload(first).bound(g, n, varying, leaves, errors)
+    return bounds
 
 
 def addends(g: Graph, node: int) -> list[int]:

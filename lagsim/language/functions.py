@@ -625,11 +625,26 @@ TABLES = (
 )  # fmt: skip
 
 
+# Sums over the members of a table as a vector, and one number of it, see `elements`.
+ELEMENTS, PART = "elements.sums", "elements.part"
+SUMS = (
+    Function(
+        name=ELEMENTS, arity=1, value=lambda of, *z: of.evaluate(z), data=1,
+        simpler=lambda g, *args: g.kept(ELEMENTS, args),
+    ),
+    Function(
+        name=PART, arity=2, value=lambda sums, k: float(sums[int(k)]), exact=True,
+        simpler=lambda g, *args: g.kept(PART, args),
+    ),
+)  # fmt: skip
+
+
 _ROWS = (
     *NUMBERS, *CONDITIONS, *TRIGONOMETRIC, *HYPERBOLIC, *POWERS, *CORNERS, *JUMPS,
     *REMAINDERS,
     *TABLES,
     *REMOVABLE,
+    *SUMS,
 )  # fmt: skip
 OPERATIONS = {row.name: row for row in _ROWS}
 FUNCTIONS = {

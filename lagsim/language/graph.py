@@ -19,19 +19,26 @@ from typing import (
     Concatenate,
     NamedTuple,
     ParamSpec,
+    Protocol,
     TypeVar,
 )
 
 from lagsim import limits
 from lagsim.errors import InputError, Place, Problem
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import ELEMENTS, OPERATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
     from lagsim.language.tables import Data
 
-    Payload = float | str | bool | Data
+    class Members(Protocol):
+        """Members of a sum, see `elements.Elements`."""
+
+        count: int
+        size: int
+
+    Payload = float | str | bool | Data | Members
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -243,8 +250,8 @@ class Graph:
         """Return the node of a truth value."""
         return self.kept(TRUTH, payload=bool(x))
 
-    def data(self, numbers: Data) -> int:
-        """Return the node of an array that operations read."""
+    def data(self, numbers: Data | Members) -> int:
+        """Return the node of an array, or of a table of members, for operations."""
         return self.kept(DATA, payload=numbers)
 
     def variable(self, name: str) -> int:
@@ -367,8 +374,11 @@ class Graph:
 
         Nodes that do not depend on `names` cost 0.
         """
-        rows = (OPERATIONS.get(self.ops[n]) for n in self.dependent(nodes, names))
-        return sum(row.cost for row in rows if row is not None)
+        found = self.dependent(nodes, names)
+        rows = (OPERATIONS.get(self.ops[n]) for n in found)
+        cost = sum(row.cost for row in rows if row is not None)
+        some = found.intersection(self.of((ELEMENTS,)))
+        return cost + sum(int(self._payload[self.args[n][0]].cost) for n in some)
 
     def degree(self, node: int, names: Collection[str]) -> Degrees | None:
         """Return the degrees of the terms of `node` as a polynomial in `names`.

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.language.elements import Elements
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import OPERATIONS, STEPS
+from lagsim.language.functions import ELEMENTS, OPERATIONS, PART, STEPS
 from lagsim.language.tables import FIRST, Data, table_power
 from lagsim.tolerances import TERM_ROUNDOFF
 
@@ -87,6 +88,9 @@ def interval(lo: Any, hi: Any, partial: Any = False, jumps: Any = False) -> Inte
     """Return enclosures from bounds and flags of equal shapes."""
     lo = np.atleast_1d(np.asarray(lo, np.float64))
     return Interval._make(np.broadcast_arrays(lo, hi, partial, jumps))
+
+
+_ANY = interval(-np.inf, np.inf, partial=True, jumps=True)
 
 
 def point(x: float) -> Interval:
@@ -572,6 +576,8 @@ def _rule(row: Function) -> Callable[..., Interval]:
 
 
 RULES = {name: _rule(row) for name, row in OPERATIONS.items() if row.native}
+# Sums over tables have no enclosure: any value is possible.
+RULES |= {ELEMENTS: lambda *_: _ANY, PART: lambda *_: _ANY}
 SQUARE = _strict(_square)
 
 
@@ -629,14 +635,14 @@ class Enclosures:
         cone = g.cone(self.nodes)
         fixed = [n for n in cone if n not in moving]
         self.fixed: dict[int, Any] = {
-            n: x if isinstance(x, Data) else point(float(x))
+            n: x if isinstance(x, Data | np.ndarray | Elements) else point(float(x))
             for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
         }
         self.program: list[tuple[int, Callable[..., Interval], tuple[int, ...]]] = []
         stepped = set(fixed)
         for n in sorted(moving.difference(self.running)):
             op, args = g.ops[n], g.args[n]
-            if stepped.issuperset(args):
+            if op not in (ELEMENTS, PART) and stepped.issuperset(args):
                 stepped.add(n)
                 self.program.append((n, _of_steps(op), args))
             elif op == "mul" and args[0] == args[1]:  # x*x is never negative

@@ -231,6 +231,8 @@ class Parsed(NamedTuple):
                 stack.append(g.constant(payload))
             elif kind == "name":
                 stack.append(scope(payload))
+            elif kind == "data":
+                stack.append(g.data(payload))
             else:
                 args = stack[-payload:]
                 del stack[-payload:]

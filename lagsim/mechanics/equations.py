@@ -30,9 +30,10 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.columns import ACTION, MULTIPLIER
 from lagsim.language.derivatives import deciding_cone, gradient, slopes, tangent
+from lagsim.language.elements import sizes
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.forms import fewer_terms
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import ELEMENTS, OPERATIONS, PART
 from lagsim.language.graph import VARIABLE, memoize
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets, SparseVector
@@ -49,7 +50,7 @@ from lagsim.mechanics.pieces import whole
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
@@ -533,7 +534,38 @@ def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Foun
     return known
 
 
-def derive(model: Model, *, chained: bool = True) -> Equations:
+# What methods use besides y' in models with elements, see `language.elements`.
+OF_ELEMENTS = frozenset(("power",))
+
+
+def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
+    """Whether equations of motion with the elements of a model can be integrated.
+
+    needs : names of functions that the method uses besides y'.
+    """
+    g, output = model.graph, model.output
+    if not g.of((ELEMENTS,)) or not OF_ELEMENTS.issuperset(needs):
+        return False
+    if model.constraints or model.states or model.located or model.events:
+        return False
+    if output.reactions or output.gauss or output.action or output.sections:
+        return False
+    nodes = [model.lagrangian, *(x.node for x in model.forces)]
+    nodes += [] if model.dissipation is None else [model.dissipation]
+    if may_branch(g, nodes):
+        return False
+    velocities = {rate_of(c.name) for c in model.coordinates}
+    vectors = g.of((ELEMENTS,))
+    return velocities.isdisjoint(g.depends(vectors))
+
+
+def may_branch(g: Graph, nodes: Iterable[int]) -> bool:
+    """Whether an expression has a jump or a kink."""
+    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone(nodes))
+    return any(row is not None and (row.switch or row.branches) for row in rows)
+
+
+def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equations:
     """Derive the equations of motion of `model`.
 
     Parameters
@@ -542,7 +574,11 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     chained : bool
         Keep M as a ChainedMass where factors along chains take fewer operations than
         its entries.
+    gathers : bool
+        Keep sums that are elements, see `may_gather`; else they are written out.
     """
+    if not gathers:
+        model = model.written_out()
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(map(rate_of, q))
@@ -654,10 +690,25 @@ def pushes(e: Equations) -> list[int]:
     g = e.graph
     rates = (*e.f, *e.other_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
+    moving = g.dependent(rates, e.moving) if g.of((PART,)) else set()
     return [
-        g.sum(g.call("abs", n) for n in addends(g, slope) if n not in unsolved)
+        g.sum(_size(g, n, moving) for n in addends(g, slope) if n not in unsolved)
         for slope in rates
     ]
+
+
+def _size(g: Graph, n: int, moving: set[int]) -> int:
+    """Return the magnitude of a term; of a sum of elements that of all its terms.
+
+    moving : nodes that vary with the motion; other factors belong to each term.
+    """
+    if g.ops[n] == PART:
+        return sizes(g, n)
+    fixed = [a for a in g.args[n] if a not in moving] if g.ops[n] == "mul" else []
+    if len(fixed) == 1 and n in moving:
+        one, other = sorted(g.args[n], key=lambda a: a in moving)
+        return g.call("mul", g.call("abs", one), _size(g, other, moving))
+    return g.call("abs", n)
 
 
 def reactions(e: Equations) -> dict[str, int]:

@@ -423,7 +423,7 @@ class Reduction(NamedTuple):
 # J. Diff. Eq. 26 (1977) 347.
 
 
-def equations_of_motion(model: Model) -> Equations:
+def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
     """Derive the equations of motion of a model, to be integrated.
 
     Multipliers of sliders without mass are functions of the state in these equations.
@@ -431,8 +431,10 @@ def equations_of_motion(model: Model) -> Equations:
     A slider has a coordinate that is in no other relation, or else only in relations of
     sliders whose coordinate was found before, as in a chain. Other massless coordinates
     remain without inertia, also with a static limit that differs from the dynamic one.
+
+    gathers : whether the equations keep the elements of the model, see `may_gather`.
     """
-    e = derive(model)
+    e = derive(model, gathers=gathers)
     if all(law.kind is not Kind.LIMITED for law in e.laws):
         return e
     multipliers, f = _multipliers(e)

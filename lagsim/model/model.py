@@ -16,6 +16,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from lagsim.language.derivatives import tangent
+from lagsim.language.functions import ELEMENTS
 from lagsim.language.tables import called, met
 
 if TYPE_CHECKING:
@@ -450,6 +451,9 @@ class Stated(Protocol):
             The change, as a fraction of the range of the table's values.
         """
 
+    def written_out(self, model: Model) -> Model:
+        """Return `model`, of this file, without elements; see `Model.written_out`."""
+
     def settings(self, options: Mapping[str, str]) -> Settings:
         """Return the settings of the file's run; see `Model.settings`."""
 
@@ -681,6 +685,16 @@ class Model:
             _texts({**(parameters or {}), **own}),
             _texts({**(initial or {}), **others}),
         )
+
+    def written_out(self) -> Model:
+        """Return the model with every sum as the terms of its members.
+
+        The result has a graph of its own where this model has elements, see
+        `language.elements`; else it is this model.
+        """
+        if not self.graph.of((ELEMENTS,)):
+            return self
+        return self.stated.written_out(self)
 
     def settings(self, options: Mapping[str, float | str] | None = None) -> Settings:
         """Return the settings of the file's run, at the values of the parameters.

@@ -14,10 +14,11 @@ from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.admissibility.refusal import needs_constraints
 from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
 from lagsim.mechanics.corners import corners, with_pushes
-from lagsim.mechanics.equations import memoized_by_motion
+from lagsim.mechanics.equations import OF_ELEMENTS, memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.linearisation import newton
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
@@ -372,6 +373,8 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     if equations.states and not getattr(chosen, "STATES", False):
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
         return f"it does not integrate first-order states ({names})"
+    if equations.graph.of((ELEMENTS,)) and not OF_ELEMENTS.issuperset(chosen.NEEDS):
+        return "its sums are elements, whose forces have no derivatives here"
     smooth = "series" in chosen.NEEDS and smooth_tables(equations)
     if smooth:
         return f"the series of the table `{smooth}` ends at each of its points"
@@ -515,6 +518,8 @@ def eliminate(
 
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
     """Whether the model's functions are too long to compile, and run from tapes."""
+    if equations.graph.of((ELEMENTS,)):
+        return True
     if elimination is not None:
         return elimination.operations > BUDGET
     if equations.chains is not None:  # whose M is full, and made where it is read
@@ -639,7 +644,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         choices.append(Choice(solved_with, "it is singular without the constraints"))
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
-    if elimination is not None and tape:
+    if elimination is not None and tape and equations.rows:
         # The estimate that the run will use: for long chains the value is small.
         smallest = singular_value_of(equations, start, lengths, elimination)
     solved = None if tape else elimination

@@ -15,15 +15,16 @@ from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.elements import payload, sums
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import JOINING, OPERATIONS, STEPS
+from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
 from lagsim.mechanics.surfaces import WHOLE, surfaces
 from lagsim.methods.parts.missed import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
@@ -36,7 +37,7 @@ ACTS_WHERE = {
     "atan": (NEAR_ZERO,), "sqrt": (SMALL,), "log": (SMALL,),
 }  # fmt: skip
 # A scene without any of these has no localized terms.
-MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div"))
+MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div", ELEMENTS))
 # Products of more factors are not decomposed.
 MOST_FACTORS = 64
 
@@ -52,11 +53,15 @@ class Indicator(NamedTuple):
         The values of the argument at which the term is active, see `ACTS_WHERE`.
     power : float
         Exponent of a power of the argument.
+    members : int
+        Number of terms; the node of the arguments of several terms, those of the
+        members of elements, is a vector.
     """
 
     node: int
     kind: float
     power: float = 1.0
+    members: int = 1
 
 
 def indicators(
@@ -92,8 +97,10 @@ def indicators(
     g, names = equations.graph, (*equations.state, "t")
 
     def found() -> list[Indicator]:
-        some = _Search(equations, nodes).among(names)
-        some += _Search(equations, ends).among(names)
+        moves = (*_moves(equations), "t")
+        values = {p.name: p.value for p in equations.model.parameters}
+        some = _Search(g, nodes, moves, values).among(names)
+        some += _Search(g, ends, moves, values).among(names)
         some += _steps(g, ends, frozenset(equations.state))
         return list(dict.fromkeys(some))
 
@@ -157,12 +164,16 @@ def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
 class _Search:
     """Search for the indicators of all localized terms in some expressions."""
 
-    def __init__(self, equations: Equations, nodes: Sequence[int]) -> None:
-        g = self.g = equations.graph
+    def __init__(
+        self,
+        g: Graph,
+        nodes: Sequence[int],
+        moves: Collection[str],
+        values: Mapping[str, float],
+    ) -> None:
+        self.g, self.moves, self.values = g, moves, values
         self.nodes, self.cone = nodes, g.cone(nodes)
         self.ops = {g.ops[n] for n in self.cone}
-        self.moves = (*_moves(equations), "t")
-        self.values = {p.name: p.value for p in equations.model.parameters}
 
     @cached_property
     def moving(self) -> set[int]:
@@ -195,6 +206,8 @@ class _Search:
             return found
         if op in ("add", "sub"):
             return self._sum(args) if "exp" in self.ops else []
+        if op == ELEMENTS:
+            return self._members(n, those)
         if not args or args[0] not in those:
             return []
         if op == "pow":
@@ -203,6 +216,18 @@ class _Search:
         if op in ("cosh", "sinh"):
             found = [Indicator(x, LARGEST) for x in (args[0], g.call("neg", args[0]))]
         return found + [Indicator(args[0], kind) for kind in ACTS_WHERE.get(op, ())]
+
+    def _members(self, n: int, those: set[int]) -> list[Indicator]:
+        """Return the indicators of the terms of elements, each for all members."""
+        g, of, args = self.g, payload(self.g, n), self.g.args[n][1:]
+        some = [k for k, a in enumerate(args) if a in those]
+        own = [x for x in of.slots if of.reads(x, frozenset(some))]
+        names = [str(of.graph.payload(x.node)) for x in own]
+        found = _Search(of.graph, [o.node for o in of.outputs], names, {}).among(names)
+        return [
+            x._replace(node=sums(g, of.listed(x.node), args), members=of.members)
+            for x in found
+        ]
 
     def _power(self, n: int) -> list[Indicator]:
         base, exponent = self.g.args[n]

@@ -258,7 +258,8 @@ class System:
         """Indicators of localized terms that depend on t alone within an arc."""
         known = {"t", *self._fixed(), *self.model.modes}
         depends = self.equations.graph.depends
-        return [x for x in self.indicators if depends([x.node]) <= known]
+        alone = (x for x in self.indicators if x.members == 1)
+        return [x for x in alone if depends([x.node]) <= known]
 
     def watched_for(self, plan: Plan) -> list[Indicator]:
         """Return the indicators of all terms that end or change an arc under `plan`.
@@ -577,7 +578,7 @@ class Runner:
             n=system.n,
             states=len(system.equations.states),
             size=system.size,
-            signals=len(system.indicators),
+            signals=sum(x.members for x in system.indicators),
             sections=located,
             strobes=strobes,
             states_room=room,
@@ -590,8 +591,9 @@ class Runner:
         ends = bool(system.equations.model.located) or system.watched > 0
         state.located = float(ends or room > 0)
         state.widest = 1.0 if system.has_linear_sections else 2.0 / POINTS
-        state.kinds[:] = [x.kind for x in system.indicators]
-        state.powers[:] = [x.power for x in system.indicators]
+        counts = [x.members for x in system.indicators]
+        state.kinds[:] = np.repeat([x.kind for x in system.indicators], counts)
+        state.powers[:] = np.repeat([x.power for x in system.indicators], counts)
         rows = system.equations.rows
         fixed = all(row.holonomic and row.scleronomic for row in rows)
         state.fixed_rows = float(fixed and not system.laws)

@@ -22,6 +22,7 @@ import numpy as np
 
 from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
+from lagsim.language.functions import ELEMENTS
 from lagsim.language.tables import ended
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.surfaces import expression_text
@@ -333,7 +334,8 @@ class Stiffness(Source):
     def _considered_once(self, arc: Arc) -> Decision:
         scene = arc.system.equations
         # Sliding is integrated by a separate method.
-        alone = arc.slides or scene.quadratures or scene.laws
+        alone = bool(arc.slides or scene.quadratures or scene.laws)
+        alone = alone or bool(scene.graph.of((ELEMENTS,)))
         if scene.laws and _turns_on_disc(arc):
             return GO_ON
         if alone or method(STIFF).refusal(structure(scene)):

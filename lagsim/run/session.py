@@ -291,11 +291,29 @@ def open_case(
     """
     from lagsim.mechanics.reduction import equations_of_motion
 
-    clock = clock or Stopwatch()
+    clock, settings = clock or Stopwatch(), settings or model.settings()
     clock.lap("import")
-    equations = equations_of_motion(model)
+    equations = equations_of_motion(suited(model, settings), gathers=True)
     clock.lap("derive")
-    return _examined(equations, settings or model.settings(), clock)
+    return _examined(equations, settings, clock)
+
+
+def suited(model: Model, settings: Settings) -> Model:
+    """Return a model whose elements, if any, the method of a run can integrate.
+
+    It is the model, or the model written out, see `language.elements`.
+    """
+    from lagsim.mechanics.equations import may_gather
+    from lagsim.methods import method
+    from lagsim.plan.plan import ANY
+
+    name = ANY if settings.method == "auto" else settings.method
+    known = not unknown_names(settings)
+    return (
+        model
+        if known and may_gather(model, method(name).NEEDS)
+        else (model.written_out())
+    )
 
 
 def _examined(equations: Equations, settings: Settings, clock: Stopwatch) -> Case:
@@ -367,7 +385,8 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations, examined = begun(equations_of_motion(model), settings, classify=True)
+    equations = equations_of_motion(suited(model, settings), gathers=True)
+    equations, examined = begun(equations, settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

@@ -385,7 +385,7 @@ class Branches:
     """
 
     def __init__(self, model: Model, name: str, ends: tuple[float, float]) -> None:
-        self.model, self.name, self.ends = model, name, ends
+        self.model, self.name, self.ends = model.written_out(), name, ends
         self.branches: list[list[BranchPoint]] = []
         self.curves: list[RestCurve] = []
         self.points: list[tuple[RestCurve, Special]] = []

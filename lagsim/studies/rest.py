@@ -132,7 +132,7 @@ def setting_of(model: Model) -> Setting:
     InputError
         If energies or forces are not finite at the start.
     """
-    settings = model.settings()
+    settings, model = model.settings(), model.written_out()
     still = _standing(model, settings.start)
     equations, report = begun(equations_of_motion(still), settings)
     off = out_of_force(equations, settings.start)

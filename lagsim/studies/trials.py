@@ -45,7 +45,7 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep, Moments
-from lagsim.run.session import StartError, examined, wanted
+from lagsim.run.session import StartError, examined, suited, wanted
 from lagsim.run.trajectory import Outcome, Statistics
 from lagsim.studies.workers import Died, cores, processes, shared
 
@@ -337,8 +337,9 @@ class Form:
         self, model: Model, texts: Texts, options: Mapping[str, float | str], who: str
     ) -> None:
         self.structure = structure(model, texts)
-        self.model = model.bind(**self.structure) if self.structure else model
-        self.equations = equations_of_motion(self.model)
+        model = model.bind(**self.structure) if self.structure else model
+        self.model = suited(model, wanted(model, who, options))
+        self.equations = equations_of_motion(self.model, gathers=True)
         self._options, self._who = options, who
         self.compiled = Compiled()
         self._tried: list[Mapping[str, Any]] = []

@@ -14,7 +14,7 @@ import sympy as sp
 
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import FUNCTIONS, OPERATIONS, SMOOTH
+from lagsim.language.functions import FUNCTIONS, OPERATIONS, PART, SMOOTH
 from lagsim.language.graph import Graph
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
@@ -59,7 +59,7 @@ def at(args: tuple[float, ...]) -> dict[str, float]:
 
 
 def test_every_row_is_tried() -> None:
-    assert set(CASES) | CONDITIONS | {"if", SMOOTH} == {
+    assert set(CASES) | CONDITIONS | {"if", SMOOTH, PART} == {
         x for x, row in OPERATIONS.items() if not row.data
     }
 

@@ -29,7 +29,7 @@ from lagsim.language.parser import (
     relation,
     silent,
 )
-from lagsim.model.expansion import grammar, trees
+from lagsim.model.expansion import gathering, grammar, trees
 from lagsim.model.expansion.grammar import CALLED, OF_FRAMES, OVER_RANGES, tokens
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 # Letters of a file's text that count for each operation.
 _LETTERS = 3
+# Number of rows of a table of members whose time is that of creating one node.
+_GATHERED = 5
 # Tolerance within which a subscript is a whole number, in units in the last place.
 _WHOLE = 4 * sys.float_info.epsilon
 
@@ -143,6 +145,8 @@ class Scope:
         self._terms = 0
         self._faulty: set[str] = set()
         self.failed: ExpressionError | None = None  # fault found by `size`
+        # Whether sums may become elements, and whether one is read with its indices.
+        self.gathers = self._generic = False
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
         # The terms of sums are counted once for all components of a value.
@@ -343,6 +347,10 @@ class Scope:
         if not (family.indexed or family.letters or numbers):
             text = f"there is no function `{name}`"
             raise token.fault(text, "", "unknown-function")
+        if self._generic and any(
+            isinstance(x, Tree) and gathering.has(x, gathering.INDEX) for x in args
+        ):
+            return _referred(family, token, args)
         member = tuple(self.whole(arg, token) for arg in args)
         if not family.indexed:
             return _numbered(family, token, member)
@@ -371,6 +379,10 @@ class Scope:
         index.
         indices : values of the other indices.
         """
+        if self._generic:
+            return self._symbolic(of, token, args, indices)
+        if self.gathers:
+            return self._gathered(of, token, args, indices)
         first, last = (self.whole(arg, token) for arg in args)
         count = max(0, last - first + 1)
         self._terms += count
@@ -391,6 +403,58 @@ class Scope:
             term = self.value(of.steps, inner)
             total = term if k == first else _operation(op, [total, term], token)
         return total
+
+    def _symbolic(
+        self, of: Inner, token: Token, args: list[Value], indices: Indices
+    ) -> Tree:
+        """Return the tree of a sum whose indices are symbols, see `gathering`."""
+        first, last = args
+        if token.text != "sum" or not (
+            isinstance(first, Tree) and isinstance(last, Tree)
+        ):
+            raise gathering.UnlikeError
+        word = f"{of.word}.{len(indices)}"
+        term = self.value(of.steps, indices | {of.word: gathering.index(word)})
+        if not isinstance(term, Tree):
+            raise gathering.UnlikeError
+        return gathering.over(word, first, last, term)
+
+    def _gathered(
+        self, of: Inner, token: Token, args: list[Value], indices: Indices
+    ) -> Value:
+        """Return a sum as elements, or written out where it has to be."""
+        before = self._terms, set(self._faulty), self.full
+        self._generic, self.gathers = True, False
+        try:
+            tree = self._symbolic(of, token, args, indices)
+            known = gathering.Lookup(self._value_of, self._has, dotted)
+            found, terms = gathering.gathered(tree, known)
+            self._terms += terms
+            if self._terms <= limits.TERMS:
+                self._graph.count(terms / _GATHERED)
+                return found
+        except (gathering.UnlikeError, ExpressionError, UnfitError):
+            pass
+        finally:
+            self._generic = False
+            self.gathers = True
+        # An inner sum is tried by itself only where it is not in another one.
+        self._terms, self._faulty, self.full = before
+        self.gathers = False
+        try:
+            return self._over(of, token, args, indices)
+        finally:
+            self.gathers = True
+
+    def _value_of(self, name: str, offset: int) -> float:
+        """Return the value of a parameter that subscripts or ranges contain."""
+        self._check_number(name, offset)
+        self._asked.add(name)
+        return self.numbers[name]
+
+    def _has(self, name: str, member: Member) -> bool:
+        family = self.reference(name)
+        return family is not None and member in family.members
 
     # Numbers
 
@@ -491,6 +555,18 @@ def _of(family: Family, name: str, member: Member, offset: int) -> Value:
     if not family.letters:
         return trees.name(dotted(name, member), offset)
     return tuple(trees.name(dotted(name, member, c), offset) for c in family.letters)
+
+
+def _referred(family: Family, token: Token, args: list[Value]) -> Value:
+    """Return a member, or a tuple of its components, whose subscripts have indices."""
+    subscripts = [x for x in args if isinstance(x, Tree)]
+    if not family.indexed or len(subscripts) < len(args):
+        raise gathering.UnlikeError
+    found = tuple(
+        gathering.reference(token.text, letter, token.offset, subscripts)
+        for letter in family.letters or ("",)
+    )
+    return found if family.letters else found[0]
 
 
 def _numbered(family: Family, token: Token, member: Member) -> Value:

@@ -205,6 +205,7 @@ class File:
         self._units: list[list[Mismatch]] = []
         self.options = options
         self.shifts: MappingType[str, tuple[int, float]] = {}
+        self.gathers = True
         version = top.text("lagsim")
         if "lagsim" in top and version != FORMAT_VERSION:
             text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
@@ -272,7 +273,8 @@ class File:
                 x.faults.add("velocity-not-allowed", text, place)
         definitions.build(Level.POSITION, Level.VELOCITY)
         states = equations.read_states(self.states, x)
-        energies = equations.read_energies(self.energy, x)
+        scope = made.scope if made and self.gathers else None
+        energies = equations.read_energies(self.energy, x, scope)
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
         constraints = equations.read_constraints(self.constraints, x)
@@ -389,7 +391,9 @@ class File:
         faults = Faults(self.file)
         old = {name: self.instead.get(name) for name in parameters}
         if any(old[name] != parameters[name] for name in self.structural() & {*old}):
-            return self._read_again({**parameters, **initial}).read(model.sha256)
+            again = self._read_again({**parameters, **initial})
+            again.gathers = self.gathers
+            return again.read(model.sha256)
         new = copy(self)
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
@@ -418,7 +422,14 @@ class File:
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
         """Return a model of this file with a point of a table moved, see `Stated`."""
         again = self._read_again({})
+        again.gathers = self.gathers
         again.shifts = {table: (point, part)}
+        return again.read(model.sha256)
+
+    def written_out(self, model: Model) -> Model:
+        """Return a model of this file without elements, see `Stated`."""
+        again = self._read_again({})
+        again.gathers, again.shifts = False, self.shifts
         return again.read(model.sha256)
 
     def _read_again(self, given: MappingType[str, str]) -> File:

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.graph import Degrees, Graph
+    from lagsim.model.expansion.scope import Scope
     from lagsim.model.reader.expressions import Expressions
 
 _SUM = "write a sum of velocities with factors that depend on positions"
@@ -89,13 +90,22 @@ def energy_fields(top: Fields) -> Fields:
     return found
 
 
-def read_energies(found: Fields, x: Expressions) -> Energies:
-    """Return the nodes of the energies of the section `energy`; faults are reported."""
+def read_energies(
+    found: Fields, x: Expressions, scope: Scope | None = None
+) -> Energies:
+    """Return the nodes of the energies of the section `energy`; faults are reported.
+
+    scope : that of a file with families; sums of a potential energy may be elements.
+    """
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
         node, what = found.value(key), called.get(key, f"the {key} energy")
+        if scope is not None:
+            scope.gathers = key == "potential"
         nodes[key] = x.compile(node, what, Level.VELOCITY)
+        if scope is not None:
+            scope.gathers = False
         x.refuse_rates(node, what)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:

@@ -16,7 +16,7 @@ import math
 from typing import TYPE_CHECKING
 
 from lagsim.errors import Place
-from lagsim.language.functions import JOINING, OPERATIONS
+from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART
 from lagsim.language.names import rate_of, rated
 from lagsim.language.parser import Parsed, ParsedRelation
 from lagsim.language.units import (
@@ -206,6 +206,10 @@ class _UnitCheck:
                 stack.append((Quantity(unit, free=True), payload))
             elif op == "name":
                 stack.append((self._of(payload), None))
+            elif op == "data":  # of elements: one member stands for all
+                stack.append((self._evaluated(scalar, payload.example), None))
+            elif op in (ELEMENTS, PART):
+                del stack[1 - payload + len(stack) :]
             else:
                 args, powers = zip(*stack[-payload:], strict=True)
                 del stack[-payload:]

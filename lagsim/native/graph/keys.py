@@ -132,6 +132,6 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     ]
     digest = hashlib.sha256("\n".join(parts).encode())
     digest.update(bytes(map(kinds.__getitem__, ops)))
-    digest.update(bytes(map(len, args)))
+    digest.update(np.fromiter(map(len, args), np.int32, len(args)).tobytes())
     digest.update(place[list(chain.from_iterable(args))].tobytes())
     return digest.hexdigest()

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.language.functions import JOINING, OPERATIONS, SMOOTH
+from lagsim.language.elements import payload
+from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART, SMOOTH
 from lagsim.language.graph import DATA, VARIABLE
 from lagsim.native.graph.lines import (
     CIRCULAR,
@@ -30,6 +31,7 @@ from lagsim.native.graph.lines import (
     fixed_nodes,
     number,
 )  # fmt: skip
+from lagsim.native.graph.members import Members, name_of, words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -170,7 +172,11 @@ class _Tapes:
         self.opcodes: dict[tuple[Any, ...], int] = {STORE: 1}
         self.plain: dict[str, int] = {}  # of operations on values alone
         cone = g.cone(chain.from_iterable(functions.values()))
-        fixed = fixed_nodes(g, functions, layout.fixed)
+        known = fixed_nodes(g, functions, layout.fixed)
+        # A number of a vector of sums stands where the vector has it.
+        fixed = [n for n in known if g.ops[n] != PART]
+        self.parts = [n for n in cone if g.ops[n] == PART]
+        self.vectors = {n: words(payload(g, n)) for n in cone if g.ops[n] == ELEMENTS}
         leaves = [n for n in cone if not g.args[n]]
         numbers = [n for n in leaves if g.ops[n] not in (VARIABLE, DATA)]
         first = layout.size + len(fixed)
@@ -201,9 +207,20 @@ class _Tapes:
         """Return the IR of the functions; `before` is code that each runs first."""
         lines = []
         for k, (name, made) in enumerate(functions.items()):
-            text = f"{clearing(len(made))}\n{before}"
+            places = self.places(made)
+            count = sum(places[-1][1:]) if places else 0
+            text = f"{clearing(count)}\n{before}"
             lines += _function(name, self.tape(k, made), text)
         return lines
+
+    def places(self, results: Sequence[int]) -> list[tuple[int, int, int]]:
+        """Return each result, where it begins in out, and its count of numbers."""
+        g, found, at = self.g, [], 0
+        for n in results:
+            count = payload(g, n).size if n in self.vectors else 1
+            found.append((n, at, count))
+            at += count
+        return found
 
     def interpreter(self) -> tuple[set[str], list[str]]:
         """Return declarations and lines of the interpreter of the tapes so far."""
@@ -221,7 +238,7 @@ class _Tapes:
             operands: Sequence[int] = args[n]
             if operands:
                 level[n] = max(map(level.__getitem__, operands))
-                if not inner[n]:
+                if not inner[n] and ops[n] != PART:
                     level[n] += 1
                     opcode = plain.get(ops[n])
                     if opcode is None or inner[operands[0]] or inner[operands[-1]]:
@@ -297,11 +314,15 @@ class _Tapes:
         fields = tasks.fields[np.repeat(chosen, tasks.widths)]
         widths = tasks.widths[chosen]
         starts = np.append(0, np.cumsum(widths))
-        written = [(n, j) for j, n in enumerate(results) if n != self.g.zero]
+        places = self.places(results)
         new = [n for n in fields[starts[:-1]].tolist() if n not in self.fixed]
-        last = self.first + len(new)
-        index[new] = range(self.first, last)
-        self.size = max(self.size, last)
+        lengths = [self.vectors.get(n, 1) for n in new]
+        ends = self.first + np.cumsum(lengths, dtype=int)
+        index[new] = ends - lengths
+        self.size = max(self.size, int(ends[-1]) if new else self.first)
+        for n in self.parts:
+            vector, k = self.g.args[n]
+            index[n] = index[vector] + int(self.g.payload(k))
         # The instructions, each with its opcode and count before its fields.
         firsts = np.flatnonzero(np.diff(tasks.groups[chosen], prepend=-1))
         opcodes = tasks.opcodes[chosen][firsts]
@@ -314,9 +335,15 @@ class _Tapes:
             pieces.append(self._sincos(fields[starts[j] : starts[j + 1]]))
             at = starts[j + 1] + 2 * (j + 1)
         pieces.append(code[at:])
-        if written:
-            pieces.append(np.array([self.opcodes[STORE], len(written)]))
-            pieces.append(np.array(sorted((index[n], j) for n, j in written)).ravel())
+        stored = [
+            (index[n] + i, j + i)
+            for n, j, count in places
+            if n != self.g.zero
+            for i in range(count)
+        ]
+        if stored:
+            pieces.append(np.array([self.opcodes[STORE], len(stored)]))
+            pieces.append(np.array(sorted(stored)).ravel())
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
     def _sincos(self, fields: Ints) -> Ints:
@@ -342,6 +369,7 @@ class Interpreter(Lines):
         super().__init__()
         self.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         self.declared.add(CLEAR)
+        self.others: list[str] = []
         for kind, k in opcodes.items():
             self.lines += [
                 f"op{k}:",
@@ -377,6 +405,7 @@ class Interpreter(Lines):
             "stop:",
             "ret void",
             "}",
+            *self.others,
         ]
 
     def _evaluation(self, kind: OperationKind, at: str) -> int:
@@ -393,6 +422,13 @@ class Interpreter(Lines):
             for k, value in enumerate(self.circular(angles, wanted)):
                 self._store(value, "p", at, k)
             return 3 * LANES
+        if kind.op == ELEMENTS:
+            of: Any = kind.data[0]
+            function = Members(of)
+            self.declared |= function.declared
+            self.others += function.lines
+            self.lines.append(f"call void @{name_of(of)}(ptr {at}, ptr %p)")
+            return 1 + int(of.count)
         fields, operands = 1, [self.data(data) for data in kind.data]
         for place, product in enumerate(kind.products):
             value = self._load("p", at, fields)

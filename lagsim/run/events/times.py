@@ -318,8 +318,8 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
     nodes = [x.node for x in timed]
     rows = evaluate_rows(graph, nodes, values, len(times)).tolist()
     found = np.zeros(len(times) - 2, bool)
-    for (_, kind, power), arguments in zip(timed, rows, strict=True):
-        away = np.array([distance(kind, power, u) for u in arguments])
+    for one, arguments in zip(timed, rows, strict=True):
+        away = np.array([distance(one.kind, one.power, u) for u in arguments])
         away[np.isnan(away)] = inf
         before = np.maximum.accumulate(away)[:-2]
         after = np.maximum.accumulate(away[::-1])[::-1][2:]

@@ -1,0 +1,515 @@
+"""Sums of members of one form, as single operations of the graph.
+
+A sum such as `sum(i, sum(j = i+1..n, m(i)*m(j)/r))` has as many terms as there are
+pairs, and one form. Its members are a table; its term is one expression of a few local
+variables, the *slots*, in a small graph of its own. The node `elements.sums` computes
+all sums at once as a vector, from the arguments that the slots of the members read;
+`elements.part` selects one of its numbers. Derivatives, roundoff bounds and sizes of
+terms are elements as well: they are derived once, for the term, and share the table.
+
+An `Output` of the term is added up at a place of the vector: at the first place (an
+energy), at the place of the argument that a slot reads (a force), or each member has a
+place of its own (an activity indicator).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.evaluate import addends, roundings
+from lagsim.language.functions import ELEMENTS, OPERATIONS, PART
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping, Sequence
+
+    from lagsim.language.arrays import Floats, Ints
+    from lagsim.language.graph import Graph
+
+# Sums of fewer members are written out, and sums of fewer members per argument: the
+# cost of all else then grows as fast.
+LEAST, PER_ARGUMENT = 1000, 4
+# Places of outputs that no slot determines.
+TOTAL, EACH = -1, -2
+# Column of slots that are equal for all members.
+SHARED = -1
+
+
+class Slot(NamedTuple):
+    """Local variable of a term.
+
+    Attributes
+    ----------
+    node : int
+        The variable, in the graph of the term.
+    column : int
+        Column of the table that has the position of each member, or SHARED.
+    places : ndarray, shape (positions,)
+        Index of the argument at each position; empty for numbers.
+    numbers : ndarray, shape (positions,)
+        The number at each position; empty for arguments.
+    """
+
+    node: int
+    column: int
+    places: Ints
+    numbers: Floats
+
+
+class Output(NamedTuple):
+    """Expression of a term, the place of its sum, and a bound of its roundoff.
+
+    Attributes
+    ----------
+    node : int
+    slot : int
+        Index of the slot that determines the place, or TOTAL or EACH.
+    error : int or None
+        In elements that bound roundoff: a node.
+    """
+
+    node: int
+    slot: int
+    error: int | None = None
+
+
+_NOWHERE, _NONE = np.zeros(0, np.int64), np.zeros(0)
+
+
+class Elements:
+    """Members of one form: payload of a leaf, the first argument of `elements.sums`.
+
+    Attributes
+    ----------
+    graph : Graph
+        Graph of the term.
+    slots : tuple of Slot
+    outputs : tuple of Output
+    table : ndarray, shape (members, columns)
+        Positions.
+    count : int
+        Number of arguments.
+    size : int
+        Length of the vector of sums.
+    example : object
+        The term of one member as parsed, for checks of its units.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        slots: Sequence[Slot],
+        outputs: Sequence[Output],
+        table: Ints,
+        count: int,
+        size: int,
+        example: Any = None,
+    ) -> None:
+        self.graph, self.table = graph, table
+        self.slots, self.outputs = tuple(slots), tuple(outputs)
+        self.count, self.size, self.example = count, size, example
+        self._derived: dict[Any, Elements] = {}
+
+    name = "elements"
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of everything that determines the values."""
+        g, cone = self.graph, self.cone
+        place = {n: k for k, n in enumerate(cone)}
+        variables = {slot.node: k for k, slot in enumerate(self.slots)}
+        terms = [
+            (g.ops[n], [place[a] for a in g.args[n]])
+            if g.args[n]
+            else variables.get(n, g.value(n) if n not in variables else None)
+            for n in cone
+        ]
+        results = [(place[n], slot, place.get(e, -1)) for n, slot, e in self._results]
+        parts = [repr((terms, results, self.count, self.size, self.table.shape))]
+        digest = hashlib.sha256("".join(parts).encode())
+        digest.update(self.table.tobytes())
+        for slot in self.slots:
+            digest.update(repr((slot.column, place.get(slot.node))).encode())
+            digest.update(slot.places.tobytes() + slot.numbers.tobytes())
+        return digest.hexdigest()
+
+    @property
+    def _results(self) -> list[tuple[int, int, int]]:
+        none = -1
+        return [
+            (o.node, o.slot, none if o.error is None else o.error) for o in self.outputs
+        ]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Elements) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"{self.name}.{self.digest}"
+
+    @cached_property
+    def cone(self) -> list[int]:
+        """Nodes of the term, in order of evaluation."""
+        nodes = [o.node for o in self.outputs]
+        nodes += [o.error for o in self.outputs if o.error is not None]
+        return self.graph.cone(nodes)
+
+    @property
+    def members(self) -> int:
+        """Number of members."""
+        return len(self.table)
+
+    @cached_property
+    def filled(self) -> list[int]:
+        """Places of the vector of sums at which slots add up, in order."""
+        slots = (self.slots[o.slot] for o in self.outputs if o.slot >= 0)
+        return sorted({k for slot in slots for k in slot.places.tolist()})
+
+    @property
+    def bounds(self) -> bool:
+        """Whether the results are bounds of the roundoff of sums."""
+        return any(o.error is not None for o in self.outputs)
+
+    @property
+    def cost(self) -> int:
+        """Cost of an evaluation in additions."""
+        g = self.graph
+        rows = (OPERATIONS.get(g.ops[n]) for n in self.cone)
+        return self.members * sum(row.cost for row in rows if row is not None)
+
+    def _with(
+        self, outputs: Iterable[Output], size: int, more: Sequence[Slot] = ()
+    ) -> Elements:
+        """Return elements of the same members, with the slots that `outputs` use.
+
+        more : further slots, whose arguments follow those of these elements.
+        """
+        outputs = list(outputs)
+        slots = [*self.slots, *more]
+        nodes = [o.node for o in outputs]
+        nodes += [o.error for o in outputs if o.error is not None]
+        used = set(self.graph.cone(nodes))
+        kept = [
+            k for k, slot in enumerate(slots)
+            if slot.node in used or any(o.slot == k for o in outputs)
+        ]  # fmt: skip
+        new = {k: i for i, k in enumerate(kept)}
+        outputs = [o._replace(slot=new.get(o.slot, o.slot)) for o in outputs]
+        count = 1 + max(
+            (int(slots[k].places.max(initial=-1)) for k in kept), default=-1
+        )
+        count = max(count, self.count)
+        return Elements(
+            self.graph, [slots[k] for k in kept], outputs, self.table, count, size
+        )
+
+    def _beside(self, word: str, slot: Slot) -> Slot:
+        """Return a slot for a quantity of each argument of `slot`, which follow all."""
+        name = f"{self.graph.payload(slot.node)}.{word}"
+        return slot._replace(
+            node=self.graph.variable(name), places=self.count + slot.places
+        )
+
+    def reads(self, slot: Slot, some: Collection[int]) -> bool:
+        """Whether a slot reads one of the arguments `some`."""
+        return not set(slot.places.tolist()).isdisjoint(some)
+
+    # Elements derived from these
+
+    def derived(self, what: str, *how: frozenset[int]) -> Elements:
+        """Return elements that the method `what` derives; each is derived once."""
+        if (what, how) not in self._derived:
+            self._derived[what, how] = getattr(self, what)(*how)
+        return self._derived[what, how]
+
+    def slopes(self, some: Collection[int]) -> Elements:
+        """Return the derivatives of a total by the arguments `some`."""
+        assert self.size == 1
+        return self._with(
+            self._slopes([o.node for o in self.outputs], some), self.count
+        )
+
+    def pulled(self, some: Collection[int]) -> Elements:
+        """Return the derivatives of a weighted sum of results by arguments `some`.
+
+        The weights of all results are further arguments.
+        """
+        g, more, terms = self.graph, list[Slot](), []
+        for o in self.outputs:
+            own = self.slots[o.slot] if o.slot >= 0 else None
+            if own is None:
+                node = g.variable("total.weight")
+                where = np.array([self.count])
+                own = Slot(node, SHARED, where, _NONE)
+            else:
+                own = self._beside("weight", own)
+            more.append(own)
+            terms.append(g.call("mul", own.node, o.node))
+        return self._with(self._slopes(terms, some), self.count, more)
+
+    def _slopes(self, nodes: Sequence[int], some: Collection[int]) -> list[Output]:
+        g, total = self.graph, self.graph.sum(nodes)
+        those = [k for k, slot in enumerate(self.slots) if self.reads(slot, some)]
+        found = gradient(g, total, [self.slots[k].node for k in those])
+        pairs = zip(found, those, strict=True)
+        return [Output(node, k) for node, k in pairs if node != g.zero]
+
+    def pushed(self, some: Collection[int]) -> Elements:
+        """Return the rates of the results; rates of arguments are further arguments.
+
+        some : the arguments that have a rate.
+        """
+        g, those = self.graph, [x for x in self.slots if self.reads(x, some)]
+        more = [self._beside("rate", slot) for slot in those]
+        seed = {slot.node: rate.node for slot, rate in zip(those, more, strict=True)}
+        rates = tangent(g, [o.node for o in self.outputs], seed)
+        outputs = (o._replace(node=n) for o, n in zip(self.outputs, rates, strict=True))
+        return self._with([o for o in outputs if o.node != g.zero], self.size, more)
+
+    def bounded(self, moving: Collection[int], state: Collection[int]) -> Elements:
+        """Return bounds of the roundoff of the results, in units of the roundoff.
+
+        Bounds of the arguments' own errors are further arguments.
+
+        moving, state : the arguments that vary, and those whose own roundoff is
+        accounted for elsewhere, see `evaluate.roundings`.
+        """
+        g = self.graph
+        varying = [x for x in self.slots if self.reads(x, moving)]
+        names = [str(g.payload(x.node)) for x in varying]
+        held = [x for x in varying if set(x.places.tolist()).issubset(state)]
+        others = [x for x in varying if x not in held]
+        more = [self._beside("error", x) for x in others]
+        known = {x.node: e.node for x, e in zip(others, more, strict=True)}
+        own = [str(g.payload(x.node)) for x in held]
+        nodes = [o.node for o in self.outputs]
+        errors = roundings(g, nodes, names, own, known)
+        outputs = [
+            o._replace(error=e) for o, e in zip(self.outputs, errors, strict=True)
+        ]
+        return self._with(outputs, self.size, more)
+
+    def magnitudes(self) -> Elements:
+        """Return the sums of magnitudes of the terms of the results."""
+        g, outputs = self.graph, []
+        for o in self.outputs:
+            node = g.sum(g.call("abs", n) for n in addends(g, o.node))
+            outputs.append(o._replace(node=node))
+        return self._with(outputs, self.size)
+
+    def listed(self, node: int) -> Elements:
+        """Return the values (members,) of an expression of the term."""
+        return self._with([Output(node, EACH)], self.members)
+
+    def without_value(self, arguments: Sequence[float]) -> int | None:
+        """Return the first member whose term, or a slope of it, is not finite.
+
+        None if there is none. Only of totals.
+        """
+        everything = frozenset(range(self.count))
+        for of in (self, self.derived("slopes", everything)):
+            for o in of.outputs:
+                finite = np.isfinite(of.listed(o.node).evaluate(arguments))
+                if not finite.all():
+                    return int(np.argmin(finite))
+        return None
+
+    # On the graph of a model
+
+    def written(self, g: Graph, arguments: Sequence[int], member: int) -> int:
+        """Return the term of a member, written with the arguments, as a node."""
+        found: dict[int, int] = {}
+        for slot in self.slots:
+            k = 0 if slot.column == SHARED else int(self.table[member, slot.column])
+            if len(slot.numbers):
+                found[slot.node] = g.constant(float(slot.numbers[k]))
+            else:
+                found[slot.node] = arguments[int(slot.places[k])]
+        own = self.graph
+        for n in self.cone:
+            if n not in found:
+                args = own.args[n]
+                found[n] = (
+                    g.call(own.ops[n], *(found[a] for a in args))
+                    if args
+                    else g.constant(float(own.payload(n)))
+                )
+        return found[self.outputs[0].node]
+
+    def pull(
+        self, g: Graph, vector: int, weights: dict[int, int], active: Collection[int]
+    ) -> list[tuple[int, int]]:
+        """Return pairs (argument, share of its adjoint) of a vector of these sums.
+
+        weights : adjoint of each number of the vector. active : nodes that vary.
+        """
+        args = g.args[vector][1:]
+        some = _where(args, active)
+        if self.size == 1:
+            made = self.derived("slopes", some)
+            found, weight = sums(g, made, args), weights.get(0, g.zero)
+            return [
+                (args[k], g.call("mul", weight, part(g, found, k)))
+                for k in made.filled
+                if k in some
+            ]
+        made = self.derived("pulled", some)
+        found = sums(g, made, [*args, *_each(g, range(self.size), weights)])
+        return [(args[k], part(g, found, k)) for k in made.filled if k in some]
+
+    def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
+        """Return the rate of a vector of these sums.
+
+        rates : node -> rate of an argument.
+        """
+        args = g.args[vector][1:]
+        made = self.derived("pushed", _where(args, rates))
+        return sums(g, made, [*args, *_each(g, args, rates)])
+
+    def bound(
+        self,
+        g: Graph,
+        vector: int,
+        varying: Collection[int],
+        state: Collection[int],
+        errors: Mapping[int, int],
+    ) -> int:
+        """Return the bounds of the roundoff of a vector of these sums: a node.
+
+        varying, state : nodes that vary, and variables whose own roundoff is accounted
+        for elsewhere. errors : node -> bound of an argument's error.
+        """
+        args = g.args[vector][1:]
+        made = self.derived("bounded", _where(args, varying), _where(args, state))
+        return sums(g, made, [*args, *_each(g, args, errors)])
+
+    # Values
+
+    def targets(self, output: Output) -> Ints:
+        """Return the place (members,) of each member's share of an output."""
+        if output.slot == EACH:
+            return np.arange(self.members)
+        if output.slot == TOTAL:
+            return np.zeros(self.members, np.int64)
+        slot = self.slots[output.slot]
+        if slot.column == SHARED:
+            return np.full(self.members, slot.places[0])
+        return np.asarray(slot.places[self.table[:, slot.column]])
+
+    def evaluate(self, arguments: Sequence[float]) -> Floats:
+        """Return the results (size,) at the values of the arguments."""
+        z = np.array(arguments, dtype=float)
+        found: dict[int, Any] = {}
+        for slot in self.slots:
+            own = slot.numbers if len(slot.numbers) else z[slot.places]
+            column = slot.column
+            found[slot.node] = (
+                own[0] if column == SHARED else own[self.table[:, column]]
+            )
+        g = self.graph
+        with np.errstate(all="ignore"):
+            for n in self.cone:
+                if n in found:
+                    continue
+                args = [found[a] for a in g.args[n]]
+                found[n] = value_of(g.ops[n], args) if args else g.payload(n)
+            sums, bounds = np.zeros(self.size), np.zeros(self.size)
+            for o in self.outputs:
+                where = self.targets(o)
+                terms = np.broadcast_to(found[o.node], where.shape)
+                sums += np.bincount(where, terms, self.size)
+                if o.error is not None:
+                    error = np.broadcast_to(found[o.error], where.shape)
+                    bounds += np.bincount(where, error, self.size)
+                    bounds += np.bincount(where, _partial_sums(where, terms), self.size)
+        return bounds if self.bounds else sums
+
+    def evaluate_with_error(
+        self, arguments: Sequence[tuple[float, float]], unit: float
+    ) -> tuple[Floats, Floats]:
+        """Return the results (size,), and bounds of their errors.
+
+        arguments : values with errors. unit : error of an operation, relative to it.
+        """
+        everything = frozenset(range(self.count))
+        made = self.derived("bounded", everything, frozenset())
+        numbers, errors = [x for x, _ in arguments], [e / unit for _, e in arguments]
+        return self.evaluate(numbers), unit * made.evaluate([*numbers, *errors])
+
+
+def _partial_sums(where: Ints, terms: Floats) -> Floats:
+    """Return the magnitude of each partial sum of terms at equal places."""
+    order = np.argsort(where, kind="stable")
+    running = np.cumsum(terms[order])
+    first = np.flatnonzero(np.diff(where[order], prepend=-1))
+    before = np.concatenate([[0.0], running])[first]
+    lengths = np.diff(first, append=len(where))
+    found = np.empty(len(where))
+    found[order] = np.abs(running - np.repeat(before, lengths))
+    return found
+
+
+_BY_ARRAYS: dict[str, Any] = {
+    "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide,
+    "neg": np.negative, "sqrt": np.sqrt, "abs": np.abs, "sin": np.sin, "cos": np.cos,
+    "exp": np.exp, "log": np.log, "lt": np.less, "le": np.less_equal, "gt": np.greater,
+    "ge": np.greater_equal, "pow": np.power, "if": np.where,
+}  # fmt: skip
+
+
+def value_of(op: str, args: Sequence[Any]) -> Any:
+    """Return the values of an operation on arrays."""
+    rule = _BY_ARRAYS.get(op)
+    if rule is None:
+        row = OPERATIONS[op]
+        rule = np.vectorize(row.__call__, otypes=[bool if row.condition else float])
+    return rule(*map(np.asarray, args))
+
+
+# On the graph
+
+
+def payload(g: Graph, node: int) -> Elements:
+    """Return the elements of a node `elements.sums`."""
+    found: Elements = g.payload(g.args[node][0])
+    return found
+
+
+def sums(g: Graph, elements: Elements, arguments: Sequence[int]) -> int:
+    """Return the vector of the sums of `elements`: a node.
+
+    arguments : at least as many as the elements read.
+    """
+    return g.kept(ELEMENTS, (g.data(elements), *arguments[: elements.count]))
+
+
+def part(g: Graph, vector: int, k: int) -> int:
+    """Return number k of a vector of sums: a node."""
+    return g.kept(PART, (vector, g.constant(float(k))))
+
+
+def gathered(g: Graph) -> bool:
+    """Whether a graph has elements."""
+    return bool(g.of((ELEMENTS,)))
+
+
+def _where(args: Sequence[int], some: Collection[int]) -> frozenset[int]:
+    """Return the indices of the arguments that are among the nodes `some`."""
+    return frozenset(k for k, a in enumerate(args) if a in some)
+
+
+def _each(g: Graph, keys: Iterable[int], known: Mapping[int, int]) -> list[int]:
+    return [known.get(k, g.zero) for k in keys]
+
+
+def sizes(g: Graph, node: int) -> int:
+    """Return the size of the terms of a part of a vector of sums: a node."""
+    vector, k = g.args[node]
+    made = payload(g, vector).derived("magnitudes")
+    return part(g, sums(g, made, g.args[vector][1:]), int(g.value(k) or 0.0))

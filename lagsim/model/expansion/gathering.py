@@ -1,0 +1,411 @@
+"""A sum over ranges as elements: the term is read once, the members are a table.
+
+The term is evaluated with symbols for the indices (`index`), which leave members of
+families as *references* with subscripts made of indices, and inner sums as `over`. The
+sum is then brought into the form of plain sums: products are multiplied into inner
+sums, sums that cannot be taken out are written out, and a condition on indices alone
+divides the members. The ranges become columns of whole numbers, one row for each
+member; subscripts, and numbers made of indices, are evaluated on these columns. Where
+anything else is found, `UnlikeError` is raised, and the sum is written out as usual,
+which reports any fault with its place.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lagsim import limits
+from lagsim.language import elements
+from lagsim.language.elements import SHARED, TOTAL, Elements, Output, Slot
+from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART
+from lagsim.language.graph import Graph
+from lagsim.model.expansion import trees
+from lagsim.model.expansion.trees import Tree
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from lagsim.language.arrays import Ints
+
+    Columns = dict[str, Ints]
+
+# Operations of trees of this module.
+INDEX, REFERENCE, OVER = "index", "reference", "over range"
+# Tolerance within which a subscript is a whole number, in units in the last place.
+_WHOLE = 4 * sys.float_info.epsilon
+
+
+class UnlikeError(Exception):
+    """A sum that has to be written out."""
+
+
+class Lookup(NamedTuple):
+    """Numbers and members of a file, as `scope.Scope` has them.
+
+    Attributes
+    ----------
+    number : callable
+        Name and offset of a parameter -> its value; stores that it was used.
+    has : callable
+        Name and subscripts -> whether there is this member.
+    dotted : callable
+        Name, subscripts and component -> name of a variable.
+    """
+
+    number: Callable[[str, int], float]
+    has: Callable[[str, tuple[int, ...]], bool]
+    dotted: Callable[..., str]
+
+
+class Range(NamedTuple):
+    """Index of a sum, and the trees of its first and last values."""
+
+    word: str
+    first: Tree
+    last: Tree
+
+
+class Sum(NamedTuple):
+    """Sum of a term over ranges, outer ones first."""
+
+    ranges: tuple[Range, ...]
+    term: Tree
+
+
+class Group(NamedTuple):
+    """Term and its members, as a column (members,) for each index."""
+
+    term: Tree
+    columns: Columns
+    members: int
+
+
+def index(word: str) -> Tree:
+    """Return the tree of an index."""
+    return Tree(INDEX, word)
+
+
+def over(word: str, first: Tree, last: Tree, term: Tree) -> Tree:
+    """Return the tree of a sum over a range."""
+    return Tree(OVER, word, 0, (first, last, term))
+
+
+def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -> Tree:
+    """Return the tree of a member of a family whose subscripts contain indices."""
+    return Tree(REFERENCE, f"{name}\0{letter}", offset, tuple(subscripts))
+
+
+def has(tree: Tree, *ops: str) -> bool:
+    """Whether a tree contains one of some operations."""
+    return tree.op in ops or any(has(a, *ops) for a in tree.args)
+
+
+def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
+    """Return the tree of elements for a sum, and the number of terms that it has.
+
+    Raises
+    ------
+    UnlikeError
+        Where the sum has to be written out.
+    """
+    groups: list[Group] = []
+    terms = 0
+    for one in _sums(tree):
+        columns: Columns = {}
+        members = 1
+        for part in one.ranges:
+            columns, members = _extended(columns, members, part, known)
+            terms += members
+        if members:
+            groups += _divided(one.term, columns, members, known)
+    if not groups or sum(x.members for x in groups) < elements.LEAST:
+        raise UnlikeError
+    made = [_Writer(x, known).tree() for x in groups]
+    found = made[0]
+    for other in made[1:]:
+        found = trees.call("add", found, other)
+    return found, terms
+
+
+# --- The form of a sum
+
+
+def _sums(tree: Tree) -> list[Sum]:
+    """Return the sums whose total is `tree`."""
+    if tree.op == OVER:
+        first, last, term = tree.args
+        own = Range(str(tree.value), first, last)
+        return [x._replace(ranges=(own, *x.ranges)) for x in _sums(term)]
+    if not has(tree, OVER):
+        return [Sum((), tree)]
+    if tree.op == "add":
+        return [x for a in tree.args for x in _sums(a)]
+    if tree.op in ("sub", "neg"):
+        negative = [
+            x._replace(term=trees.call("neg", x.term)) for x in _sums(tree.args[-1])
+        ]
+        return [x for a in tree.args[:-1] for x in _sums(a)] + negative
+    inner = [has(a, OVER) for a in tree.args]
+    if tree.op == "mul" and sum(inner) == 1:
+        a, b = tree.args
+        if inner[0]:
+            return [_times(x, lambda t: trees.call("mul", t, b)) for x in _sums(a)]
+        return [_times(x, lambda t: trees.call("mul", a, t)) for x in _sums(b)]
+    if tree.op == "div" and inner == [True, False]:
+        a, b = tree.args
+        return [_times(x, lambda t: trees.call("div", t, b)) for x in _sums(a)]
+    return [Sum((), _unrolled(tree))]
+
+
+def _times(one: Sum, made: Callable[[Tree], Tree]) -> Sum:
+    return one._replace(term=made(one.term))
+
+
+# Terms of an inner sum that is written out within the term.
+_MOST_INNER = 16
+
+
+def _unrolled(tree: Tree) -> Tree:
+    """Return a tree with its sums over short ranges of numbers written out."""
+    if tree.op == OVER:
+        first, last, term = tree.args
+        if not first.op == last.op == "number":
+            raise UnlikeError
+        a, b = int(float(first.value)), int(float(last.value))
+        if not 0 <= b - a < _MOST_INNER:
+            raise UnlikeError
+        term = _unrolled(term)
+        word = str(tree.value)
+        terms = [_with(term, word, trees.number(k)) for k in range(a, b + 1)]
+        found = terms[0]
+        for other in terms[1:]:
+            found = trees.call("add", found, other)
+        return found
+    return tree._replace(args=tuple(map(_unrolled, tree.args)))
+
+
+def _with(tree: Tree, word: str, value: Tree) -> Tree:
+    """Return a tree with the number `value` for an index."""
+    if tree.op == INDEX and tree.value == word:
+        return value
+    return tree._replace(args=tuple(_with(a, word, value) for a in tree.args))
+
+
+# --- Members
+
+
+def _extended(
+    columns: Columns, members: int, part: Range, known: Lookup
+) -> tuple[Columns, int]:
+    """Return the columns of the indices, with that of a further range."""
+    first, last = (_wholes(x, columns, members, known) for x in (part.first, part.last))
+    counts = np.maximum(last - first + 1, 0)
+    total = int(counts.sum())
+    if total > limits.TERMS:
+        raise UnlikeError
+    found = {word: np.repeat(x, counts) for word, x in columns.items()}
+    starts = np.cumsum(counts) - counts
+    found[part.word] = np.arange(total) + np.repeat(first - starts, counts)
+    return found, total
+
+
+def _wholes(tree: Tree, columns: Columns, members: int, known: Lookup) -> Ints:
+    """Return the values (members,) of a tree of indices, as whole numbers."""
+    found = np.broadcast_to(_numbers(tree, columns, known), (members,))
+    nearest = np.rint(found)
+    if not (np.abs(found - nearest) <= _WHOLE * np.abs(found)).all():
+        raise UnlikeError
+    if not (np.abs(nearest) < limits.LARGEST_INDEX).all():
+        raise UnlikeError
+    return np.asarray(nearest, np.int64)
+
+
+def _numbers(tree: Tree, columns: Columns, known: Lookup | None) -> Any:
+    """Return the values of a tree of indices, numbers and, with `known`, parameters."""
+    if tree.op == "number":
+        return float(tree.value)
+    if tree.op == INDEX:
+        return columns[str(tree.value)].astype(float)
+    if tree.op == "name" and known is not None:
+        return known.number(str(tree.value), tree.offset)
+    if tree.op not in OPERATIONS or not tree.args:
+        raise UnlikeError
+    args = [_numbers(a, columns, known) for a in tree.args]
+    with np.errstate(all="ignore"):
+        return elements.value_of(tree.op, args)
+
+
+def _of_indices(tree: Tree) -> bool:
+    """Whether a tree consists of numbers and indices, at least one of these."""
+    return has(tree, INDEX) and _is_numeric(tree)
+
+
+def _is_numeric(tree: Tree) -> bool:
+    if not tree.args:
+        return tree.op in ("number", INDEX)
+    return tree.op in OPERATIONS and all(map(_is_numeric, tree.args))
+
+
+def _divided(term: Tree, columns: Columns, members: int, known: Lookup) -> list[Group]:
+    """Return the groups of members for which conditions on indices have one value."""
+    condition = _condition(term)
+    if condition is None:
+        if term.op == "number" and term.value == 0.0:
+            return []
+        return [Group(term, columns, members)]
+    true = np.broadcast_to(_numbers(condition, columns, None), (members,)).astype(bool)
+    found = []
+    for k, chosen in enumerate((true, ~true)):
+        own = {word: x[chosen] for word, x in columns.items()}
+        if count := int(chosen.sum()):
+            found += _divided(_selected(term, condition, k), own, count, known)
+    return found
+
+
+def _condition(tree: Tree) -> Tree | None:
+    """Return the condition of the first `if` that depends on indices alone."""
+    if tree.op == "if" and _of_indices(tree.args[0]):
+        return tree.args[0]
+    return next((x for x in map(_condition, tree.args) if x is not None), None)
+
+
+def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
+    """Return a tree with branch k in place of each `if` with a condition."""
+    if tree.op == "if" and tree.args[0] == condition:
+        return _selected(tree.args[1 + k], condition, k)
+    args = tuple(_selected(a, condition, k) for a in tree.args)
+    if tree.op == "mul" and any(a.op == "number" and a.value == 0.0 for a in args):
+        return trees.ZERO
+    return tree._replace(args=args)
+
+
+# --- The term and its table
+
+
+class _Writer:
+    """Writer of the elements of one group."""
+
+    def __init__(self, group: Group, known: Lookup) -> None:
+        self.group, self.known = group, known
+        self.graph = Graph()
+        self.names: dict[str, tuple[int, int]] = {}  # name -> argument, offset
+        self.slots: dict[object, Slot] = {}
+        self.table: dict[object, tuple[int, Ints, list[tuple[int, ...]]]] = {}
+
+    def tree(self) -> Tree:
+        """Return the tree of the sum: a part of a vector of sums."""
+        node = self._node(self.group.term)
+        g = self.graph
+        for n in g.cone([node]):
+            row = OPERATIONS.get(g.ops[n])
+            if row is not None and not _is_plain(g, n):
+                raise UnlikeError
+        count, group = len(self.names), self.group
+        if group.members < elements.PER_ARGUMENT * count:
+            raise UnlikeError
+        columns = [x for _, x, _ in self.table.values()]
+        table: Ints = np.zeros((group.members, len(columns)), np.int32)
+        for k, column in enumerate(columns):
+            table[:, k] = column
+        example = trees.parsed(self._example(group.term), "")
+        of = Elements(
+            g, list(self.slots.values()), [Output(node, TOTAL)], table, count, 1,
+            example,
+        )  # fmt: skip
+        args = [trees.name(x, offset) for x, (_, offset) in self.names.items()]
+        data = Tree("data", of)  # type: ignore[arg-type]
+        vector = trees.call(ELEMENTS, data, *args)
+        return trees.call(PART, vector, trees.ZERO)
+
+    def _node(self, tree: Tree) -> int:
+        """Return the node of a tree in the graph of the term."""
+        if tree.op == "number":
+            return self.graph.constant(float(tree.value))
+        if tree.op in ("name", REFERENCE) or _of_indices(tree):
+            if tree.op == "name" and tree.value == "pi":
+                return self.graph.constant(np.pi)
+            key = tree._replace(offset=0)
+            if key not in self.slots:
+                self.slots[key] = self._slot(tree)
+            return self.slots[key].node
+        if tree.op not in OPERATIONS or not tree.args or tree.op in JOINING:
+            raise UnlikeError
+        return self.graph.call(tree.op, *map(self._node, tree.args))
+
+    def _slot(self, tree: Tree) -> Slot:
+        node = self.graph.variable(f"slot.{len(self.slots)}")
+        none = np.zeros(0)
+        if tree.op == "name":
+            places = np.array([self._argument(str(tree.value), tree.offset)])
+            return Slot(node, SHARED, places, none)
+        if tree.op != REFERENCE:
+            words = sorted(_words(tree))
+            k, _, positions = self._column(tuple(map(index, words)))
+            each = map(np.array, zip(*positions, strict=True))
+            arrays = dict(zip(words, each, strict=True))
+            numbers = np.broadcast_to(_numbers(tree, arrays, None), (len(positions),))
+            return Slot(node, k, np.zeros(0, np.int64), np.array(numbers, float))
+        name, letter = str(tree.value).split("\0")
+        k, _, positions = self._column(tree.args)
+        if not all(self.known.has(name, x) for x in positions):
+            raise UnlikeError
+        names = [self.known.dotted(name, x, letter) for x in positions]
+        places = np.array([self._argument(x, tree.offset) for x in names])
+        return Slot(node, k, places, none)
+
+    def _argument(self, name: str, offset: int) -> int:
+        return self.names.setdefault(name, (len(self.names), offset))[0]
+
+    def _column(
+        self, subscripts: tuple[Tree, ...]
+    ) -> tuple[int, Ints, list[tuple[int, ...]]]:
+        """Return the column of some subscripts.
+
+        That is its number, the position (members,) of each member, and the subscripts
+        at each position.
+        """
+        key = tuple(x._replace(offset=0) for x in subscripts)
+        if key not in self.table:
+            group, known = self.group, self.known
+            wholes = [_wholes(x, group.columns, group.members, known) for x in key]
+            code = np.zeros(group.members, np.int64)
+            for x in wholes:
+                low, span = int(x.min()), int(np.ptp(x)) + 1
+                if span * (int(code.max()) + 1) > 2**62:
+                    raise UnlikeError
+                code = code * span + (x - low)
+            _, first, positions = np.unique(
+                code, return_index=True, return_inverse=True
+            )
+            found = list(zip(*(x[first].tolist() for x in wholes), strict=True))
+            self.table[key] = len(self.table), positions.reshape(-1), found
+        return self.table[key]
+
+    def _example(self, tree: Tree) -> Tree:
+        """Return the term of the first member, written out."""
+        if tree.op == INDEX:
+            return trees.number(float(self.group.columns[str(tree.value)][0]))
+        if tree.op == REFERENCE:
+            name, letter = str(tree.value).split("\0")
+            _, column, positions = self._column(tree.args)
+            dotted = self.known.dotted(name, positions[int(column[0])], letter)
+            return trees.name(dotted, tree.offset)
+        return tree._replace(args=tuple(map(self._example, tree.args)))
+
+
+def _words(tree: Tree) -> set[str]:
+    """Return the indices in a tree."""
+    if tree.op == INDEX:
+        return {str(tree.value)}
+    return set().union(*map(_words, tree.args)) if tree.args else set()
+
+
+def _is_plain(g: Graph, n: int) -> bool:
+    """Whether an operation of a term is smooth, with constant exponents of powers."""
+    row = OPERATIONS[g.ops[n]]
+    if row.partials is None or row.branches or row.condition or row.switch or row.data:
+        return False
+    return g.ops[n] != "pow" or g.value(g.args[n][1]) is not None

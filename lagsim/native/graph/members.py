@@ -1,0 +1,275 @@
+"""Elements -> a function that evaluates their sums by a loop over the members.
+
+The function copies the values that the slots read into rows, one for each position of a
+column of the table, with the slots of that column side by side. The loop reads the
+positions of a member, evaluates the term, and adds its outputs to sums beside the rows.
+At the end the sums are added to the results, which precede the rows in memory. Its code
+contains neither the number of members nor that of arguments but as bounds of loops.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.language.elements import EACH, SHARED
+from lagsim.language.graph import CONSTANT, TRUTH
+from lagsim.native.graph.lines import Lines, exponent_of, number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.language.arrays import Ints
+    from lagsim.language.elements import Elements
+
+
+class Column(NamedTuple):
+    """Memory of a column of the table, in numbers from the results on.
+
+    Attributes
+    ----------
+    length : int
+        Number of positions.
+    slots : list of int
+        Slots that are read at a position, by their indices.
+    outputs : list of int
+        Outputs that are added up at a position, by their indices.
+    first : int
+        Index of the first row.
+    width : int
+        Length of a row: a value for each slot, then the sums.
+    """
+
+    length: int
+    slots: list[int]
+    outputs: list[int]
+    first: int
+    width: int
+
+
+def columns(of: Elements) -> dict[int, Column]:
+    """Return the memory of each column of the table; SHARED has a single position."""
+    found: dict[int, Column] = {}
+    first = of.size
+    each = 2 if of.bounds else 1
+    for c in (SHARED, *range(of.table.shape[1])):
+        own = [k for k, slot in enumerate(of.slots) if slot.column == c]
+        added = [
+            k for k, o in enumerate(of.outputs)
+            if (c == SHARED if o.slot < 0 else of.slots[o.slot].column == c)
+        ]  # fmt: skip
+        lengths = [max(len(of.slots[k].places), len(of.slots[k].numbers)) for k in own]
+        length = max(lengths, default=1)
+        width = len(own) + each * len(added)
+        found[c] = Column(length, own, added, first, width)
+        first += length * width
+    return found
+
+
+def words(of: Elements) -> int:
+    """Return the length of the results with the rows."""
+    return of.size + sum(x.length * x.width for x in columns(of).values())
+
+
+def name_of(of: Elements) -> str:
+    """Return the name of the function."""
+    return f"elements.{of.digest}"
+
+
+class Members(Lines):
+    """The function `(ptr %at, ptr %p)` of some elements.
+
+    %at has the index in p of the results, then those of the arguments.
+    """
+
+    def __init__(self, of: Elements) -> None:
+        super().__init__()
+        self.of, self.columns = of, columns(of)
+        self.name = name_of(of)
+        self._blocks = 0
+        self.declared.add("declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)")
+        where = self.line("load i32, ptr %at")
+        self.results = self.line(f"getelementptr double, ptr %p, i32 {where}")
+        size = 8 * words(of)
+        self.lines.append(
+            f"call void @llvm.memset.p0.i64(ptr {self.results}, i8 0, i64 {size}, i1 0)"
+        )
+        for column in self.columns.values():
+            self._read(column)
+        self._loop(of.members, self._member)
+        for column in self.columns.values():
+            self._add_up(column)
+        self.lines = [
+            f"define internal void @{self.name}(ptr %at, ptr %p) {{",
+            *self.lines,
+            "ret void",
+            "}",
+        ]
+
+    def _loop(self, count: int, body: object) -> None:
+        """Write a loop over k = 0 ... count - 1; body : writes its code, given k."""
+        if not count:
+            return
+        self._blocks += 1
+        b = self._blocks
+        before, head = f"before{b}", f"head{b}"
+        self.lines += [
+            f"br label %{before}",
+            f"{before}:",
+            f"br label %{head}",
+            f"{head}:",
+            f"%k{b} = phi i64 [0, %{before}], [%next{b}, %{head}]",
+        ]
+        assert callable(body)
+        body(f"%k{b}")
+        self.lines += [
+            f"%next{b} = add i64 %k{b}, 1",
+            f"%more{b} = icmp slt i64 %next{b}, {count}",
+            f"br i1 %more{b}, label %{head}, label %after{b}",
+            f"after{b}:",
+        ]
+
+    def _table(self, numbers: Ints) -> str:
+        """Declare an array of whole numbers of 32 bits, and return its name."""
+        return self._constant(np.ascontiguousarray(numbers, np.int32).tobytes())
+
+    def _constant(self, data: bytes) -> str:
+        import hashlib
+
+        name = f"@members.{hashlib.sha256(data).hexdigest()}"
+        text = "\\" + data.hex("\\")
+        kind = f"private constant [{len(data)} x i8]"
+        self.declared.add(f'{name} = {kind} c"{text}", align 8')
+        return name
+
+    def _whole(self, table: str, k: str) -> str:
+        """Write code for number k of a table of whole numbers."""
+        place = self.line(f"getelementptr i32, ptr {table}, i64 {k}")
+        return self.line(f"load i32, ptr {place}")
+
+    def _row(self, column: Column, k: str) -> str:
+        """Write code for the address of a row."""
+        start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
+        if column.length == 1:
+            return self.line(start)
+        at = self.line(f"mul i64 {k}, {column.width}")
+        first = self.line(start)
+        return self.line(f"getelementptr double, ptr {first}, i64 {at}")
+
+    def _load(self, row: str, k: int | str) -> str:
+        place = self.line(f"getelementptr double, ptr {row}, i64 {k}")
+        return self.line(f"load double, ptr {place}")
+
+    def _add(self, value: str, row: str, k: int | str) -> str:
+        """Write code that adds to number k of a row; return the sum."""
+        place = self.line(f"getelementptr double, ptr {row}, i64 {k}")
+        old = self.line(f"load double, ptr {place}")
+        new = self.line(f"fadd double {old}, {value}")
+        self.lines.append(f"store double {new}, ptr {place}")
+        return new
+
+    def _read(self, column: Column) -> None:
+        """Write the loop that copies the values of the slots into rows."""
+        sources = []
+        for k in column.slots:
+            slot = self.of.slots[k]
+            numbers = len(slot.numbers) > 0
+            data = (
+                self._constant(np.ascontiguousarray(slot.numbers, float).tobytes())
+                if numbers
+                else self._table(1 + np.asarray(slot.places))
+            )
+            sources.append((data, numbers))
+
+        def copied(k: str) -> None:
+            row = self._row(column, k)
+            for i, (data, numbers) in enumerate(sources):
+                if numbers:
+                    value = self._load(data, k)
+                else:
+                    index = self._whole("%at", self._wide(self._whole(data, k)))
+                    value = self._load("%p", self._wide(index))
+                place = self.line(f"getelementptr double, ptr {row}, i64 {i}")
+                self.lines.append(f"store double {value}, ptr {place}")
+
+        if sources:
+            self._loop(column.length, copied)
+
+    def _wide(self, index: str) -> str:
+        return self.line(f"sext i32 {index} to i64")
+
+    def _member(self, m: str) -> None:
+        """Write the code of one member."""
+        of, values, rows = self.of, dict[int, str](), dict[int, str]()
+        table = self._table(of.table)
+        width = of.table.shape[1]
+        for c, column in self.columns.items():
+            if not column.width:
+                continue
+            k = m
+            if c != SHARED:
+                at = self.line(f"mul i64 {m}, {width}")
+                at = self.line(f"add i64 {at}, {c}")
+                k = self._wide(self._whole(table, at))
+            rows[c] = self._row(column, k)
+            for i, s in enumerate(column.slots):
+                values[of.slots[s].node] = self._load(rows[c], i)
+        self._term(values)
+        for c, column in self.columns.items():
+            for i, j in enumerate(column.outputs):
+                output, value = of.outputs[j], values[of.outputs[j].node]
+                if output.slot == EACH:
+                    place = f"getelementptr double, ptr {self.results}, i64 {m}"
+                    self.lines.append(f"store double {value}, ptr {self.line(place)}")
+                    continue
+                each = 2 if of.bounds else 1
+                first = len(column.slots) + each * i
+                total = self._add(value, rows[c], first)
+                if output.error is not None:
+                    size = self.operation("abs", None, [total])
+                    error = values[output.error]
+                    error = self.line(f"fadd double {error}, {size}")
+                    self._add(error, rows[c], first + 1)
+
+    def _term(self, values: dict[int, str]) -> None:
+        """Write the code of the term; values : node -> name of its value, extended."""
+        g = self.of.graph
+        for n in self.of.cone:
+            if n in values:
+                continue
+            if g.ops[n] == CONSTANT:
+                values[n] = number(float(g.payload(n)))
+            elif g.ops[n] == TRUTH:
+                values[n] = "true" if g.payload(n) else "false"
+            else:
+                operands = [values[a] for a in g.args[n]]
+                values[n] = self.operation(g.ops[n], exponent_of(g, n), operands)
+
+    def _add_up(self, column: Column) -> None:
+        """Write the loop that adds the sums of the rows to the results."""
+        of, each = self.of, 2 if self.of.bounds else 1
+        added = [
+            (len(column.slots) + each * i + each - 1, of.outputs[j].slot)
+            for i, j in enumerate(column.outputs)
+            if of.outputs[j].slot != EACH
+        ]
+
+        def scattered(k: str) -> None:
+            row = self._row(column, k)
+            for at, slot in added:
+                value, place = self._load(row, at), "0"
+                if slot >= 0:
+                    table = self._table(of.slots[slot].places)
+                    place = self._wide(self._whole(table, k))
+                self._add(value, self.results, place)
+
+        if added:
+            self._loop(column.length, scattered)
+
+
+def written(some: Sequence[Elements]) -> tuple[set[str], list[str]]:
+    """Return declarations and lines of the functions of some elements."""
+    made = [Members(of) for of in some]
+    declared = set().union(*(x.declared for x in made))
+    return declared, [line for x in made for line in x.lines]

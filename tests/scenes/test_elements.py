@@ -1,0 +1,133 @@
+"""Motions of models with sums over pairs: as elements, and written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import lagsim
+from lagsim.language import elements
+
+MODEL = """
+parameters:
+  n: {n}
+  G: 1.3
+  eps: 0.4
+  m(i = 1..n): 1 + 0.1*i
+coordinates: {{x(1..n): {{}}, y(1..n): {{}}}}
+energy:
+  kinetic: sum(i = 1..n, m(i)*(x_dot(i)^2 + y_dot(i)^2))/2
+  potential: "sum(i = 1..n, sum(j = i+1..n, {term}))"
+{more}
+initial:
+  x(i = 1..n): cos(2.4*i)*i/3
+  y(i = 1..n): sin(2.4*i)*i/3
+  x_dot(i = 1..n): 0.3*cos(i)
+simulation: {{duration: 1, output_step: 0.1}}
+"""
+SQUARE = "(x(i) - x(j))^2 + (y(i) - y(j))^2"
+SOFT = f"-G*m(i)*m(j)/sqrt({SQUARE} + eps^2)"
+TERMS = {
+    "attraction": (SOFT, ""),
+    "springs": (f"(sqrt({SQUARE} + 0.01) - 0.2*j)^2", ""),
+    "time": (f"-(G + sin(t))/sqrt({SQUARE} + eps^2)", ""),
+    "repulsion": (f"0.1*exp(-({SQUARE})/0.01) + ({SQUARE})/5", ""),
+    "driven": (
+        SOFT,
+        "  dissipation: 0.1*sum(i = 1..n, x_dot(i)^2)\nforces: {x(1): sin(3*t)}",
+    ),
+}
+
+
+def gather(monkeypatch: pytest.MonkeyPatch, least: int) -> None:
+    monkeypatch.setattr(elements, "LEAST", least)
+    monkeypatch.setattr(elements, "PER_ARGUMENT", 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        (name, method)
+        for name in TERMS
+        for method in ("dop853", "verlet", "rk4")
+        if (name, method) != ("driven", "verlet")  # no forces of velocities
+    ],
+)
+def test_motion_is_that_of_the_terms(
+    name: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    term, more = TERMS[name]
+    text, step = MODEL.format(n=6, term=term, more=more), {"step": 0.01}
+    given = {} if method == "dop853" else step
+    found = []
+    for least in (1, 10**9):
+        gather(monkeypatch, least)
+        model = lagsim.load(text)
+        found.append(lagsim.simulate(model, method=method, error_bar="never", **given))
+    one, other = found
+    assert one.columns == other.columns
+    for column in one.columns:
+        scale = max(1.0, np.abs(other[column]).max())
+        # Both have rounding errors, and tolerances of 1e-11, of their own.
+        assert np.abs(one[column] - other[column]).max() <= 1e-9 * scale
+    steps = [x.record["steps"] for x in found]
+    assert abs(steps[0] - steps[1]) <= 0.05 * steps[1]
+
+
+@pytest.mark.slow
+def test_cluster_moves_as_scipy_has_it() -> None:
+    n = 48
+    result = lagsim.simulate(MODEL.format(n=n, term=SOFT, more=""), error_bar="never")
+    i = np.arange(1, n + 1)
+    m = 1 + 0.1 * i
+
+    def rates(_: float, state: np.ndarray) -> np.ndarray:
+        x, y, u, v = state.reshape(4, n)
+        dx, dy = x[:, None] - x, y[:, None] - y
+        pull = -1.3 * m / (dx**2 + dy**2 + 0.16) ** 1.5
+        return np.concatenate([u, v, (pull * dx).sum(1), (pull * dy).sum(1)])
+
+    r = i / 3
+    start = [np.cos(2.4 * i) * r, np.sin(2.4 * i) * r, 0.3 * np.cos(i), 0.0 * i]
+    expected = solve_ivp(
+        rates, (0.0, 1.0), np.concatenate(start), "DOP853", rtol=1e-12, atol=1e-12
+    ).y[:, -1]
+    names = [f"{q}.{k}" for q in ("x", "y") for k in i]
+    found = np.array([result[name][-1] for name in names])
+    assert result.record["energy_drift"] < 1e-9 * abs(result["energy"][0])
+    assert np.abs(found - expected[: 2 * n]).max() < 1e-8
+
+
+@pytest.mark.slow
+def test_sweep_over_a_parameter_of_the_terms(monkeypatch: pytest.MonkeyPatch) -> None:
+    gather(monkeypatch, 1)
+    model = lagsim.load(MODEL.format(n=6, term=SOFT, more=""))
+    values = [0.5, 1.3, 2.0]
+    sweep = lagsim.sweep(model, {"G": values}, jobs=1)
+    for k, G in enumerate(values):
+        alone = lagsim.simulate(model.bind(G=G), error_bar="never")
+        assert sweep["x.3.end"][k] == alone["x.3"][-1]
+
+
+@pytest.mark.slow
+def test_close_encounter_is_not_stepped_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A short-ranged wall acts on two of five bodies that pass each other."""
+    text = """
+parameters: {n: 5}
+coordinates: {x(1..n): {}}
+energy:
+  kinetic: sum(i = 1..n, x_dot(i)^2)/2
+  potential: "sum(i = 1..n, sum(j = i+1..n, 0.3*exp(-((x(i) - x(j))/1e-3)^2)))"
+initial:
+  x(i = 1..n): 10*i
+  x_dot(1): 1
+simulation: {duration: 30, output_step: 10}
+"""
+    gather(monkeypatch, 1)
+    result = lagsim.simulate(text, error_bar="never", method="dop853")
+    # 1/4 of the energy, that of relative motion, is less than 0.3: equal bodies
+    # exchange their velocities, so that each one stops where the next one was.
+    ends = [result[f"x.{k}"][-1] for k in range(1, 6)]
+    assert ends == pytest.approx([20, 30, 40, 40, 50], abs=0.01)
