@@ -95,6 +95,9 @@ async function settle() {
 
 // --- The state that is shown
 
+// The name of a rate: `q_dot.3` of `q.3`.
+const rateOf = (name) => name.replace(/^[^.]*/, "$&_dot");
+
 function between(t) {
   const times = motion.data.t, last = times.length - 1;
   let low = 0, high = last;
@@ -105,7 +108,7 @@ function between(t) {
   const next = Math.min(low + 1, last), step = times[next] - times[low];
   const s = step > 0 ? (t - times[low]) / step : 0, found = {};
   for (const name of motion.state) {
-    const x = motion.data[name], a = x[low], b = x[next], rate = motion.data[`${name}_dot`];
+    const x = motion.data[name], a = x[low], b = x[next], rate = motion.data[rateOf(name)];
     found[name] = s === 0 ? a : a + s * (b - a);
     if (s > 0 && rate) {
       const u = step * rate[low], v = step * rate[next], r = 1 - s;
@@ -120,7 +123,8 @@ shown.push((t) => {
   const found = exact && exact.t === t ? exact.found : between(t);
   document.body.dataset.state = JSON.stringify(found);
   linked(t);
-  cursors(t);
+  if (drawn === shownTheme) cursors(t);
+  else redraw();
 });
 
 // --- The address holds the settings and, while paused, the time
@@ -246,7 +250,7 @@ $("panels").addEventListener("pointermove", (event) => {
 
 // --- Graphs
 
-let columns = [], [across, up] = ["", ""];
+let columns = [], [across, up] = ["", ""], drawn = "";
 
 function columnsOf() {
   const own = motion.columns.filter((name) => name !== "t");
@@ -412,6 +416,7 @@ class Portrait extends Graph {
 const graphs = [new OverTime($("graph")), new Portrait($("portrait"))];
 
 function redraw() {
+  drawn = shownTheme;
   columnsOf();
   for (const graph of graphs) graph.draw();
   cursors(state.t);
@@ -423,7 +428,6 @@ function cursors(t) {
 
 $("graph").addEventListener("pointerdown", (event) => { $("graph").setPointerCapture(event.pointerId); pause(); seek(graphs[0].back(event.offsetX)); });
 $("graph").addEventListener("pointermove", (event) => { if (event.buttons) seek(graphs[0].back(event.offsetX)); });
-$("theme").addEventListener("click", () => { if (motion) redraw(); });
 
 $("equations").addEventListener("toggle", async () => {
   const box = $("equations").querySelector("div");

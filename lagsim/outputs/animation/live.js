@@ -48,6 +48,9 @@ class Live {
 
   async drag(values, t, point, target) { return (await this.told("drag", {values, t, point, target})).start; }
 
+  // The start with one of its values at a number, and the others on the constraints.
+  async start(values, name, value) { return (await this.told("start", {values, name, value})).start; }
+
   async file(values) {
     const answer = await this.ask("file", {values});
     if (answer.headers.get("Content-Type").startsWith("application/json")) throw new Error((await answer.json()).error);

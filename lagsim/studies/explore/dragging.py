@@ -1,8 +1,9 @@
-"""Start positions at which a point of the scene is where somebody has dragged it.
+"""Start positions at which a point of the scene, or one value, is where it was put.
 
-The coordinates change least in the metric of M, on the constraints of positions. A
-place that the point cannot reach is approached as far as possible. Velocities of the
-start change least so that the constraints hold.
+The coordinates change least in the metric of M, on the constraints of positions, and no
+gap becomes negative: a point that is dragged into a floor slides along it. A place that
+cannot be reached is approached as far as possible. Velocities of the start change least
+so that the constraints hold; a contact may be approached, which is an impact.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import Point, conditions
+from lagsim.admissibility.point import Condition, Point, conditions
+from lagsim.admissibility.verdict import out_of_force, with_timed
 from lagsim.language.derivatives import slopes
 from lagsim.mechanics.algebra import (
     cholesky,
@@ -20,11 +22,11 @@ from lagsim.mechanics.algebra import (
     null_space,
 )
 from lagsim.outputs.animation import stage
+from lagsim.tolerances import SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.point import Condition
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
 
@@ -55,73 +57,178 @@ class _Place(NamedTuple):
         return x.array(self.nodes), _dense(self.slopes, x)
 
 
-def dragged(
-    case: Case, state: Mapping[str, float], point: str, target: Floats
-) -> dict[str, float]:
-    """Return coordinates and velocities of the start with a point at a target.
+class ConstrainedStart:
+    """Start of a run that moves on its constraints.
 
     Parameters
     ----------
     case : Case
-    state : mapping of str to float
-        Time and coordinates before, which satisfy the constraints.
-    point : str
-        Name of a point of the scene.
-    target : ndarray, shape (d,)
-
-    Returns
-    -------
-    dict of str to float
-        Coordinates and velocities by name; those before if the point does not exist or
-        depends on no coordinate.
     """
-    e, g = case.equations, case.equations.graph
-    before = np.array([state[name] for name in e.q])
-    x = Point(e, case.start).at(before, case.start.v)
-    nodes = stage(e.model).points.get(point, ())
-    index = {g.variable(name): j for j, name in enumerate(e.q)}
-    rows = [slopes(g, node, frozenset(index)) for node in nodes]
-    place = _Place(nodes, [{index[v]: s for v, s in row.items()} for row in rows])
-    held = conditions(e.rows, velocities=False)
-    if any(place.slopes):
-        x = _on(held, _towards(place, held, x, target[: len(nodes)]))
-    rates = conditions(e.rows, velocities=True)
-    v = x.v + _correction(rates, x) if rates else x.v
-    return {
-        **dict(zip(e.q, x.q.tolist(), strict=True)),
-        **dict(zip(e.velocities, v.tolist(), strict=True)),
-    }
 
+    def __init__(self, case: Case) -> None:
+        off = out_of_force(case.equations, case.start.t)
+        e = self.e = with_timed(case.equations, off)
+        self._x = Point(e, case.start)
+        self._held = conditions(e.rows, velocities=False)
+        self._rates = conditions(e.rows, velocities=True)
+        sided = [x for x in e.laws if x.kind.one_sided and x.constraint not in off]
+        self._gaps = conditions((x.row for x in sided), velocities=False)
+        self._ways = conditions(
+            (x.row for x in sided if not x.row.holonomic), velocities=True
+        )
 
-def _towards(
-    place: _Place, held: Sequence[Condition], x: Point, target: Floats
-) -> Point:
-    """Return the state after steps that bring a place near a target."""
-    far = float(np.linalg.norm(target - place.at(x)[0]))
-    least = NONE * far
-    for _ in range(MOST_STEPS):
-        if far <= least:
-            break
-        at, J = place.at(x)
-        try:
-            step = _step(J, target - at, held, x)
-        except np.linalg.LinAlgError:
-            break
-        # Where the target is out of reach, whole steps are too long.
-        best, nearest = x, far
-        for _ in range(MOST_HALVINGS):
-            other = _on(held, x.at(x.q + step))
-            new = float(np.linalg.norm(target - place.at(other)[0]))
-            if nearest < min(new, far):
+    @property
+    def is_free(self) -> bool:
+        """Whether there is no constraint and no contact."""
+        return not (self._rates or self._gaps or self._ways)
+
+    def dragged(
+        self, state: Mapping[str, float], point: str, target: Floats
+    ) -> dict[str, float]:
+        """Return coordinates and velocities with a point of the scene at a target.
+
+        Parameters
+        ----------
+        state : mapping of str to float
+            Time and coordinates before, which satisfy the constraints.
+        point : str
+            Name of a point of the scene.
+        target : ndarray, shape (d,)
+
+        Returns
+        -------
+        dict of str to float
+            Coordinates and velocities by name; those before if the point does not exist
+            or depends on no coordinate.
+        """
+        g = self.e.graph
+        before = np.array([state[name] for name in self.e.q])
+        nodes = stage(self.e.model).points.get(point, ())
+        index = {g.variable(name): j for j, name in enumerate(self.e.q)}
+        rows = [slopes(g, node, frozenset(index)) for node in nodes]
+        place = _Place(nodes, [{index[v]: s for v, s in row.items()} for row in rows])
+        x = self._x.at(before)
+        if any(place.slopes):
+            x = self._towards(place, x, target[: len(nodes)])
+        return self._named(x, self._with_rates(x))
+
+    def put(self, name: str, value: float) -> dict[str, float]:
+        """Return coordinates and velocities with one of them at a value, or near it.
+
+        Parameters
+        ----------
+        name : str
+            A coordinate or a velocity.
+        value : float
+        """
+        g, x = self.e.graph, self._x
+        if name in self.e.q:
+            j = self.e.q.index(name)
+            place = _Place([g.variable(name)], [{j: g.one}])
+            x = self._towards(place, x, np.array([value]))
+            return self._named(x, self._with_rates(x))
+        j = self.e.velocities.index(name)
+        node = g.variable(name)
+        pin = Condition(name, node, {j: g.one}, node, value)
+        near = x.at(v=x.v + _correction([*self._rates, pin], x))
+        return self._named(x, self._with_rates(near))
+
+    def _named(self, x: Point, v: Floats) -> dict[str, float]:
+        return {
+            **dict(zip(self.e.q, x.q.tolist(), strict=True)),
+            **dict(zip(self.e.velocities, v.tolist(), strict=True)),
+        }
+
+    def _with_rates(self, x: Point) -> Floats:
+        """Return the velocities (n,) that satisfy constraints, by least change."""
+        held = list(self._rates)
+        for _ in range(1 + len(self._ways)):
+            v = x.v + _correction(held, x) if held else x.v
+            rates = x.at(v=v).array([way.node for way in self._ways])
+            scales = x.at(v=v).array([way.scale for way in self._ways])
+            least = np.flatnonzero(rates < -SATISFIED * np.abs(scales))
+            if not len(least):
                 break
-            if new < nearest:
-                best, nearest = other, new
-            step = step / 2.0
-        slow = nearest > (1.0 - SLOW) * far
-        x, far = best, nearest
-        if slow:
-            break
-    return x
+            held += [self._ways[k] for k in least]
+        return v
+
+    def _towards(self, place: _Place, x: Point, target: Floats) -> Point:
+        """Return the state after steps that bring a place near a target."""
+        x = self._on(x, self._closed(x))
+        far = float(np.linalg.norm(target - place.at(x)[0]))
+        least = NONE * far
+        for _ in range(MOST_STEPS):
+            if far <= least:
+                break
+            at, J = place.at(x)
+            try:
+                step, met = self._step(J, target - at, x)
+            except np.linalg.LinAlgError:
+                break
+            # Where the target is out of reach, whole steps are too long.
+            best, nearest = x, far
+            for _ in range(MOST_HALVINGS):
+                other = self._on(x.at(x.q + step), met)
+                new = float(np.linalg.norm(target - place.at(other)[0]))
+                if nearest < min(new, far):
+                    break
+                if new < nearest:
+                    best, nearest = other, new
+                step = step / 2.0
+            slow = nearest > (1.0 - SLOW) * far
+            x, far = best, nearest
+            if slow:
+                break
+        return x
+
+    def _closed(self, x: Point) -> frozenset[int]:
+        """Return the indices of gaps that are closed within the bound of a start."""
+        gaps = x.array([gap.node for gap in self._gaps])
+        scales = x.array([gap.scale for gap in self._gaps])
+        return frozenset(np.flatnonzero(gaps <= SATISFIED * np.abs(scales)).tolist())
+
+    def _step(
+        self, J: Floats, way: Floats, x: Point
+    ) -> tuple[Floats, frozenset[int]]:
+        """Return the step towards a place, and the closed gaps that it keeps closed.
+
+        A closed gap that the step would make negative is held; the others may open. The
+        step ends where it closes the first open gap, to first order, so that it does
+        not pass through a body.
+        """
+        met, closed = frozenset[int](), self._closed(x)
+        A = _jacobian(self._gaps, x)
+        while True:
+            held = [*self._held, *(self._gaps[k] for k in sorted(met))]
+            step = _step(J, way, held, x)
+            falls = {k: fall for k, fall in enumerate((A @ step).tolist()) if fall < 0}
+            more = {k: fall for k, fall in falls.items() if k in closed - met}
+            if not more:
+                break
+            met |= {min(more, key=lambda k: more[k])}
+        gaps = x.array([gap.node for gap in self._gaps])
+        parts = [-gaps[k] / fall for k, fall in falls.items() if k not in closed]
+        return min([1.0, *parts]) * step, met
+
+    def _on(self, x: Point, met: frozenset[int]) -> Point:
+        """Return the nearest state at which constraints hold and no gap is negative.
+
+        Parameters
+        ----------
+        x : Point
+        met : set of int
+            Gaps that are closed there.
+        """
+        nodes = [gap.node for gap in self._gaps]
+        for _ in range(1 + len(nodes)):
+            held = [*self._held, *(self._gaps[k] for k in sorted(met))]
+            there = _solved(held, x)
+            gaps = there.array(nodes)
+            gaps[sorted(met)] = 0.0
+            if not np.any(gaps < 0.0):
+                break
+            met |= {int(np.argmin(gaps))}
+        return there
 
 
 def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats:
@@ -142,8 +249,8 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
     return np.asarray(np.linalg.solve(L.T, z))
 
 
-def _on(held: Sequence[Condition], x: Point) -> Point:
-    """Return the state with constraints of positions solved by least change."""
+def _solved(held: Sequence[Condition], x: Point) -> Point:
+    """Return the state with conditions on positions solved by least change."""
     for _ in range(MOST_STEPS) if held else ():
         change = _correction(held, x)
         x = x.at(x.q + change)

@@ -29,12 +29,13 @@ from lagsim.errors import (
 )
 from lagsim.model.reader import read_file
 from lagsim.outputs.animation import film, frames_of, record, unseen
+from lagsim.outputs.letters import raised
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.units import units
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.thinning import Frames
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.explore.dragging import dragged
+from lagsim.studies.explore.dragging import ConstrainedStart
 from lagsim.studies.rest import turning
 from lagsim.studies.trials import Forms, tried
 
@@ -197,7 +198,7 @@ class Explorer:
         return {
             "name": self.model.name,
             "description": self.model.description,
-            "sliders": [x._asdict() for x in self._sliders],
+            "sliders": [x._replace(unit=raised(x.unit))._asdict() for x in self._sliders],
             "version": self.version,
             "fault": self.fault,
         }
@@ -266,7 +267,7 @@ class Explorer:
                 "version": self.version,
                 "film": record(made or unseen(model.name, columns, ended.events)),
                 "columns": list(table),
-                "units": about,
+                "units": {name: raised(unit) for name, unit in about.items()},
                 "state": self._state_names(session),
                 "ends": self._ends(session, columns),
                 "values": _values_of(session),
@@ -343,7 +344,35 @@ class Explorer:
         state = self.state(values, t, page)
         with self._lock:
             session = self._session(values)
-            return dragged(session.case, state, point, np.array(target, float))
+            start = ConstrainedStart(session.case)
+            return start.dragged(state, point, np.array(target, float))
+
+    def start(self, values: Values, name: str, value: float) -> dict[str, float]:
+        """Return start values with one of them at a value, or near it.
+
+        The others change least so that constraints hold; values that stay are left out.
+
+        Parameters
+        ----------
+        values
+            The values of the motion that the page shows.
+        name : str
+            A coordinate or a velocity; other start values are on no constraint.
+        value : float
+
+        Raises
+        ------
+        LagsimError
+            If a value cannot be used.
+        """
+        with self._lock:
+            session = self._session(values)
+            start, equations = ConstrainedStart(session.case), session.equations
+            if start.is_free or name not in (*equations.q, *equations.velocities):
+                return {name: value}
+            before = _values_of(session)
+            found = start.put(name, value)
+            return {x: y for x, y in found.items() if y != before[x] or x == name}
 
     def _texts(self, values: Values) -> dict[str, str]:
         """Return the expressions of values; refuse what is no number or text."""

@@ -187,7 +187,8 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Answer a request for a motion, a state, a drag or a file."""
         self._answer({"motion": self._motion, "state": self._state,
-                      "drag": self._drag, "file": self._file})  # fmt: skip
+                      "drag": self._drag, "start": self._start,
+                      "file": self._file})  # fmt: skip
 
     def _answer(self, routes: Mapping[str, Callable[[], None]]) -> None:
         try:
@@ -291,6 +292,11 @@ class Handler(BaseHTTPRequestHandler):
             [_number(x) for x in target], _page_of(found),
         )  # fmt: skip
         self._send_json({"start": moved})
+
+    def _start(self) -> None:
+        found, values = self._asked()
+        name, value = str(found.get("name")), _number(found.get("value"))
+        self._send_json({"start": self.server.engine.start(values, name, value)})
 
     def _file(self) -> None:
         _, values = self._asked()
