@@ -394,13 +394,14 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
     return dict(zip(names, (values + 0.0).tolist(), strict=True))
 
 
-def turning(point: Point) -> Flags:
+def turning(point: Point, others: Sequence[int] = ()) -> Flags:
     """Return whether each coordinate is an angle of period 2 pi, shape (n,).
 
-    A whole turn later the equations are the same, at the start and beside it.
+    A whole turn later the equations are the same, at the start and beside it, and so
+    are other nodes.
     """
     e = point.e
-    nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row)]
+    nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row), *others]
     nodes += Kinks(e).positions  # forces that are constant on one side tell nothing
     found = np.zeros(point.n, bool)
     here = [point.q + np.array(x * (1 + np.arange(point.n)) % 1.0) for x in BESIDE]

@@ -155,21 +155,57 @@ function digits(value) {
   return Number.isFinite(value) ? String(Number(value.toPrecision(6))) : "";
 }
 
+// More sliders than these are closed at first on a phone.
+const FEW = 8;
+
 function sliders() {
+  const narrow = matchMedia("(max-width: 620px)").matches;
   $("sliders").textContent = "";
   fields.clear();
-  for (const x of model.sliders) {
-    const id = `value-${x.name}`;
-    const about = x.start ? `start of ${withSubscripts(x.name)}` : withSubscripts(x.name);
-    const label = element("label", {for: id, title: x.description || about}, about, " ", element("small", {}, x.unit));
-    const text = element("input", {type: "text", id, name: x.name, autocomplete: "off", spellcheck: "false", inputmode: "decimal"});
-    const range = element("input", {type: "range", name: x.name, step: "any", "aria-label": about});
-    text.addEventListener("change", () => chosen(x.name, text.value));
-    range.addEventListener("input", () => { text.value = digits(Number(range.value)); chosen(x.name, digits(Number(range.value))); });
-    $("sliders").append(element("div", {class: "value"}, label, text, range));
-    fields.set(x.name, {x, text, range});
+  for (const [title, start] of [["Parameters", false], ["Start", true]]) {
+    const own = model.sliders.filter((x) => x.start === start);
+    if (!own.length) continue;
+    const box = element("details", {}, element("summary", {}, `${title} (${own.length})`), ...own.map(slider));
+    box.open = opened[title] ?? !(narrow && own.length > FEW);
+    box.addEventListener("toggle", () => { opened[title] = box.open; });
+    $("sliders").append(box);
   }
 }
+const opened = {};
+
+function slider(x) {
+  const id = `value-${x.name}`, own = withSubscripts(x.name);
+  const about = x.start ? `start of ${own}` : own, unit = element("small", {}, x.unit);
+  const label = element("label", {for: id, title: x.description || about}, own, " ", unit);
+  const text = element("input", {type: "text", id, name: x.name, autocomplete: "off", spellcheck: "false"});
+  const range = element("input", {type: "range", name: x.name, step: x.whole ? "1" : "any", "aria-label": about});
+  text.addEventListener("change", () => chosen(x.name, text.value));
+  range.addEventListener("input", () => {
+    text.value = digits(Number(range.value));
+    if (x.start && motion?.held) slid(x.name, Number(text.value)); else chosen(x.name, text.value);
+  });
+  const row = element("div", {class: "value"}, label, text, range);
+  fields.set(x.name, {x, text, range, row, unit});
+  return row;
+}
+
+// A start value that slides takes the others with it on the constraints. One request at
+// a time: the last value counts.
+let sliding = null;
+async function slid(name, value) {
+  const busy = sliding;
+  sliding = {name, value};
+  if (busy) return;
+  while (sliding) {
+    const {name, value} = sliding;
+    try { await began(await engine.start(settings, name, value)); } catch (error) { said(error.message); }
+    if (sliding && sliding.name === name && sliding.value === value) sliding = null;
+  }
+}
+
+// The motion from other start values.
+const began = (found) => tried(
+  {...settings, ...Object.fromEntries(Object.entries(found || {}).map(([name, x]) => [name, String(x)]))});
 
 function chosen(name, text) {
   const values = {...(wish ? wish.values : settings), [name]: text.trim()};
@@ -180,12 +216,16 @@ function chosen(name, text) {
 
 // The controls show the values of the motion, but for the one that somebody moves.
 function filled() {
-  for (const [name, {x, text, range}] of fields) {
+  for (const [name, {x, text, range, row, unit}] of fields) {
+    row.hidden = motion.values[name] === undefined;
+    unit.textContent = x.unit || motion.units[name] || "";
     const [low, high] = motion.ends[name] || [x.low, x.high], value = motion.values[name];
     const least = Math.min(low, value), most = Math.max(high, value);
     if (range.min !== String(least) || range.max !== String(most)) Object.assign(range, {min: least, max: most});
     if (document.activeElement !== range) range.value = value;
-    if (document.activeElement !== text && document.activeElement !== range)
+    // What slides on constraints need not reach the value of the slider.
+    const reached = x.start && motion.held;
+    if (document.activeElement !== text && (reached || document.activeElement !== range))
       text.value = settings[name] !== undefined && Number.isNaN(Number(settings[name])) ? settings[name] : digits(value);
     text.removeAttribute("aria-invalid");
   }
@@ -252,13 +292,30 @@ $("panels").addEventListener("pointermove", (event) => {
 
 let columns = [], [across, up] = ["", ""], drawn = "";
 
+const withUnit = (name) => withSubscripts(name) + (motion.units[name] ? ` (${motion.units[name]})` : "");
+
+// Columns that tell most: a coordinate that goes to and fro, and another one that is
+// seen at its scale.
+const ALIKE = 10;
+function telling(own) {
+  const extent = (name) => { const [low, high] = ends(motion.data[name]); return high - low; };
+  const fro = (name) => {
+    const [low, high] = ends(motion.data[rateOf(name)] || [0]), [least, most] = [Math.abs(low), Math.abs(high)];
+    return low < 0 && high > 0 && Math.min(least, most) > 0.1 * Math.max(least, most);
+  };
+  const places = motion.state.filter((name) => own.includes(rateOf(name)));
+  const first = places.find(fro) || places[0] || motion.state.find((name) => own.includes(name)) || own[0];
+  const size = extent(first), other = places.find((name) => name !== first &&
+    extent(name) < ALIKE * size && ALIKE * extent(name) > size);
+  return other ? [first, other] : [first];
+}
+
 function columnsOf() {
   const own = motion.columns.filter((name) => name !== "t");
-  if (!columns.length || !columns.every((name) => own.includes(name)))
-    columns = motion.state.filter((name) => !name.endsWith("_dot") && name !== "t").slice(0, 2);
+  if (!columns.length || !columns.every((name) => own.includes(name))) columns = telling(own);
   if (!own.includes(across) || !own.includes(up)) {
-    across = columns[0] || own[0];
-    up = own.includes(`${across}_dot`) ? `${across}_dot` : own[1] || own[0];
+    across = columns[0];
+    up = own.includes(rateOf(across)) ? rateOf(across) : own[1] || own[0];
   }
   const options = (names, chosen) => names.map((name) => {
     const option = element("option", {value: name}, withSubscripts(name));
@@ -271,7 +328,7 @@ function columnsOf() {
   fill("up", options(own, up));
   $("chosen").textContent = "";
   columns.forEach((name, k) => {
-    const chip = element("button", {type: "button", title: "Remove", "aria-label": `Remove ${name}`}, withSubscripts(name));
+    const chip = element("button", {type: "button", title: "Remove", "aria-label": `Remove ${name}`}, withUnit(name));
     chip.style.borderColor = COLOURS[shownTheme][k % 6];
     chip.addEventListener("click", () => { if (columns.length > 1) { columns.splice(k, 1); redraw(); } });
     $("chosen").append(chip);
@@ -308,7 +365,8 @@ class Graph {
     this.curves();
   }
 
-  scale(x, y, unit) {
+  // Axes and grid; the units of both directions.
+  scale(x, y, [along, unit]) {
     const {pen, width, height} = this, left = 52, low = 20;
     const [a, b] = x, [c, d] = y;
     this.x = (v) => left + (width - left - 8) * (v - a) / (b - a);
@@ -339,6 +397,8 @@ class Graph {
     });
     pen.textAlign = "left";
     if (unit) pen.fillText(unit, 4, height - 7);
+    pen.textAlign = "right";
+    if (along) pen.fillText(along, width - 10, height - low - 8);
   }
 
   curve(xs, ys, colour) {
@@ -387,7 +447,7 @@ const rowOf = (t) => {
 class OverTime extends Graph {
   curves() {
     const units = new Set(columns.map((name) => motion.units[name] || ""));
-    this.scale([line.start, line.end], ends(...COLUMNS_OF(columns)), units.size === 1 ? [...units][0] : "");
+    this.scale([line.start, line.end], ends(...COLUMNS_OF(columns)), ["s", units.size === 1 ? [...units][0] : ""]);
     columns.forEach((name, k) => this.curve(motion.data.t, motion.data[name], COLOURS[shownTheme][k % 6]));
   }
 
@@ -403,7 +463,7 @@ class OverTime extends Graph {
 
 class Portrait extends Graph {
   curves() {
-    this.scale(ends(motion.data[across]), ends(motion.data[up]), "");
+    this.scale(ends(motion.data[across]), ends(motion.data[up]), [across, up].map((name) => motion.units[name] || ""));
     this.curve(motion.data[across], motion.data[up], ink.accent);
   }
 

@@ -22,7 +22,7 @@ from lagsim.mechanics.algebra import (
     null_space,
 )
 from lagsim.outputs.animation import stage
-from lagsim.tolerances import SATISFIED
+from lagsim.tolerances import DEPENDENT_ROWS, SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,9 +32,12 @@ if TYPE_CHECKING:
 
 # Steps of one drag, halvings of a step, and the part of the first distance to the
 # target that counts as none. A drag is followed by the next one, from where it ended.
-MOST_STEPS, MOST_HALVINGS, NONE = 50, 8, 1e-9
+MOST_STEPS, MOST_HALVINGS, NONE = 50, 30, 1e-9
 # Relative decrease of the distance below which a drag has come as near as it can.
 SLOW = 1e-13
+# Step aside from a dead point, relative to coordinates and distance; the part of the
+# distance by which it must come nearer.
+ASIDE, NEARER = 0.01, 1e-7
 # Relative change of coordinates below which a Newton iteration has converged.
 CONVERGED = 1e-15
 
@@ -176,10 +179,42 @@ class ConstrainedStart:
                     best, nearest = other, new
                 step = step / 2.0
             slow = nearest > (1.0 - SLOW) * far
+            if slow and (found := self._beside(place, x, target, met)) is not None:
+                x, far = found, float(np.linalg.norm(target - place.at(found)[0]))
+                continue
             x, far = best, nearest
             if slow:
                 break
         return x
+
+    def _beside(
+        self, place: _Place, x: Point, target: Floats, met: frozenset[int]
+    ) -> Point | None:
+        """Return a state beside a dead point that is nearer to a target, or None.
+
+        At a dead point no step to first order moves the place, as where a coordinate is
+        largest on a circle. Of two directions that lead to it equally, forces pull in
+        the one that is returned.
+        """
+        far = float(np.linalg.norm(target - place.at(x)[0]))
+        L = cholesky(least_change_metric(x.mass_matrix))
+        held = [*self._held, *(self._gaps[k] for k in sorted(met))]
+        free = null_space(_scaled(_jacobian(held, x), L)) if held else np.eye(x.n)
+        J, force = _scaled(place.at(x)[1], L), x.array(self.e.f)
+        best, nearest = None, (1.0 - NEARER) * far
+        for basis in free.T:
+            way = np.linalg.solve(L.T, basis)
+            moved = float(np.linalg.norm(J @ basis))
+            if moved > DEPENDENT_ROWS * float(np.linalg.norm(J)):
+                continue
+            size = ASIDE * max(float(np.max(np.abs(x.q))), far)
+            way *= np.copysign(size / float(np.max(np.abs(way))), force @ way)
+            for step in (way, -way):
+                other = self._on(x.at(x.q + step), met)
+                new = float(np.linalg.norm(target - place.at(other)[0]))
+                if new < nearest:
+                    best, nearest = other, (1.0 - NEARER) * new
+        return best
 
     def _closed(self, x: Point) -> frozenset[int]:
         """Return the indices of gaps that are closed within the bound of a start."""
@@ -187,9 +222,7 @@ class ConstrainedStart:
         scales = x.array([gap.scale for gap in self._gaps])
         return frozenset(np.flatnonzero(gaps <= SATISFIED * np.abs(scales)).tolist())
 
-    def _step(
-        self, J: Floats, way: Floats, x: Point
-    ) -> tuple[Floats, frozenset[int]]:
+    def _step(self, J: Floats, way: Floats, x: Point) -> tuple[Floats, frozenset[int]]:
         """Return the step towards a place, and the closed gaps that it keeps closed.
 
         A closed gap that the step would make negative is held; the others may open. The

@@ -27,8 +27,9 @@ from lagsim.errors import (
     did_you_mean,
     unusable,
 )
+from lagsim.model.model import Level
 from lagsim.model.reader import read_file
-from lagsim.outputs.animation import film, frames_of, record, unseen
+from lagsim.outputs.animation import film, frames_of, record, stage, unseen
 from lagsim.outputs.letters import raised
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.units import units
@@ -56,6 +57,8 @@ MOST_ROWS = 2048
 # A slider of a parameter covers this multiple of its value, of a start value this
 # multiple of the extent of the motion about the start.
 TIMES, ABOUT = 3.0, 2.0
+# A start value that changes by less, relative to its size, is constant.
+STILL = 1e-6
 # Letters of an expression.
 LONGEST = 1000
 
@@ -72,6 +75,8 @@ class Slider(NamedTuple):
         The ends of the slider; nan for a start value until a motion is known.
     start : bool
         Whether it is a start value, and not a parameter.
+    whole : bool
+        Whether it counts members of families.
     """
 
     name: str
@@ -81,6 +86,7 @@ class Slider(NamedTuple):
     unit: str = ""
     description: str = ""
     start: bool = False
+    whole: bool = False
 
 
 class SupersededError(Exception):
@@ -198,7 +204,9 @@ class Explorer:
         return {
             "name": self.model.name,
             "description": self.model.description,
-            "sliders": [x._replace(unit=raised(x.unit))._asdict() for x in self._sliders],
+            "sliders": [
+                x._replace(unit=raised(x.unit))._asdict() for x in self._sliders
+            ],
             "version": self.version,
             "fault": self.fault,
         }
@@ -271,6 +279,7 @@ class Explorer:
                 "state": self._state_names(session),
                 "ends": self._ends(session, columns),
                 "values": _values_of(session),
+                "held": not ConstrainedStart(session.case).is_free,
                 "error": self._ended(ended.outcome, ended.reason),
             }
             return packed(header, [columns[name] for name in table])
@@ -400,11 +409,12 @@ class Explorer:
     def _ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
         """Return the ends of the sliders by name, those of start values by a motion."""
         if not self._around:
-            periodic = turning(Point(session.equations, session.case.start))
-            angles = dict(zip(session.equations.q, periodic.tolist(), strict=True))
+            angles = _angles(session)
             for x in self._sliders:
                 if math.isnan(x.low):
-                    ends = _around(x, columns[x.name], angle=angles.get(x.name, False))
+                    # A member that these values do not make has no motion.
+                    values = columns.get(x.name, np.zeros(0))
+                    ends = _around(x, values, angle=x.name in angles)
                 else:
                     ends = x.low, x.high
                 self._around[x.name] = [*ends]
@@ -514,6 +524,11 @@ def _sliders(
     every = [
         _of_parameter(p) for p in model.parameters if vary or not (p.follows or p.mode)
     ]
+    counts = model.stated.structural()
+    every = [
+        x._replace(low=max(x.low, 1.0), whole=True) if x.name in counts else x
+        for x in every
+    ]
     variables = {x.name: x for x in model.variables}
     every += [
         Slider(
@@ -547,6 +562,23 @@ def _of_parameter(p: Parameter) -> Slider:
     return Slider(p.name, p.value, low, high, p.unit, p.description)
 
 
+def _angles(session: Session) -> set[str]:
+    """Return the coordinates that are angles: not lengths that no force depends on."""
+    e = session.equations
+    model, point = session.case.model, Point(e, session.case.start)
+    units = {c.name: c.unit for c in model.coordinates}
+    seen = [x for place in stage(model).points.values() for x in place]
+    seen += [d.node for d in model.definitions if d.level is Level.POSITION]
+    found = set()
+    for name, turns, shows in zip(
+        e.q, turning(point), turning(point, seen), strict=True
+    ):
+        unit = units.get(name, "")
+        if turns and (unit == "rad" or (shows and not unit)):
+            found.add(name)
+    return found
+
+
 def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
     """Return the ends of the slider of a start value.
 
@@ -563,6 +595,8 @@ def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
     else:
         values = values[np.isfinite(values)]
         extent = float(np.ptp(values)) if len(values) else 0.0
+        if extent <= STILL * abs(x.value):
+            extent = 0.0
         reach = ABOUT / 2.0 * extent or abs(x.value) or 1.0
     return middle - reach, middle + reach
 

@@ -296,7 +296,7 @@ class Handler(BaseHTTPRequestHandler):
     def _start(self) -> None:
         found, values = self._asked()
         name, value = str(found.get("name")), _number(found.get("value"))
-        self._send_json({"start": self.server.engine.start(values, name, value)})
+        self._send_json({"start": self.server.explorer.start(values, name, value)})
 
     def _file(self) -> None:
         _, values = self._asked()

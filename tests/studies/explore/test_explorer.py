@@ -271,3 +271,121 @@ def test_a_point_out_of_reach_comes_as_near_as_it_can():
     assert found["x"] / length == pytest.approx(0.6, abs=1e-5)
     values = {name: float(x) for name, x in found.items()}
     assert unpacked(explorer.motion(values, "page"))[0]["error"] == ""
+
+
+def begun(engine, values):
+    """Give the start of the motion from coordinates and velocities that were found."""
+    header, columns = unpacked(engine.motion(values, "page"))
+    assert header["error"] == ""
+    return {name: column[0] for name, column in columns.items()}
+
+
+def test_a_point_that_is_dragged_into_a_floor_slides_along_it():
+    engine = explorer_of(MODELS / "trebuchet.yaml")
+    found = engine.drag({}, 0.0, "stone", [1.5, -2.0], "page")
+    assert found["y"] == pytest.approx(0.0, abs=1e-12)
+    # The distance to a target below the floor changes little near its least value.
+    assert found["x"] == pytest.approx(1.5, abs=1e-5)
+    # The sling, which holds at times, holds at the start.
+    model = lagsim.load(MODELS / "trebuchet.yaml").parameter_values
+    tip = [
+        -model["l"] * math.sin(found["a"]),
+        model["h"] - model["l"] * math.cos(found["a"]),
+    ]
+    far = math.hypot(found["x"] - tip[0], found["y"] - tip[1])
+    assert far == pytest.approx(model["r"], rel=1e-12)
+    assert begun(engine, found)["x"] == found["x"]
+    # It leaves the floor when it is dragged upwards.
+    up = engine.drag(found, 0.0, "stone", [1.5, 0.25], "page")
+    assert up["y"] == pytest.approx(0.25, abs=1e-8)
+
+
+@pytest.mark.parametrize(("ball", "target"), [("b1", 0.3), ("b5", -0.6), ("b2", 0.2)])
+def test_a_dragged_ball_pushes_those_that_it_meets(ball, target):
+    engine = explorer_of(MODELS / "newtons-cradle.yaml")
+    found = engine.drag({}, 0.0, ball, [target, -0.95], "page")
+    # Gaps of the balls, by hand: as far apart as a diameter.
+    model = lagsim.load(MODELS / "newtons-cradle.yaml").parameter_values
+    d, long = 2 * model["r"] + model["gap"], model["l"]
+    x = [d * k + long * math.sin(found[f"a{k + 1}"]) for k in range(5)]
+    y = [-long * math.cos(found[f"a{k + 1}"]) for k in range(5)]
+    for k in range(4):
+        far = math.hypot(x[k + 1] - x[k], y[k + 1] - y[k])
+        assert x[k + 1] > x[k]
+        assert far >= 2 * model["r"] * (1 - 1e-6)
+    begun(engine, found)
+
+
+def test_a_dragged_block_stays_above_the_ground_with_both_corners():
+    engine = explorer_of(MODELS / "rocking-block.yaml")
+    found = engine.drag({}, 0.0, "right", [0.6, -0.4], "page")
+    start = begun(engine, found)
+    model = lagsim.load(MODELS / "rocking-block.yaml").parameter_values
+    for side in (-1, 1):
+        sine, cosine = math.sin(start["th"]), math.cos(start["th"])
+        height = start["y"] + side * model["b"] * sine - model["h"] * cosine
+        assert height >= -1e-6
+
+
+# --- A start value that slides on constraints
+
+
+def test_a_coordinate_that_slides_takes_the_others_on_the_rod():
+    engine = explorer_of(MODELS / "pendulum-cartesian.yaml")
+    # The rod is horizontal: to first order x does not change. The weight pulls down.
+    found = engine.start({}, "x", 0.6)
+    assert found["x"] == pytest.approx(0.6, rel=1e-8)
+    assert found["y"] == pytest.approx(-0.8, rel=1e-8)
+    begun(engine, found)
+    # Beyond the rod it comes as near as it can.
+    beyond = engine.start({}, "x", 2.0)
+    assert beyond["x"] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_velocity_that_slides_takes_the_others_along_the_rod():
+    engine = explorer_of(MODELS / "pendulum-cartesian.yaml")
+    values = {"x": 0.6, "y": -0.8}
+    found = engine.start(values, "x_dot", 2.0)
+    assert found == {"x_dot": pytest.approx(2.0), "y_dot": pytest.approx(1.5)}
+    begun(engine, values | found)
+
+
+def test_a_start_value_without_constraints_slides_alone(file):
+    engine = explorer_of(file)
+    assert engine.start({}, "x", 0.25) == {"x": 0.25}
+    assert unpacked(engine.motion({}, "page"))[0]["held"] is False
+
+
+def test_a_length_that_no_force_depends_on_is_no_angle():
+    engine = explorer_of(MODELS / "cart-pole.yaml")
+    ends = unpacked(engine.motion({}, "page"))[0]["ends"]
+    assert ends["theta"] == pytest.approx([-math.pi, math.pi])
+    assert ends["x"] != pytest.approx([-math.pi, math.pi])
+
+
+def test_a_direction_that_no_force_depends_on_is_an_angle():
+    engine = explorer_of(MODELS / "heavy-top.yaml")
+    ends = unpacked(engine.motion({}, "page"))[0]["ends"]
+    assert ends["phi"] == pytest.approx([-math.pi, math.pi])
+
+
+def test_a_rate_that_only_rounding_changes_has_a_slider_of_its_size():
+    engine = explorer_of(MODELS / "rolling-disk-steady.yaml")
+    low, high = unpacked(engine.motion({}, "page"))[0]["ends"]["phi_dot"]
+    assert (low, high) == pytest.approx((0.0, 3.0))
+
+
+def test_a_number_of_members_counts_from_1_and_may_leave_values_without_a_motion():
+    engine = explorer_of(MODELS / "chain-angles.yaml")
+    [slider] = [x for x in engine.document["sliders"] if x["name"] == "n"]
+    assert slider["whole"]
+    assert slider["low"] == 1.0
+    header, columns = unpacked(engine.motion({"n": 3.0}, "page"))
+    assert "a.4" not in header["values"]
+    assert "a.3" in columns
+
+
+def test_units_are_raised_as_in_print(file):
+    file.write_text(OSCILLATOR.replace("m: 2 #", "m: {value: 2, unit: kg*m^2/m^2} #"))
+    sliders = {x["name"]: x for x in explorer_of(file).document["sliders"]}
+    assert sliders["m"]["unit"] == "kg*m²/m²"
