@@ -216,3 +216,81 @@ def test_equations_are_shown(tab):
         tab.wait("document.querySelectorAll('math').length >= 2")
         high = tab.run("document.querySelector('math').getBoundingClientRect().height")
         assert high > 10
+        # Terms of a sum stand beside each other.
+        terms = tab.run(
+            "[...document.querySelector('math mrow').children]"
+            ".map((x) => x.getBoundingClientRect().left)"
+        )
+        assert len(set(terms)) > 2
+        assert terms == sorted(terms)
+
+
+def input_of(name, value, kind="range"):
+    """Give a script that moves a slider, or types into a field and leaves it."""
+    event = "input" if kind == "range" else "change"
+    return f"""(() => {{
+      const one = document.querySelector("input[type={kind}][name='{name}']");
+      one.focus();
+      one.value = "{value}";
+      one.dispatchEvent(new Event("{event}", {{bubbles: true}}));
+      return 1;
+    }})()"""
+
+
+def test_a_start_value_slides_on_the_constraint_and_is_typed_as_it_is(tab):
+    with served(MODELS / "pendulum-cartesian.yaml") as (_, address):
+        tab.open(address)
+        tab.run("lagsim.advance(0)")
+        tab.run(input_of("x", 0.6))
+        tab.wait("JSON.parse(document.body.dataset.state).x > 0.59")
+        assert math.hypot(tab.state["x"], tab.state["y"]) == pytest.approx(1, rel=1e-9)
+        assert not tab.error
+        before = tab.state
+        tab.run(input_of("x", 0.5, "text"))
+        tab.wait("document.body.dataset.error")
+        assert "rod" in tab.error
+        assert tab.state == before
+        field = "document.querySelector('input[type=text][name=x]')"
+        assert tab.run(f"{field}.getAttribute('aria-invalid')") == "true"
+
+
+def test_graphs_take_the_colours_of_the_theme(tab):
+    def corner():
+        """Give colours of the graph, darkest to lightest."""
+        return tab.run("""(() => {
+          const {width, height} = document.querySelector("#graph");
+          const pen = document.querySelector("#graph").getContext("2d");
+          const {data} = pen.getImageData(0, 0, width, height), found = new Set();
+          for (let k = 0; k < data.length; k += 4)
+            if (data[k + 3] === 255) found.add(data.slice(k, k + 3).join());
+          return [...found].sort();
+        })()""")
+
+    with served(MODELS / "bouncing-ball.yaml") as (_, address):
+        tab.size(1280, 900)
+        tab.open(address)
+        tab.run("lagsim.advance(1)")
+        light = corner()
+        tab.size(1280, 900, dark=True)
+        tab.wait("document.documentElement.dataset.theme === 'dark'")
+        dark = corner()
+        tab.size(1280, 900)
+        tab.wait("document.documentElement.dataset.theme === 'light'")
+        assert set(corner()) == set(light)
+        assert not set(dark) & set(light)
+
+
+def test_a_page_on_a_phone_fits_and_keeps_the_motion_in_sight(tab):
+    with served(MODELS / "bicycle.yaml") as (_, address):
+        tab.size(390, 844)
+        tab.open(address)
+        assert tab.run("document.documentElement.scrollWidth") <= 390
+        # Many sliders are closed at first.
+        assert tab.run("document.documentElement.scrollHeight") < 2400
+        tab.run("document.querySelector('#sliders details').open = true, 1")
+        tab.run("scrollTo(0, 1500), 1")
+        top = tab.run(
+            "document.querySelector('.stage canvas').getBoundingClientRect().top"
+        )
+        assert -1 <= top <= 60
+        tab.size(1280, 900)
