@@ -10,6 +10,7 @@ from lagsim.api import in_python
 from lagsim.api.analysing import Analysis
 from lagsim.api.models import Model, model_of
 from lagsim.outputs.notebook import block, heading, page, picture, table
+from lagsim.outputs.results import Results
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record, record_of
 from lagsim.studies.fit.estimate import LINEAR, LOSSES
@@ -68,7 +69,8 @@ class Fitted(Analysis):
     outcome: str
 
     def __init__(self, fit: Fit, found: Found) -> None:
-        super().__init__(report.document_of(fit, found))
+        document, self._contents = report.files_of(fit, found, {})
+        super().__init__(document)
         self._fit, self._found = fit, found
 
     @property
@@ -92,9 +94,8 @@ class Fitted(Analysis):
         OSError
             If the disk is full; the folder is then left unchanged.
         """
-        contents = report.tables(self._fit, self._found)
-        text = report.written(self._fit, self._found, {})
-        contents[report.name_of(self._fit)] = text.encode()
+        contents = dict(self._contents)
+        Results(Path(folder), report.MANIFEST).keep(report.name_of(self._fit))
         if plots:
             contents["fit.png"] = self._drawn()
         self._write(folder, report.MANIFEST, contents)
@@ -134,6 +135,13 @@ def fit(
     match: Mapping[str, str] | None = None,
     loss: str = LINEAR,
     starts: int = 0,
+    *,
+    values: Mapping[str, float | str] | None = None,
+    duration: float | str | None = None,
+    method: str | None = None,
+    formulation: str | None = None,
+    atol: float | str | None = None,
+    jobs: int | None = None,
 ) -> Fitted:
     """Return the values with which a model explains measured data.
 
@@ -155,6 +163,13 @@ def fit(
         `linear`, or for outliers `soft_l1` or `huber`.
     starts : int
         The number of other starts, within the bounds, beside that of the file.
+    values : mapping of str to float or str, optional
+        Parameters and start values of one file alone: `{"theta@2": 0.3}`; `t0@2` is the
+        difference of its clock.
+    duration, method, formulation, atol
+        Options of the runs, instead of the model's.
+    jobs : int, optional
+        The number of processes, by default one for each core where that saves time.
 
     Returns
     -------
@@ -188,9 +203,17 @@ def fit(
         raise ValueError(f"starts={starts!r:.60}: a whole number from 0 on is expected")
     names = [vary] if isinstance(vary, str) else [*vary]
     tables = data if isinstance(data, (list, tuple)) else [data]
+    asked = {
+        "duration": duration, "method": method, "formulation": formulation,
+        "atol": atol,
+    }  # fmt: skip
+    options = {key: str(x) for key, x in asked.items() if x is not None}
     with in_python():
         records = [_record(one, number) for number, one in enumerate(tables, 1)]
-        study = Fit(model_of(model), records, names, match, loss)
+        study = Fit(
+            model_of(model), records, names, match, loss, options=options,
+            own={name: str(x) for name, x in (values or {}).items()}, jobs=jobs,
+        )  # fmt: skip
         return Fitted(study, study.found(starts))
 
 

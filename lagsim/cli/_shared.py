@@ -268,7 +268,7 @@ def check_replaced(path: Path, model: Model) -> None:
     if there != _named_in(model):
         text = f"--write {path}: this file is no version of {model.file}"
         hint = "give another name, or remove the file"
-        raise unusable("usage", text, hint=hint)
+        raise unusable("exists", text, hint=hint)
 
 
 def _named_in(model: Model) -> list[set[str]]:

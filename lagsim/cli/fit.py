@@ -32,6 +32,7 @@ from lagsim.cli._shared import (
 from lagsim.cli.run import about
 from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
+from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record
@@ -113,6 +114,8 @@ def command(
         read, records, vary or (), matched, loss.value, own=own, options=options,
         jobs=jobs,
     )  # fmt: skip
+    where = folder or Path("results") / read.name / "fit"
+    Results(where, report.MANIFEST).keep(report.name_of(fit))
     for record in fit.records:
         if unused := fit.unused(record):
             text = f"note: {record.name}: not used: {', '.join(unused)}"
@@ -123,11 +126,9 @@ def command(
         found = fit.found(starts, progress)
         for caution in found.cautions:
             complain(f"warning: {caution.text} [{caution.number}]")
-        document = report.document_of(fit, found)
-        text = report.written(fit, found, given).encode()
-        cells = report.tables(fit, found) | {report.name_of(fit): text}
+        document, contents = report.files_of(fit, found, given)
         if write is not None:
-            put_file(write, text)
+            put_file(write, contents[report.name_of(fit)])
 
         def draw() -> bytes:
             from lagsim.studies.fit.chart import chart
@@ -138,11 +139,10 @@ def command(
             return _summary(document, files)
 
         return Measured(
-            document, cells, f"fit.{form.value}", None if no_plots else draw, summary,
-            code=3 if found.outcome == SPENT else 0,
+            document, contents, f"fit.{form.value}", None if no_plots else draw,
+            summary, code=3 if found.outcome == SPENT else 0,
         )  # fmt: skip
 
-    where = folder or Path("results") / read.name / "fit"
     return experiment(
         "fit", measure, where, report.MANIFEST, quiet=quiet, as_json=as_json
     )

@@ -319,7 +319,10 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         commands=("lagsim derive pendulum.yaml -o pendulum.yaml",)),
     MessageRow("E703", "exists",
         "The file exists already.",
-        "`lagsim new NAME` writes NAME.yaml only if this file does not exist.",
+        "`lagsim new NAME` writes NAME.yaml only if this file does not exist. `--write "
+        "FILE` replaces a file only if it is a version of the model, with the same "
+        "parameters, coordinates and states. `lagsim fit` does not replace its own "
+        "NAME-fitted.yaml if this has been changed since.",
         "choose another name",
         commands=("lagsim new pendulum",)),
     MessageRow("E704", "unwritable",

@@ -57,6 +57,9 @@ _OWN = re.compile(
     r"|fit)"
     r"\.(csv|npz|parquet|json|png|svg|pdf|html)"
 )
+# Names of model files that a command writes beside its results. A later run may remove
+# or replace these as long as they are as the manifest has them: users edit such files.
+_FITTED = re.compile(r"[^/\\]+-fitted\.yaml")
 # Seconds between two attempts to lock a folder.
 _GLANCE_SECONDS = 0.02
 
@@ -213,8 +216,33 @@ class Results:
         """Return the names of lagsim's files that the earlier manifest lists."""
         names = self.before().get("files")
         names = names if isinstance(names, list) else []
-        own = {n for n in names if isinstance(n, str) and is_own(n)}
+        own = {
+            name for name in names
+            if isinstance(name, str) and (is_own(name) or self._unchanged(name))
+        }  # fmt: skip
         return own - {self.manifest}
+
+    def _unchanged(self, name: str) -> bool:
+        """Whether a model file is as an earlier command has written it."""
+        digests = self.before().get("digests")
+        if not (isinstance(digests, dict) and _FITTED.fullmatch(name)):
+            return False
+        try:
+            return digests.get(name) == files.digest(self.folder / name)
+        except OSError:
+            return False
+
+    def keep(self, name: str) -> None:
+        """Refuse to replace a model file that has been changed since it was written.
+
+        Raises
+        ------
+        InputError
+        """
+        if (self.folder / name).is_file() and not self._unchanged(name):
+            text = f"{self.folder / name} is not as `lagsim fit` has written it"
+            hint = "rename it to keep it, or give another folder: -o DIR"
+            raise unusable("exists", text, hint=hint)
 
 
 def is_own(name: str) -> bool:

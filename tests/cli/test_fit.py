@@ -64,6 +64,72 @@ def test_json_is_one_document(lagsim, write, data):
     assert "k: 10" in text
 
 
+def test_options_of_runs_and_values_of_one_file(lagsim, write, data):
+    path = write(MODEL.replace("duration: 10", "duration: 1"))
+    options = "--vary", "x", "--set", "x@2=0.5", "--set", "k=10", "--json", "--no-plots"
+    options += "--duration", "10", "--method", "dop853", "--atol", "1e-12"
+    first, second = data("a.csv"), data("b.csv")
+    document = lagsim("fit", path, first, second, *options, code=0, err="").json
+    assert document["data"][1]["values"] == {"x": 0.5}
+    assert "values" not in document["data"][0]
+    assert document["parameters"]["x"]["value"] == pytest.approx(1.2, rel=1e-7)
+    # The data of the second file are 2.4 times the motion from 0.5.
+    assert document["rms"]["x"] > 0.1
+
+
+@pytest.mark.parametrize("name", ["duration", "method", "formulation", "atol", "set"])
+def test_options_of_runs_that_cannot_be_used(lagsim, write, data, name):
+    text = {"duration": "-1", "set": "x@2=1"}.get(name, "none")
+    options = "--vary", "k", f"--{name}", text
+    called = lagsim("fit", write(MODEL), data("a.csv"), *options, code=2, out="")
+    assert name in called.err.lower()
+
+
+def test_a_model_without_duration_needs_the_option(lagsim, write, data):
+    path = write(MODEL.replace("simulation: {duration: 10}\n", ""))
+    options = data("a.csv"), "--vary", "x", "--no-plots", "-q"
+    called = lagsim("fit", path, *options, code=2, out="")
+    assert "--duration" in called.err
+    lagsim("fit", path, *options, "--duration", "10", code=0)
+
+
+def test_files_of_others_are_not_replaced(lagsim, write, data):
+    path, again = write(MODEL), ("--vary", "x", "--no-plots", "-q")
+    other = MODEL.replace("m: 1", "mass: 1").replace("m*", "mass*")
+    Path("other.yaml").write_text(other)
+    Path("thesis.txt").write_text("to keep")
+    for name in ("other.yaml", "thesis.txt"):
+        before = Path(name).read_bytes()
+        options = *again, "--write", name
+        called = lagsim("fit", path, data("a.csv"), *options, code=2, out="")
+        assert "is no version of" in called.err
+        assert "[E703]" in called.err
+        assert Path(name).read_bytes() == before
+        assert not Path("results").exists()
+    lagsim("fit", path, "a.csv", *again, "--write", "mine.yaml", code=0)
+    lagsim("fit", "mine.yaml", "a.csv", *again, "--write", "mine.yaml", code=0)
+    # A fitted file that was changed since is the user's.
+    fitted = Path("results/spring/fit/spring-fitted.yaml")
+    lagsim("fit", path, "a.csv", *again, code=0)
+    fitted.write_text(fitted.read_text() + "# tried\n")
+    called = lagsim("fit", path, "a.csv", *again, code=2, out="")
+    assert "spring-fitted.yaml is not as" in called.err
+    assert fitted.read_text().endswith("# tried\n")
+
+
+def test_the_fitted_file_of_another_model_is_removed(lagsim, write, data):
+    # A folder has the files of one fit; a file that was changed since stays.
+    again = data("a.csv"), "--vary", "x", "--no-plots", "-q", "-o", "out"
+    kept = set()
+    for name in ("one", "two", "three"):
+        lagsim("fit", write(MODEL.replace("spring", name)), *again, code=0)
+        there = {x.name for x in Path("out").glob("*.yaml")}
+        assert there == kept | {f"{name}-fitted.yaml"}
+        if name == "two":
+            Path("out/two-fitted.yaml").write_text("mine")
+            kept.add("two-fitted.yaml")
+
+
 def test_unused_columns_are_named(lagsim, write):
     Path("a.csv").write_text("t,x,room,note\n0,1,20,a\n0.5,0.1,20,b\n1,-0.9,21,c\n")
     options = "--vary", "x", "--no-plots"

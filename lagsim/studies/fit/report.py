@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -108,12 +109,13 @@ def _quantile(fit: Fit, found: Found) -> float:
 
 def _of_record(fit: Fit, number: int) -> dict[str, Any]:
     record, unused = fit.records[number], fit.unused(fit.records[number])
-    return {
+    found = {
         "name": record.name,
         "rows": len(record.times),
         "columns": [x for x in record.columns if x != TIME and x not in unused],
         "unused": unused,
     }
+    return found | ({"values": fit.own[number]} if fit.own[number] else {})
 
 
 def tables(fit: Fit, found: Found) -> dict[str, bytes]:
@@ -150,6 +152,19 @@ def written(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
     known = model.parameter_values | {x.name: x.value for x in model.initial}
     fixed = {name: known[name] for name in given if name in known}
     return model.stated.rewritten(fixed | values)
+
+
+def files_of(
+    fit: Fit, found: Found, given: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the content of fit.json, and all files but it and the picture.
+
+    given : see `written`.
+    """
+    text = written(fit, found, given).encode()
+    digests = {name_of(fit): hashlib.sha256(text).hexdigest()}
+    document = document_of(fit, found) | {"digests": digests}
+    return document, tables(fit, found) | {name_of(fit): text}
 
 
 def name_of(fit: Fit) -> str:
