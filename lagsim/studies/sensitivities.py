@@ -86,6 +86,10 @@ ROUNDING, FALLS = 12.0, 1.5
 # Differences of rounding errors alone deviate from the next lower order by more than
 # this part of their size: 0.09 times, by the norms of the weights.
 NOISE = 0.01
+# Factor by which a motion may amplify rounding errors that are to be recognised, and
+# the ratio of deviations of successive orders above which these are rounding: 0.7 and
+# 0.6 by the norms of the weights.
+AMPLIFIED, SLOWLY = 100.0, 0.3
 # Relative error that all runs have in common, which no difference of them shows.
 COMMON = 10.0 * RTOL
 # Kinds of events at which rates jump.
@@ -223,8 +227,11 @@ def _judged(
     e1, e2, e3 = (np.max(x[kept], axis=0, initial=0.0) for x in (first, second, third))
     falls = np.minimum(1.0, np.divide(e2, e3, out=np.ones_like(e2), where=e3 > 0.0))
     beyond = np.maximum(0.0, e1 - FALLS * e2 * falls)
-    # Differences that are rounding have a relative error of no meaning.
-    size = np.where((scale > floor) | (e1 < NOISE * scale), scale, np.inf)
+    # Differences that are rounding have a relative error of no meaning. A motion with
+    # many impacts amplifies it; differences of two orders then fall slowly.
+    slow = (e1 > SLOWLY * e2) & (e2 > SLOWLY * e3)
+    noise = (scale <= floor) | (slow & (scale <= AMPLIFIED * floor))
+    size = np.where(noise & (e1 >= NOISE * scale), np.inf, scale)
     values = np.where(lost[:, np.newaxis], np.nan, best)
     return _Difference(values, lost, e1 * falls / size, ROUNDING * beyond / size)
 

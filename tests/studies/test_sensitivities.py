@@ -322,3 +322,14 @@ def test_impacts_of_equal_masses_do_not_depend_on_the_mass():
     assert not found.lost.any()
     assert found.runs == 8
     assert found.error < 1e-9
+
+
+@pytest.mark.slow
+def test_an_accumulation_amplifies_rounding_that_is_no_dependence():
+    """The inertia of the block is proportional to its mass: no motion depends on m."""
+    model = read((MODELS / "rocking-block.yaml").read_text(), "<model>")
+    found = Sensitivities(model, times=np.arange(0.0, 10.0, 0.02)).by("m")
+    kept = found.values[~found.lost]
+    assert len(kept) > 0.99 * len(found.values)
+    assert np.max(np.abs(kept)) < 1e-7
+    assert found.error < 1e-9
