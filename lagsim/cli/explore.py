@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import gc
 import webbrowser
+from pathlib import Path
 
 import typer
 
 from lagsim.cli._faults import text_of
-from lagsim.cli._shared import SETS, assignments, complain, flag, numbers, option, put
+from lagsim.cli._shared import (
+    SETS,
+    assignments,
+    complain,
+    flag,
+    numbers,
+    option,
+    put,
+    put_file,
+)
 from lagsim.errors import Problems, unusable
 from lagsim.model.loading import STANDARD_INPUT
 
@@ -22,6 +32,12 @@ def command(
         "Default: all plain parameters and all start values.",
         "--vary",
     ),
+    output: Path | None = option(
+        "FILE.html",
+        "Write the page to a file, which computes motions itself, and end.",
+        "-o",
+        "--output",
+    ),
     port: int = typer.Option(0, "--port", min=0, max=65535, help="0: a free one."),
     no_browser: bool = flag("--no-browser", "Print the address, open no browser."),
 ) -> int:  # fmt: skip
@@ -29,6 +45,8 @@ def command(
     from lagsim.studies.explore.explorer import Explorer
     from lagsim.studies.explore.server import HOST, Server
 
+    if output is not None:
+        return _written(model, sets, vary, output)
     if model == STANDARD_INPUT:
         text = "explore needs a file, which it reads again when it has been saved"
         raise unusable("usage", text)
@@ -50,6 +68,29 @@ def command(
         server.serve()
     except KeyboardInterrupt:
         server.end()
+    return 0
+
+
+def _written(
+    model: str, sets: list[str] | None, vary: list[str] | None, output: Path
+) -> int:
+    """Write the page to a file; return the exit code."""
+    from lagsim.studies.explore.explorer import Explorer
+    from lagsim.studies.explore.file import page_in_a_file
+
+    why = ""
+    if output.is_dir():
+        why = "it is a folder"
+    elif not output.parent.is_dir():
+        why = "there is no such folder"
+    elif output.resolve() == Path(model).resolve():
+        why = "it is the model"
+    if why:
+        raise unusable("output-file", f"{output} cannot be written: {why}")
+    explorer = Explorer(model, assignments(sets), _ranges(vary), text_of)
+    content = page_in_a_file(explorer)
+    put_file(output.resolve() if output.is_file() else output, content)
+    put(lambda: print(f"{explorer.model.name}: {output}, {len(content) / 1000:.0f} kB"))
     return 0
 
 

@@ -102,6 +102,7 @@ ErrorCode = Literal[
     "not-constant",
     "not-finite",
     "not-homogeneous",
+    "not-in-a-file",
     "not-json",
     "not-of-time",
     "not-one-sided",

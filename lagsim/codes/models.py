@@ -653,4 +653,12 @@ definitions:
         "put fewer velocities into one product or square of the energies, fewer "
         "factors into one product, and fewer coordinates into each constraint",
         commands=()),
+    MessageRow("E410", "not-in-a-file",
+        "A page in one file cannot compute this model.",
+        "The page of `lagsim explore -o` integrates one set of equations in one arc: "
+        "it has no events, switches, contacts, limits, tables, `until` or "
+        "`begin: rest`, and one method serves the whole run.",
+        "`lagsim explore` without -o shows this model, by a server on this machine",
+        "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
+        ("lagsim explore pendulum.yaml -o page.html",)),
 )  # fmt: skip

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
+    from lagsim.language.parser import Parsed
     from lagsim.language.tables import Data
     from lagsim.model.nodes import Scalar
 
@@ -432,6 +433,25 @@ class Mismatch(NamedTuple):
     text: str
 
 
+class NumberPlaces(NamedTuple):
+    """Places of numbers in the text of a model file.
+
+    Attributes
+    ----------
+    text : str
+    spans : dict of str to (int, int)
+        Begin and end of the number of each parameter and start value in the text. A
+        number that members of a family share has one place.
+    added : (int, str) or None
+        Where further start values are written, and the text that separates them; None
+        if the file has no start value.
+    """
+
+    text: str
+    spans: Mapping[str, tuple[int, int]]
+    added: tuple[int, str] | None
+
+
 class Stated(Protocol):
     """Expressions of a model file, re-evaluated for other values: see `reader.File`."""
 
@@ -473,6 +493,15 @@ class Stated(Protocol):
         ------
         InputError
             If values of a family cannot be written where the file has one number.
+        """
+
+    def places(self) -> NumberPlaces:
+        """Return where the file has the numbers of its names."""
+
+    def formulas(self) -> Mapping[str, Parsed]:
+        """Return the expressions of parameters, start values and settings, by name.
+
+        Those of settings have names such as `simulation.duration`.
         """
 
     def structural(self) -> Collection[str]:

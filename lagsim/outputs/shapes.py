@@ -81,7 +81,7 @@ class Body(NamedTuple):
         return placed + self.at[rows][:, np.newaxis]
 
 
-def _moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
+def moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
     """Return the names of columns on which nodes depend."""
     fixed = {p.name for p in model.parameters} - model.modes | {CURVE}
     return model.graph.depends(nodes) - fixed
@@ -89,7 +89,7 @@ def _moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
 
 def needed(model: Model) -> frozenset[str]:
     """Return the names of columns on which the shapes depend."""
-    return _moving(model, [n for shape in model.scene.shapes for n in shape.nodes])
+    return moving(model, [n for shape in model.scene.shapes for n in shape.nodes])
 
 
 def words(model: Model) -> int:
@@ -97,7 +97,7 @@ def words(model: Model) -> int:
     d, found = model.scene.dimension, 0
     for shape in model.scene.shapes:
         found += d * (bool(shape.at) + d * bool(shape.axes))
-        if _moving(model, [n for corner in shape.corners for n in corner]):
+        if moving(model, [n for corner in shape.corners for n in corner]):
             found += d * max(2, len(shape.corners), CHANGING * (shape.kind == "curve"))
     return found
 
@@ -108,6 +108,25 @@ def string_lengths(model: Model) -> list[float | None]:
     return [
         None if x is None else evaluate(g, [x.node], values)[0]
         for x in model.scene.lengths
+    ]
+
+
+def mesh_parts(shape: Shape, d: int) -> list[Floats]:
+    """Return the corners (n, d) of a body for each of its sizes at 1, others at 0.
+
+    The corners in the axes of the body are linear in its sizes.
+
+    Parameters
+    ----------
+    shape : Shape
+        Without corners of its own.
+    d : int
+        Number of components.
+    """
+    turns = bool(shape.axes)
+    return [
+        _mesh(shape.kind, own.tolist(), turns=turns, d=d)[0]
+        for own in np.eye(len(shape.sizes))
     ]
 
 
@@ -133,7 +152,7 @@ def _body(
     model: Model, shape: Shape, values: Mapping[str, float | Floats], count: int
 ) -> Body:
     g, d, kind = model.graph, model.scene.dimension, shape.kind
-    moves = bool(_moving(model, shape.nodes))
+    moves = bool(moving(model, shape.nodes))
     count = count if moves else 1
     values = {
         k: x[:count] if isinstance(x, np.ndarray) else x for k, x in values.items()
@@ -148,7 +167,7 @@ def _body(
         mesh = _mesh(kind, sizes, turns=own > 0, d=d)
         radius = sizes[0] if kind == "sphere" else 0.0
         return Body(shape, at, axes, mesh[0][np.newaxis], *mesh[1:], moves, radius)
-    changes = _moving(model, [n for corner in shape.corners for n in corner])
+    changes = moving(model, [n for corner in shape.corners for n in corner])
     rows = count if changes else 1
     known = {k: x[:rows] if isinstance(x, np.ndarray) else x for k, x in values.items()}
     if kind == "curve":

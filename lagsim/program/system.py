@@ -419,6 +419,13 @@ class System:
         """Return the index in p of the parameter or mode `name`."""
         return self._layout_of[name]
 
+    def length_words(self, k: int) -> list[int]:
+        """Return the indices in p of the length of constraint row k."""
+        words = [self.place(f"length.{self.equations.rows[k].name}")]
+        if self.has_loops:
+            words += [self.p.place(name) + k for name in ("lengths", "usual_lengths")]
+        return words
+
     def link(self, name: str) -> Runner:
         """Return the runner of the method `name`, linked at the first call only."""
         if name not in self._runners:

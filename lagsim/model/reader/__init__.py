@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from lagsim import limits
 from lagsim.errors import InputError, unseen, unusable
 from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
 from lagsim.model.loading import STDIN, TEXT, load, text_of
 from lagsim.model.model import (
     APPROACH_SPEED,
@@ -65,8 +66,9 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from collections.abc import Mapping as MappingType
 
+    from lagsim.language.parser import Parsed
     from lagsim.model.expansion import Expansion
-    from lagsim.model.model import Mismatch, Settings, Table
+    from lagsim.model.model import Mismatch, NumberPlaces, Settings, Table
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
@@ -409,6 +411,26 @@ class File:
             model, parameters=numbers, constraints=laws, initial=starts, events=events,
             stated=new,
         )  # fmt: skip
+
+    def formulas(self) -> dict[str, Parsed]:
+        """Return the expressions of all numbers, see `Stated`."""
+        x = self.x.over(Faults(self.file), {})
+        parameters = values.ParameterReader(x, self.instead)
+        parameters.read(self.parameters, self.modes)
+        starts = values.Initial(x, self.starting)
+        starts.read(self.initial, self.root)
+        found = {**parameters.formulas, **starts.formulas}
+        for key in runs.NUMBERS:
+            read = x.text(self.simulation.value(key), f"`{key}`", parse)
+            if read is not None:
+                found[f"simulation.{key}"] = read[1]
+        return found
+
+    def places(self) -> NumberPlaces:
+        """Return where the file has the numbers of its names, see `Stated`."""
+        from lagsim.model.reader.rewriting import places
+
+        return places(self.node)
 
     def compiled(self, text: str, option: str) -> int:
         """Return the node of an expression of a row's quantities, see `Stated`."""

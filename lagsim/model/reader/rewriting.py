@@ -6,6 +6,7 @@ import itertools
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from lagsim.language.names import in_file
+from lagsim.model.model import NumberPlaces
 from lagsim.model.nodes import Mapping, Scalar, entries_of
 
 if TYPE_CHECKING:
@@ -35,20 +36,13 @@ def rewritten(root: Node, values: MappingType[str, float]) -> Iterator[str]:
     values : mapping of str to float
         Parameters and start values, by names with dots for members.
     """
-    spans: dict[str, Span] = {}
-    text = ""
-    for section, below in entries_of(root):
-        for key, value in entries_of(below) if section.text in SECTIONS else ():
-            scalar = _number(value)
-            if scalar is not None and scalar.style != "=":
-                spans[key.text] = scalar.start, scalar.end
-                text = scalar.source.text
+    text, spans, _ = places(root)
     shared: dict[Span, list[str]] = {}
     for name, span in spans.items():
         shared.setdefault(span, []).append(name)
     changed = {span: names for span, names in shared.items() if values.keys() & names}
     more = {name: x for name, x in values.items() if name not in spans}
-    added = dict(_added(root, text, more)) if more else {}
+    added = dict(_added(root, more)) if more else {}
     for before, after in itertools.product((0, 1), repeat=2):
         edits, found = dict(added), text
         for span, own in changed.items():
@@ -59,17 +53,35 @@ def rewritten(root: Node, values: MappingType[str, float]) -> Iterator[str]:
         yield found
 
 
-def _added(
-    root: Node, text: str, values: MappingType[str, float]
-) -> Iterator[tuple[Span, str]]:
-    """Yield the place of the first start value, with the text of others before it."""
+def places(root: Node) -> NumberPlaces:
+    """Return where a file has the numbers of its names.
+
+    Parameters
+    ----------
+    root : Node
+        The file, with families written out by members.
+    """
+    spans: dict[str, Span] = {}
+    text, added = "", None
     for section, below in entries_of(root):
+        for key, value in entries_of(below) if section.text in SECTIONS else ():
+            scalar = _number(value)
+            if scalar is not None and scalar.style != "=":
+                spans[key.text] = scalar.start, scalar.end
+                text = scalar.source.text
         for key, _ in entries_of(below)[:1] if section.text == "initial" else ():
-            line = text[: key.start].rpartition("\n")[2]
-            between = ", " if line.strip() else f"\n{line}"
-            more = (f"{in_file(name)}: {_shown(x)}" for name, x in values.items())
-            added = "".join(f"{one}{between}" for one in more)
-            yield (key.start, key.start), added
+            line = key.source.text[: key.start].rpartition("\n")[2]
+            added = key.start, ", " if line.strip() else f"\n{line}"
+    return NumberPlaces(text, spans, added)
+
+
+def _added(root: Node, values: MappingType[str, float]) -> Iterator[tuple[Span, str]]:
+    """Yield the place of the first start value, with the text of others before it."""
+    place = places(root).added
+    if place is not None:
+        at, between = place
+        more = (f"{in_file(name)}: {_shown(x)}" for name, x in values.items())
+        yield (at, at), "".join(f"{one}{between}" for one in more)
 
 
 def _number(node: Node) -> Scalar | None:

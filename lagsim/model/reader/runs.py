@@ -74,6 +74,7 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 10**8
 # Keys of one time.
+NUMBERS = ("start", "duration", "end", "output_step", "rtol", "atol", "step", "gain")
 TIMES = ("duration", "end", "output_step", "step")
 # Option of sweeps, no key of files: the time from which on measures count rows.
 FROM = "from"

@@ -234,12 +234,13 @@ class _Numbers:
     """Reader of numbers whose expressions may use the numbers read before.
 
     `instead`: expressions used instead of the file's, by name; `known` has value and
-    rounding error of each sound number.
+    rounding error of each sound number, `formulas` the expression of each.
     """
 
     def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:
         self.x = x
         self.known = x.known
+        self.formulas: dict[str, Parsed] = {}
         self._unfolded = Unfolded()
         self._instead = {
             name: argument(f"{SET}{name}=", text) for name, text in instead.items()
@@ -287,6 +288,7 @@ class ParameterReader(_Numbers):
             below.discard(name)
             if read is not None:
                 _, parsed, value = read
+                self.formulas[name] = parsed
                 follows = any(used.text in self.known for used in parsed.names)
                 mode = kind is NameKind.MODE
                 (self.x.modes if mode else self.known)[name] = value
@@ -444,7 +446,7 @@ class Initial(_Numbers):
         read = self._read(expression, what, self._rule, wanted=sound)
         if read is None:
             return None
-        scalar, _, value = read
+        scalar, self.formulas[name], value = read
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{in_file(name)}: {scalar.text}`, and guess coordinates"

@@ -82,6 +82,23 @@ class Push(NamedTuple):
     force: Floats
 
 
+class Carried(NamedTuple):
+    """A constraint row, and the points on which its force acts.
+
+    Attributes
+    ----------
+    constraint, multiplier : str
+    row : mapping of int to int
+        Index of a coordinate -> node of the row.
+    points : tuple of str
+    """
+
+    constraint: str
+    multiplier: str
+    row: Mapping[int, int]
+    points: tuple[str, ...]
+
+
 class Film(NamedTuple):
     """The motion of a scene, frame by frame.
 
@@ -327,6 +344,10 @@ class Carriers:
         The points at which each constraint acts, if known.
     pushes : list of Push
         The forces that are not always 0, friction included.
+    carried : list of Carried
+        The rows whose forces on some points are unique.
+    jacobians : dict of str to list of dict
+        dr/dq of the points that depend on q, a mapping for each component.
     """
 
     def __init__(
@@ -341,13 +362,16 @@ class Carriers:
         self._dimension = scene.dimension
         rows = [(x.name, MULTIPLIER.of(x.name), x.A.entries) for x in equations.rows]
         rows += [(x.name, x.multiplier, x.row.A.entries) for x in equations.laws]
-        self._jacobians = self._moving() if rows else {}
+        self.jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
+        self.carried: list[Carried] = []
         found: dict[tuple[str, str], Floats] = {}
         for constraint, multiplier, A in rows:
             points, unique = self._carrier(A)
             if points:
                 self.struck.setdefault(constraint, points)
+            if unique:
+                self.carried.append(Carried(constraint, multiplier, A, points))
             if unique and len(found) < MOST_PUSHES:
                 for point, force in self._shares(A, multiplier, points):
                     key = constraint, point
@@ -381,7 +405,7 @@ class Carriers:
         some = slice(0, None, step)
         several: tuple[str, ...] = ()
         for points in self._candidates():
-            reached = {j for p in points for part in self._jacobians[p] for j in part}
+            reached = {j for p in points for part in self.jacobians[p] for j in part}
             if not A or not A.keys() <= reached:
                 continue
             _, holds, unique = self._forces(A, points, some)
@@ -392,7 +416,7 @@ class Carriers:
         return several, False
 
     def _candidates(self) -> Iterator[tuple[str, ...]]:
-        known = self._jacobians
+        known = self.jacobians
         yield from ((name,) for name in known)
         linked = [pair for pair in self._scene.links if set(pair) <= known.keys()]
         yield from linked
@@ -412,7 +436,7 @@ class Carriers:
         holds, unique : ndarray of bool, shape (k,)
             Whether f solves the equation, and whether it is unique.
         """
-        parts = [part for p in points for part in self._jacobians[p] if part]
+        parts = [part for p in points for part in self.jacobians[p] if part]
         columns = sorted({j for part in parts for j in part})
         zero = self._e.graph.zero
         nodes = [part.get(j, zero) for part in parts for j in columns]
@@ -454,7 +478,7 @@ class Carriers:
         varying = iter(force)
         for point in points:
             here = np.zeros((self._count, self._dimension))
-            for k, part in enumerate(self._jacobians[point]):
+            for k, part in enumerate(self.jacobians[point]):
                 if part:
                     here[:, k] = next(varying)
             yield point, here

@@ -1,6 +1,6 @@
 // The page that explores: values, graphs, and what a script may ask of it.
 
-const engine = new Live();
+const engine = new Engine();
 // What the file says of itself; the motion that is shown; the values that differ from
 // the file's, as texts; the exact state at a time of this motion.
 let model = null, motion = null, settings = {}, exact = null, version = 0;

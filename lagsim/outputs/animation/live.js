@@ -3,7 +3,7 @@
 const BASE = location.pathname.replace(/[^/]*$/, "");
 const PAGE = Array.from(crypto.getRandomValues(new Uint8Array(12)), (x) => x.toString(16).padStart(2, "0")).join("");
 
-class Live {
+class Engine {
   async ask(path, body) {
     let answer;
     try {

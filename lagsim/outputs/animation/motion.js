@@ -1,6 +1,8 @@
 // What moves: a run's data unpacked, and where everything is at a time.
 
 function unpacked(text, Kind) {
+  // Of a page that computes its motions.
+  if (typeof text !== "string") return text;
   const bytes = atob(text);
   const array = new Uint8Array(bytes.length);
   for (let i = 0; i < bytes.length; i++) array[i] = bytes.charCodeAt(i);

@@ -5,11 +5,15 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from typing import Any
 
 from lagsim.outputs.animation import COMMON, filled, part
+from lagsim.outputs.manifest import encode
 
 # In this order: each script uses the ones before it.
 LIVE = (*COMMON, "live.js", "explore.js")
+HELD = (*COMMON, "file.js", "explore.js")
+WORKER = ("numbers.js", "start.js", "film.js", "worker.js")
 _SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 
@@ -27,12 +31,52 @@ def explorer(title: str) -> bytes:
     )  # fmt: skip
 
 
+def holding(about: dict[str, Any], content: str, module: str, mathml: str) -> bytes:
+    """Return the HTML page of a model that computes its motions itself.
+
+    Parameters
+    ----------
+    about : dict
+        The model as the page shows it: name, description, sliders.
+    content, module, mathml : str
+        Data of the page's worker, the WebAssembly module of the run, and the equations:
+        compressed, in base64.
+    """
+    text = encode(about).decode().replace("<", "\\u003c")
+    worker = "\n".join(['"use strict";', *map(part, WORKER)])
+    data = "".join(
+        f'<script type="{kind}" id="{name}">{given}</script>\n'
+        for name, kind, given in (
+            ("model", "application/json", text),
+            ("content", "text/plain", content),
+            ("module", "text/plain", module),
+            ("mathml", "text/plain", mathml),
+            ("worker", "text/plain", worker),
+        )
+    )
+
+    def page(script: str) -> bytes:
+        return filled(
+            str(about["name"]), kind="explore", scripts=HELD, data=data,
+            more=part("explore.html"), styles=("page.css", "explore.css"),
+            policy=f"default-src 'none'; script-src {script} 'wasm-unsafe-eval'; "
+            "worker-src blob:; style-src 'unsafe-inline'; img-src data:; "
+            "base-uri 'none'; form-action 'none'",
+        )  # fmt: skip
+
+    return page(_digest(page("")))
+
+
+def _digest(page: bytes) -> str:
+    """Return the source expression of the script of a page."""
+    [script] = _SCRIPT.findall(page)
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
+
+
 def policy(page: bytes) -> str:
     """Return the Content-Security-Policy of a page: its own script and server alone."""
-    [script] = _SCRIPT.findall(page)
-    digest = base64.b64encode(hashlib.sha256(script).digest()).decode()
     return (
-        f"default-src 'none'; script-src 'sha256-{digest}'; "
+        f"default-src 'none'; script-src {_digest(page)}; "
         "style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )

@@ -277,7 +277,7 @@ class Explorer:
                 "columns": list(table),
                 "units": {name: raised(unit) for name, unit in about.items()},
                 "state": self._state_names(session),
-                "ends": self._ends(session, columns),
+                "ends": self.ends(session, columns),
                 "values": _values_of(session),
                 "held": not ConstrainedStart(session.case).is_free,
                 "error": self._ended(ended.outcome, ended.reason),
@@ -400,13 +400,23 @@ class Explorer:
             found[name] = text
         return found
 
+    @property
+    def session(self) -> Session:
+        """The session of the values of the file."""
+        return self._session({})
+
+    @property
+    def overridden(self) -> list[str]:
+        """The names with values of `--set`."""
+        return list(self._overrides)
+
     def _session(self, values: Values) -> Session:
         return self._forms.session(self._texts(values))
 
     def _state_names(self, session: Session) -> list[str]:
         return ["t", *session.equations.state]
 
-    def _ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
+    def ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
         """Return the ends of the sliders by name, those of start values by a motion."""
         if not self._around:
             angles = _angles(session)

@@ -1,0 +1,49 @@
+// The engine of a page that holds its model: motions by a worker of the page.
+
+class Engine {
+  constructor() {
+    this.page = JSON.parse($("model").textContent);
+    this.open = new Map();
+    this.count = 0;
+    const source = URL.createObjectURL(new Blob([$("worker").textContent], {type: "text/javascript"}));
+    this.worker = new Worker(source);
+    this.worker.onmessage = ({data: {id, found, error}}) => {
+      const {done, failed} = this.open.get(id);
+      this.open.delete(id);
+      if (error) failed(new Error(error)); else done(found ?? null);
+    };
+    this.worker.onerror = (event) => {
+      for (const {failed} of this.open.values()) failed(new Error(event.message || "this browser runs no WebAssembly in a worker"));
+      this.open.clear();
+    };
+    this.ready = this.ask("open", {model: $("content").textContent, module: $("module").textContent});
+    this.ready.catch(() => {});
+  }
+
+  ask(kind, given) {
+    return new Promise((done, failed) => {
+      const id = ++this.count;
+      this.open.set(id, {done, failed});
+      this.worker.postMessage({id, kind, ...given});
+    });
+  }
+
+  async model() { await this.ready; return this.page; }
+
+  async equations() {
+    const bytes = Uint8Array.from(atob($("mathml").textContent), (c) => c.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
+  }
+
+  // A motion. Null: a later one has taken its place.
+  motion(values) { return this.ask("motion", {values}); }
+
+  state(values, t) { return this.ask("state", {values, t}); }
+
+  drag(values, t, point, target) { return this.ask("drag", {values, t, point, target}); }
+
+  file(values) { return this.ask("file", {values}); }
+
+  // A page that holds its model sees no other.
+  watch() {}
+}
