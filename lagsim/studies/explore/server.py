@@ -11,6 +11,7 @@ numbers and expressions alone, which are parsed as `--set` parses them.
 from __future__ import annotations
 
 import hmac
+import io
 import json
 import math
 import secrets
@@ -36,6 +37,9 @@ HOST = "127.0.0.1"
 # Bytes of a request's body, bytes of random secret, seconds for a request to arrive,
 # open connections.
 MOST_BYTES, SECRET_BYTES, PATIENCE, MOST_CONNECTIONS = 1 << 16, 24, 20.0, 64
+# Bytes and seconds of a refused request that are read, so that its sender, who may
+# still be sending, receives the answer.
+MOST_IGNORED, LINGERING = 1 << 26, 2.0
 # Seconds between looks at the file, between signs of life to pages, and from the close
 # of the last page to the end of the server.
 LOOK, SIGN, LINGER = 0.25, 1.0, 60.0
@@ -171,6 +175,41 @@ class Server(ThreadingHTTPServer):
             return self._news
 
 
+class _Reader(io.RawIOBase):
+    """What arrives on a connection until a time.
+
+    The timeout of a socket counts from each byte anew: a sender of a byte now and then
+    would never end.
+
+    Parameters
+    ----------
+    connection : socket
+
+    Attributes
+    ----------
+    until : float
+        Time, by the monotonic clock, after which reading raises TimeoutError.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection, self.until = connection, math.inf
+
+    def readable(self) -> bool:
+        """Whether it can be read: always."""
+        return True
+
+    def readinto(self, room: Any) -> int:
+        """Read some bytes, and return their number."""
+        left = self.until - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        self._connection.settimeout(left)
+        try:
+            return self._connection.recv_into(room)
+        finally:
+            self._connection.settimeout(PATIENCE)
+
+
 class Handler(BaseHTTPRequestHandler):
     """Answers to the requests of a page."""
 
@@ -178,6 +217,17 @@ class Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "lagsim", ""
     timeout = PATIENCE
     server: Server
+
+    def setup(self) -> None:
+        """Begin a connection."""
+        super().setup()
+        self._reader = _Reader(self.connection)
+        self.rfile = io.BufferedReader(self._reader)
+
+    def handle_one_request(self) -> None:
+        """Answer a request, which must arrive within PATIENCE seconds."""
+        self._reader.until = time.monotonic() + PATIENCE
+        super().handle_one_request()
 
     def do_GET(self) -> None:
         """Answer a request for the page, its news or the equations."""
@@ -205,6 +255,7 @@ class Handler(BaseHTTPRequestHandler):
             # The body, if there is one, was not read: the connection cannot go on.
             self.close_connection = True
             self._send(refused.status.phrase.encode(), "text/plain", refused.status)
+            self._ignore()
         except SupersededError:
             self._send_json({"superseded": True})
         except LagsimError as error:
@@ -235,7 +286,11 @@ class Handler(BaseHTTPRequestHandler):
         RefusedError
             If there is none, or it is too large.
         """
-        length = self.headers.get("Content-Length", "")
+        # Two lengths, or a length and pieces, could hide a second request in a body.
+        lengths = self.headers.get_all("Content-Length", [])
+        if "Transfer-Encoding" in self.headers or len(lengths) != 1:
+            raise RefusedError(HTTPStatus.LENGTH_REQUIRED)
+        [length] = lengths
         if not (length.isascii() and length.isdigit()):
             raise RefusedError(HTTPStatus.LENGTH_REQUIRED)
         if len(length) > 12 or int(length) > MOST_BYTES:
@@ -322,6 +377,18 @@ class Handler(BaseHTTPRequestHandler):
                         break
         finally:
             server.closed()
+
+    def _ignore(self) -> None:
+        """Read what a refused request still sends, within limits."""
+        end, count = time.monotonic() + LINGERING, 0
+        with suppress(OSError):
+            self.connection.shutdown(socket.SHUT_WR)
+            while count < MOST_IGNORED and (left := end - time.monotonic()) > 0.0:
+                self.connection.settimeout(left)
+                new = len(self.connection.recv(MOST_BYTES))
+                if not new:
+                    break
+                count += new
 
     def _send_json(self, document: dict[str, Any]) -> None:
         self._send(encode(document), JSON)

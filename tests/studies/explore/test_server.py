@@ -196,6 +196,8 @@ def test_a_target_is_two_or_three_numbers(server, target):
         ({"Content-Length": "9" * 30}, 413),
         ({"Content-Length": "-1"}, 411),
         ({"Content-Length": "1e3"}, 411),
+        ({"Content-Length": "2\r\nContent-Length: 3"}, 411),
+        ({"Transfer-Encoding": "chunked"}, 411),
         ({"Content-Length": "\u00b2"}, 411),
         ({"Content-Type": "text/plain"}, 415),
         ({"Content-Type": "application/x-www-form-urlencoded"}, 415),
@@ -232,6 +234,97 @@ def test_what_is_no_request_is_answered_by_an_error_without_text(server, content
             pass
     assert b"oscillator" not in answer
     assert lives(server)
+
+
+def sent(server, *pieces, wait=0.0):
+    """Give the answer to bytes that are sent piece by piece."""
+    with socket.create_connection(server.server_address, timeout=20 * PATIENCE) as line:
+        answer = b""
+        try:
+            for piece in pieces:
+                line.sendall(piece)
+                time.sleep(wait)
+            line.shutdown(socket.SHUT_WR)
+            while new := line.recv(1 << 16):
+                answer += new
+        except OSError:
+            pass
+    return answer
+
+
+def head(server, line, *headers):
+    host = f"Host: {HOST}:{server.server_address[1]}"
+    lines = (line.replace("SECRET", server.secret), host, *headers, "", "")
+    return "\r\n".join(lines).encode("latin-1", "replace")
+
+
+def test_who_sends_ten_megabytes_is_told_that_it_is_too_much(server):
+    given = "Content-Type: application/json", f"Content-Length: {10**7}"
+    start = head(server, "POST /SECRET/motion HTTP/1.1", *given)
+    assert sent(server, start, b"1" * 10**7).startswith(b"HTTP/1.1 413 ")
+    assert lives(server)
+
+
+@pytest.mark.parametrize(
+    ("line", "headers", "status"),
+    [
+        ("GET /SECRET/model HTTP/1.1", [f"X-{k}: y" for k in range(500)], 431),
+        ("GET /SECRET/model HTTP/1.1", ["X: " + "y" * 70000], 431),
+        ("GET /SECRET/model HTTP/1.1", ["Host: evil.example"], 421),
+        ("GET /SECRET/\0model HTTP/1.1", [], 404),
+        ("GET /SECRET/../model HTTP/1.1", [], 404),
+        ("GET /SECRET/..\\..\\model HTTP/1.1", [], 404),
+        ("GET /../SECRET/model HTTP/1.1", [], 403),
+        ("GET /\u00e9\u00fc/model HTTP/1.1", [], 403),
+        ("GET http://evil.example/SECRET/model HTTP/1.1", [], 403),
+        ("OPTIONS /SECRET/motion HTTP/1.1", ["Origin: http://evil.example"], 501),
+        ("PUT /SECRET/model HTTP/1.1", [], 501),
+    ],
+)
+def test_odd_requests_are_refused(server, line, headers, status):
+    answer = sent(server, head(server, line, *headers))
+    assert answer.startswith(f"HTTP/1.1 {status} ".encode())
+    assert b"oscillator" not in answer
+    assert b"Access-Control" not in answer
+    assert lives(server)
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "0.0.0.0", "[::1]", "127.0.0.1.nip.io", "localhost.", ""]
+)
+def test_a_name_that_was_changed_to_this_machine_is_refused(server, host):
+    # DNS rebinding: the browser connects here for a page of another name.
+    name = f"{host}:{server.server_address[1]}"
+    headers = {"Host": name, "Origin": f"http://{name}"}
+    status, _, content = asked(server, "POST", "motion", {"values": {}}, headers)
+    assert status == 421
+    assert b"oscillator" not in content
+
+
+def test_who_sends_a_byte_now_and_then_is_cut_off(server, monkeypatch):
+    monkeypatch.setattr(serving, "PATIENCE", 0.3)
+    start = head(server, "GET /SECRET/model HTTP/1.1")
+    began = time.monotonic()
+    pieces = [start[k : k + 1] for k in range(len(start) - 2)]
+    assert sent(server, *pieces, wait=0.05) == b""
+    assert time.monotonic() - began < 0.05 * len(pieces)
+    given = "Content-Type: application/json", "Content-Length: 40"
+    start = head(server, "POST /SECRET/motion HTTP/1.1", *given)
+    assert sent(server, start, *[b" "] * 20, wait=0.05) == b""
+
+
+@pytest.mark.parametrize(
+    "text", ["\ud800", "\0", "\u202e1", "\uff11", "2\u00b2", "\U0001f642", "1 # c",
+             "{a: 1}", "!!python/object/apply:os.system [ls]", "9**9**9", "lambda: 1"]
+)  # fmt: skip
+def test_text_that_is_no_expression_is_refused_with_a_place(server, text):
+    for place in ("motion", "file"):
+        status, _, content = asked(server, "POST", place, {"values": {"k": text}})
+        assert status == 200
+        assert "^" in json.loads(content)["error"]
+    for name in (text, "__class__", "simulation.duration"):
+        _, _, content = asked(server, "POST", "motion", {"values": {name: 1.5}})
+        assert json.loads(content)["error"]
 
 
 def test_two_hosts_are_refused(server):
