@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
-    from lagsim.model.model import FirstOrderState, Model
+    from lagsim.model.model import FirstOrderState, Force, Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,11 +220,14 @@ class Begun(NamedTuple):
         The names of events that undo each other's assignments without end.
     is_over : bool
         The condition `until` became true by these assignments.
+    impulses : tuple of float
+        The sum (n,) of their generalized impulses, which act in the run; () for none.
     """
 
     acts: tuple[str, ...] = ()
     chatter: tuple[str, ...] = ()
     is_over: bool = False
+    impulses: tuple[float, ...] = ()
 
 
 NOT_BEGUN = Begun()
@@ -316,7 +319,7 @@ class Equations:
         model, numbers = self.model, [state.t, *state.q, *state.v, *state.s]
         values = {p.name: p.value for p in model.parameters}
         values |= zip(("t", *self.state), map(float, numbers), strict=True)
-        begun = _begin(self.graph, model, values)
+        begun = _begin(self, values)
         new = tuple(x._replace(value=values[x.name]) for x in model.parameters)
         if not begun.acts:
             return self
@@ -652,16 +655,30 @@ def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
     Q_j is the virtual work of the applied forces per unit of q_j, less dF/dq_j' for a
     dissipation function F.
     """
-    Q = [g.zero] * len(flow.rates)
-    for force in model.forces:
-        by_rates = force.level is not Level.POSITION
-        levers = flow.gradient(g, force.direction, by_rates=by_rates)
-        for j, lever in levers.entries.items():
-            Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
+    Q = _components(g, model.forces, flow)
     if model.dissipation is not None:
         losses = flow.gradient(g, model.dissipation, by_rates=True)
         for j, loss in losses.entries.items():
             Q[j] = g.call("sub", Q[j], loss)
+    return Q
+
+
+def generalized_impulses(e: Equations) -> list[list[int]]:
+    """Return the generalized impulses (events, n) of the events of the file: nodes.
+
+    The momentum of q_j jumps by sum_i J_i d r_i/d q_j.
+    """
+    return [_components(e.graph, x.impulses, e.flow) for x in e.model.events]
+
+
+def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:
+    """Return the components (n,) of forces, or impulses, along the coordinates."""
+    Q = [g.zero] * len(flow.rates)
+    for force in forces:
+        by_rates = force.level is not Level.POSITION
+        levers = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, lever in levers.entries.items():
+            Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
     return Q
 
 
@@ -934,6 +951,7 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     acts = bool(model.forces) or model.dissipation is not None or dL_dt != g.zero
     acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
     acts = acts or e.is_set or any(may_strike(e, row) for row in e.rows)
+    acts = acts or model.kicks
     # L may depend on time in each group and not as a whole: seen from a moving frame.
     timed = bool(g.dependent([model.lagrangian], ("t",)))
     found = groups(e)
@@ -978,6 +996,9 @@ def _of_groups(
     # Impacts may do work on the coordinates of these rows.
     met = [law.row for law in e.laws] + [x for x in e.rows if may_strike(e, x)]
     struck = {j for row in met for j in row.A.entries}
+    if e.model.kicks:
+        kicks = generalized_impulses(e)
+        struck |= {j for kick in kicks for j, x in enumerate(kick) if x != g.zero}
     made: list[Work] = []
     for group, energy, late in zip(found, energies, rates, strict=True):
         own = {names[j] for names in (e.q, e.velocities) for j in group}
@@ -1022,11 +1043,14 @@ FALSE = 1e-9
 MOST_ACTS = 1000
 
 
-def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
+def _begin(e: Equations, values: dict[str, float]) -> Begun:
     """Execute the events that act at a start.
 
     values : the values of all names at the start, changed in place.
     """
+    g, model = e.graph, e.model
+    impulses = generalized_impulses(e) if model.kicks else []
+    given = [0.0] * len(e.q)
     located = [k for k, x in enumerate(model.events) if x.at is not None]
     due = [k for k, x in enumerate(model.events) if x.at is None]
     modes = {mode for x in model.events for mode, _ in x.sets}
@@ -1038,7 +1062,10 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
         before = evaluate(g, [x.node for x in model.located], values)
         events = [model.events[k] for k in due]
         former = {mode: values[mode] for mode in modes}
-        for event in events:
+        for k, event in zip(due, events, strict=True):
+            if event.impulses:
+                one = evaluate(g, impulses[k], values)
+                given = [a + float(b) for a, b in zip(given, one, strict=True)]
             found = evaluate(g, [node for _, node in event.sets], values)
             values |= zip((mode for mode, _ in event.sets), found, strict=True)
         acts += [event.name for event in events]
@@ -1058,7 +1085,8 @@ def _begin(g: Graph, model: Model, values: dict[str, float]) -> Begun:
         spared = spent.union(due)
         due = [located[k] for k in true if k < len(located)]
         due = [k for k in due if k not in spared]
-    return Begun(tuple(acts), is_over=is_over)
+    kicked = tuple(given) if any(given) else ()
+    return Begun(tuple(acts), is_over=is_over, impulses=kicked)
 
 
 def _comes(equality: bool, before: float, after: float) -> bool:

@@ -324,8 +324,8 @@ MOMENTUM = "momentum."
 def conserved(equations: Equations) -> list[int]:
     """Return the indices of coordinates whose momentum is constant by the equations."""
     e, g = equations, equations.graph
-    if e.is_set:
-        return []  # momenta jump where events set an inertia
+    if e.is_set or e.model.kicks:
+        return []  # momenta jump where events set an inertia, or give an impulse
     seen = g.depends([*e.of_motion, e.energy, *e.momenta]) if e.unforced else ()
     inertias = e.inertias
     held = {c for A in e.slopes for c in A.entries}

@@ -584,9 +584,11 @@ class FirstOrderState(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Event of the file that sets modes: `sets` has pairs of a mode and a node.
+    """Event of the file that sets modes and gives impulses.
 
-    It acts when `at` becomes true, or at the start and at intervals `every`.
+    `sets` has pairs of a mode and a node. `impulses` act along their directions like
+    forces, in N s. The event acts when `at` becomes true, or at the start and at
+    intervals `every`.
     """
 
     name: str
@@ -595,6 +597,7 @@ class Transition(NamedTuple):
     every: float
     once: bool
     place: Place
+    impulses: tuple[Force, ...] = ()
 
 
 class Gimbal(NamedTuple):
@@ -674,6 +677,11 @@ class Model:
     def modes(self) -> frozenset[str]:
         """Names of the modes."""
         return frozenset(p.name for p in self.parameters if p.mode)
+
+    @property
+    def kicks(self) -> bool:
+        """Whether events give impulses."""
+        return any(event.impulses for event in self.events)
 
     @property
     def located(self) -> tuple[Relation, ...]:

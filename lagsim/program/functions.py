@@ -249,8 +249,13 @@ def _optional(equations: Equations) -> Iterator[Column]:
     """
     e, g = equations, equations.graph
     sums = _sums(e)
-    laws = [law for law in e.laws if law.kind in (Kind.CONTACT, Kind.SLIP)]
-    names = [
+    kinds = [Kind.CONTACT, Kind.SLIP]
+    names = []
+    if e.model.kicks:
+        kinds += [Kind.FREEWHEEL, Kind.TIMED]
+        names = [IMPULSE.of(row.name) for row in e.rows]
+    laws = [law for law in e.laws if law.kind in kinds]
+    names += [
         x.multiplier if x.kind is Kind.SLIP else IMPULSE.of(x.constraint) for x in laws
     ]
     for name in dict.fromkeys(map(whole, names)):
@@ -439,7 +444,7 @@ def stepping_functions(
     at_impacts = {
         g.variable(IMPULSE.of(law.constraint)): g.zero
         for law in e.laws
-        if law.kind is Kind.CONTACT
+        if law.kind in (Kind.CONTACT, Kind.FREEWHEEL, Kind.TIMED)
     }
     return {
         "balance": [
@@ -586,6 +591,7 @@ def functions(
     # Used at impacts where works balance other energies than that of the model.
     laws, works = bool(equations.laws), equations.works
     strikes = laws or any(may_strike(equations, x) for x in equations.rows)
+    strikes |= equations.model.kicks
     if strikes and any(x.energy != equations.energy for x in works):
         found["energies"] = [x.energy for x in equations.works]
     for need in needs:

@@ -40,6 +40,7 @@ from lagsim.program.functions import (
     surface_functions,
     varying_inertias,
 )
+from lagsim.program.impulses import ImpulseFunction
 from lagsim.program.localized import indicators
 
 if TYPE_CHECKING:
@@ -62,8 +63,10 @@ MOST_NUMBERS = 2**20
 STATES = 2**14
 # Number of points of tables that are passed to the kernel at a time.
 KNOTS = 256
-# Functions that decide where something happens, and what modes become then.
-CONDITIONS = ("located", "located_slopes", "sets", "sections", "section_slopes")
+# Functions that decide where something happens, and what modes and momenta become.
+CONDITIONS = (
+    "located", "located_slopes", "sets", "impulses", "sections", "section_slopes",
+)  # fmt: skip
 _POINTER = ctypes.c_void_p
 # Result and arguments of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
@@ -170,6 +173,9 @@ class System:
         self.model = equations.model
         self.columns = Columns(equations, plan.reduction.recovered)
         self.rows_observed = len(self.columns.nodes)
+        self.impulses: ImpulseFunction | None = None
+        if self.model.kicks:
+            self.impulses = ImpulseFunction(equations, plan.reduction.recovered)
         equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.multipliers)
         self.laws = equations.laws
@@ -199,6 +205,8 @@ class System:
         if self.columns.wants_sections:
             relations = self.columns.sections
             nodes_of |= section_functions(equations, relations, self.state)
+        if self.impulses is not None:
+            nodes_of["impulses"] = self.impulses.nodes
         self.has_energies = "energies" in nodes_of
         # Rows and conditions see the expressions as written; the method sees the arc's
         # branches.
@@ -334,7 +342,8 @@ class System:
             loops=self.has_loops,
             slopes_known=self.has_jacobian,
             knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
-            first_mode=len(self.equations.model.parameters), **sizes,
+            first_mode=len(self.equations.model.parameters),
+            kicked_rows=len(self.impulses.always) if self.impulses else 0, **sizes,
         )  # fmt: skip
         if self.newton is not None:
             self.newton.fill(p)
@@ -398,6 +407,8 @@ class System:
                 p[side.floor] = memory.place("floor") + k
             if corner := self.switches.corners.get(k):
                 p[corner.push] = memory.place("push") + k
+        for k, name in enumerate(self.impulses.always if self.impulses else ()):
+            p[IMPULSE.of(name)] = memory.place("row_impulses") + k
         for k, law in enumerate(self.laws):
             if law.normal < 0:  # that of a slip is none of these
                 p[IMPULSE.of(law.constraint)] = memory.place("impulses") + k

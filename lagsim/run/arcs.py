@@ -248,7 +248,8 @@ class Run:
         # due at the same instant act first.
         self.after: Floats | None = None
         self.former: Floats | None = None  # the columns before events acted
-        self.impacts = 0
+        # Jumps of velocities, and their number when conditions were decided last.
+        self.impacts = self.judged = 0
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -310,9 +311,9 @@ class Run:
         """
         assert self.transitions is not None
         before = before_event(self.arc) if self._may_jump else None
-        impacts = self.impacts
+        self.judged = self.impacts
         ending = self._let_act(due)
-        ending = ending or self._settle(None, Turn.MODES, before, impacts)
+        ending = ending or self._settle(None, Turn.MODES, before)
         if self.transitions.is_over:
             return Ending(Outcome.UNTIL)
         if self.after is not None:
@@ -427,6 +428,7 @@ class Run:
             arc.runner.meet_instant(arc.state)
         before = self._before(code)
         corner = self._corner(code)
+        self.judged = self.impacts
         if code == at.SWITCH_FOUND and self.switching is not None:
             self.switching.locate(arc)
         due = NOTHING
@@ -581,12 +583,11 @@ class Run:
         self, source: Source | None, decision: Decision, before: Before | None
     ) -> Ending | None:
         """Carry out a decision, and all impacts, modes and events that follow it."""
-        impacts = self.impacts
         self._take(decision)
         turn = decision.turn
         if decision.ending is not None or turn is Turn.NONE:
             return decision.ending
-        ending = self._settle(source, turn, before, impacts)
+        ending = self._settle(source, turn, before)
         if self.transitions is not None and self.transitions.is_over:
             return Ending(Outcome.UNTIL)
         if ending is not None:
@@ -597,13 +598,12 @@ class Run:
         return None
 
     def _settle(
-        self, source: Source | None, turn: Turn, before: Before | None, impacts: int
+        self, source: Source | None, turn: Turn, before: Before | None
     ) -> Ending | None:
         """Select modes and apply impacts and events of an instant until none is due.
 
         source : source that has already set its own mode if the turn is MODE.
         before : state before the event.
-        impacts : number of impacts before the instant.
         """
         while True:
             if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
@@ -616,7 +616,7 @@ class Run:
                     return ending
             if self.transitions is None or self.transitions.is_over:
                 return None
-            struck, impacts = self.impacts != impacts, self.impacts
+            struck, self.judged = self.impacts != self.judged, self.impacts
             due = self.transitions.due_after(self.arc, struck=struck)
             if due == NOTHING:
                 return None
@@ -683,9 +683,11 @@ class Run:
             self.impacts += 1
             rows = decision.rows if self.former is None else self.former[None]
             self.former = None
-            if self.after is not None:
+            # With an impulse of an event, all jumps of an instant have one row before.
+            joined = arc.system.p.kicked > 0.0 and self.after is not None
+            if self.after is not None and not joined:
                 self.recorder.hand_on(self.after)
-            if arc.row_time(-1) < arc.t:
+            if arc.row_time(-1) < arc.t and not joined:
                 self.recorder.hand_on(rows)
         if decision.y is not None:
             arc.put(decision.y)
@@ -719,7 +721,8 @@ class Run:
         if self.after is not None:
             self.recorder.hand_on(self.after)
             self.after = None
-            self.arc.system.p.impulses[:] = 0.0
+            p = self.arc.system.p
+            p.impulses[:] = p.row_impulses[:] = p.kicked = 0.0
 
     def show_last(self) -> None:
         """Write the row at the current time, unless it has been written."""

@@ -190,7 +190,7 @@ class Expansion:
             new[section] = self._referring(section, self._entries(section))
         events: dict[str, Family] = {}
         new["events"] = [
-            (key, self.bound(node, reading, {"set": self._sets}))
+            (key, self.bound(node, reading, {"set": self._sets, "impulse": self._sets}))
             for entry in self._entries("events")
             for key, reading, node in self._named(*entry, events)
         ]
@@ -792,7 +792,7 @@ class Expansion:
             yield full, reading, items[k] if several else node
 
     def _sets(self, node: Node, reading: MemberReading) -> Node:
-        """Return the assignments of an event, expanded to members of modes."""
+        """Return assignments or impulses of an event, by members and components."""
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
         found = tuple(self._referring("", node.entries, reading.indices))

@@ -48,7 +48,7 @@ from lagsim.model.reader.fields import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Collection, Iterable, Iterator
     from collections.abc import Sequence as SequenceType
 
     from lagsim.codes.known import ErrorCode
@@ -146,38 +146,49 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
 
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     """Return the generalized forces of the section `forces`; faults are reported."""
-    found, pair = [], entries_of(node)
+    pair = entries_of(node)
     if len(pair) == 2 and not any(hints.text_of(value) for _, value in pair):
         node = Sequence(tuple(key for key, _ in pair), pair[0][0].place)  # {x, F}
-    for key, value in entries(node, "`forces`", x.faults):
-        direction = _direction(key, x)
-        compiled = x.compile(value, f"the force on `{key.text}`", Level.VELOCITY)
+    return tuple(_along(entries(node, "`forces`", x.faults), "force", "", x))
+
+
+def _along(
+    given: Iterable[Entry], noun: str, of: str, x: Expressions
+) -> Iterator[Force]:
+    """Yield the forces, or impulses, of entries with their directions as keys.
+
+    noun : `force` or `impulse`, for messages. of : the event of an impulse.
+    """
+    for key, value in given:
+        direction = _direction(key, noun, x)
+        what = f"the {noun} on `{key.text}`{of}"
+        compiled = x.compile(value, what, Level.VELOCITY)
         if direction is not None and direction[1] is Level.VELOCITY:
             x.refuse_rates(key, f"the definition `{key.text}`")
         if direction is not None and compiled is not None:
-            found.append(Force(key.text, compiled, *direction, value.place))
-    return tuple(found)
+            yield Force(key.text, compiled, *direction, value.place)
 
 
-def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
+def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | None:
     """Return the node along which a force acts, and its level; None if faulty.
 
-    key : a coordinate or a definition.
+    key : a coordinate or a definition. noun : `force` or `impulse`, for messages.
     """
     name, place, faults = key.text, key.place, x.faults
     meaning = x.names.meaning(name)
+    one = f"{'an' if noun == 'impulse' else 'a'} {noun}"
     if meaning is None:
         if not x.names.is_faulty(name) and x.names.complete:
             names = x.names.moving()
             hint = faults.did_you_mean(name, names)
-            hint = hint or f"a force acts along one of {listed(map(in_file, names))}"
+            hint = hint or f"{one} acts along one of {listed(map(in_file, names))}"
             text = f"there is no coordinate or definition `{name}` to work on"
             faults.add("unknown-name", text, place, hint)
         return None
     kind, base = meaning
     if kind is NameKind.COORDINATE:
         return x.graph.variable(name), Level.POSITION
-    text, hint = f"a force cannot work on `{name}`", ""
+    text, hint = f"{one} cannot work on `{name}`", ""
     code: ErrorCode | Literal[""] = ""
     node, level = x.definitions.get(name, (None, Level.POSITION))
     if kind is not NameKind.DEFINITION:
@@ -185,6 +196,8 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
         hint = "it works on a coordinate or on a definition"
         if kind in (NameKind.VELOCITY, NameKind.RATE):
             hint = f"write `{base}`: a force on `{base}` has the power p*{name}"
+            if noun == "impulse":
+                hint = f"write `{base}`: an impulse on `{base}` changes `{name}`"
     elif level is Level.OUTPUT:
         code, text = "output-only", f"{text}: it uses {level.text}"
         hint = "work on positions or velocities"
@@ -735,13 +748,14 @@ def _factors(
     return still, powers, kinked
 
 
-# --- Events: the time of each, and its assignments
+# --- Events: the time of each, its assignments and its impulses
 
-_BY_IMPACTS = "velocities jump by impacts alone: an event sets a mode, with which a "
-_BY_IMPACTS += "constraint comes into force (`when: held > 0`), or a short force acts"
+_BY_IMPULSES = "an event changes a velocity by an impulse: write impulse: {name: "
+_BY_IMPULSES += "expression}, in N s, with a coordinate or a definition as its name"
 _HINTS = {
-    NameKind.COORDINATE: "no event moves a body; " + _BY_IMPACTS,
-    NameKind.VELOCITY: _BY_IMPACTS,
+    NameKind.COORDINATE: "no event moves a body; " + _BY_IMPULSES,
+    NameKind.VELOCITY: _BY_IMPULSES,
+    NameKind.RATE: _BY_IMPULSES,
     NameKind.STATE: "its rate may depend on a mode, or make it a mode",
     NameKind.PARAMETER: "write it in `modes` instead of `parameters`",
 }
@@ -765,21 +779,31 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     at, _ = read_relation(below.value("at"), f"the `at` of {what}", x, modes=True)
     of = f"the period of {what}"
     every = x.number(below.value("every"), of, positive=True)
-    once, sets = below.truth("once"), below.value("set")
-    pairs = entries(sets, f"the `set` of {what}", x.faults)
-    if (sets is None or (isinstance(sets, Mapping) and not pairs)) and below.sound:
-        text, hint = f"{what} has no assignments", "write set: {mode: expression}"
+    once = below.truth("once")
+    given = [below.value(name) for name in ("set", "impulse")]
+    sets, impulses = (
+        entries(part, f"the `{name}` of {what}", x.faults)
+        for name, part in zip(("set", "impulse"), given, strict=True)
+    )
+    empty = all(
+        part is None or (isinstance(part, Mapping) and not entries_of(part))
+        for part in given
+    )
+    if empty and below.sound:
+        text = f"{what} has no assignments and no impulse"
+        hint = "write set: {mode: expression} or impulse: {coordinate: expression}"
         x.faults.add("missing-key", text, key, hint)
     found: list[tuple[str, int]] = []
-    for name, value in pairs:
+    for name, value in sets:
         is_mode = _is_mode(name, what, x)
         to = x.compile(value, f"`{name.text}` in {what}", Level.VELOCITY)
         if is_mode and to is not None:
             found.append((name.text, to))
-    sound = one and pairs and len(found) == len(pairs)
-    if not sound or (at is None and every is None):
+    kicks = tuple(_along(impulses, "impulse", f" by {what}", x))
+    sound = one and len(found) == len(sets) and len(kicks) == len(impulses)
+    if not sound or not (sets or impulses) or (at is None and every is None):
         return None
-    return Transition(key.text, tuple(found), at, every or 0.0, once, key.place)
+    return Transition(key.text, tuple(found), at, every or 0.0, once, key.place, kicks)
 
 
 def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:

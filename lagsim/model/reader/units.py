@@ -163,13 +163,21 @@ class _UnitCheck:
             return self._of(rate_of(name))
         if energy.unit and kind == "the dissipation":
             return Quantity(times(energy.unit, per_second))
-        along = self._of(name).unit if kind == "the force on" else None
+        if kind not in ("the force on", "the impulse on"):
+            return _UNKNOWN
+        name = name.partition("`")[0]  # the event of an impulse follows
+        along = self._of(name).unit
         if not energy.unit or along is None:
             return _UNKNOWN
-        force = times(energy.unit, along, -1.0)
-        on = next((x for x in self.model.forces if x.on == name), None)
-        rate = on is not None and on.level is Level.VELOCITY
-        return Quantity(times(force, per_second) if rate else force)
+        wanted = times(energy.unit, along, -1.0)
+        kicks = (x for event in self.model.events for x in event.impulses)
+        given = self.model.forces if kind == "the force on" else kicks
+        on = next((x for x in given if x.on == name), None)
+        if on is not None and on.level is Level.VELOCITY:
+            wanted = times(wanted, per_second)
+        if kind == "the impulse on":
+            wanted = times(wanted, {"s": 1.0})
+        return Quantity(wanted)
 
     def _of(self, name: str) -> Quantity:
         """Return the quantity of a variable."""

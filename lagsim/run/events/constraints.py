@@ -32,6 +32,7 @@ from lagsim.notes import Caution, Event
 from lagsim.plan.plan import by_loops, usual_lengths
 from lagsim.program.system import System
 from lagsim.run.arc import shift
+from lagsim.run.events.impulses import transmit
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
 
@@ -138,6 +139,8 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
     bent = [] if switching is None else switching.corners_met(arc)
     rests = switching.stop(arc, y, bent) if switching is not None and bent else []
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
+    if arc.system.impulses is not None:
+        transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
         events = [

@@ -23,6 +23,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.conditions import count_closed
+from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, SwitchSequence
 from lagsim.run.events.sliders import at_edge, settle
@@ -475,7 +476,7 @@ class Contacts(Source):
             left = rates + problem.D @ result.impulses
             y[arc.velocities] -= _moving_again(here, y, some, left)
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
-        arc.system.p.impulses[some] = result.impulses
+        self._store(arc, before, y, some, result.impulses)
         met = [k for k in struck if k in self.contacts]
         closed = y.copy()
         closed[arc.state.positions] -= lift(met, here.gaps[met] + here.slack[met])
@@ -502,6 +503,20 @@ class Contacts(Source):
         elif not result.impulses.any():
             found.rows = None  # the closing rates were rounding of their body's others
         self._warn(here, some, result, found, ending=bool(stopped))
+
+    def _store(
+        self, arc: Arc, before: Floats, y: Floats, some: list[int], impulses: Floats
+    ) -> None:
+        """Store the impulses (r,) of the laws `some`, and those of equalities.
+
+        before, y : ndarray, shape (size,), the states before and after the impact.
+        """
+        p = arc.system.p
+        given = np.zeros(len(self.laws))
+        given[some] = impulses
+        if arc.system.impulses is not None:
+            transmit(arc, before, y, given)
+        p.impulses[some] = given[some] + (p.impulses[some] if p.kicked else 0.0)
 
     def _warn(
         self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,

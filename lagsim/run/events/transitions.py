@@ -1,7 +1,9 @@
-"""Events of the file, which set modes: at located conditions, or every period.
+"""Events of the file, which set modes and give impulses.
 
-Modes of the file are constant in an arc. At an event the arc ends, the modes are set,
-and the next arc begins. All events due at one instant act in the order of the file.
+They act at located conditions, or every period. Modes of the file are constant in an
+arc. At an event the arc ends, the modes are set, and the next arc begins. All events
+due at one instant act in the order of the file; then the sum of their impulses, each
+evaluated with the velocities before, changes the velocities (`impulses`).
 Events whose conditions become true by these acts follow at the same instant, until no
 further condition becomes true. Then all sources set their own modes and impacts take
 place, by which conditions may become true (`conditions`): their events act, and the
@@ -14,14 +16,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from lagsim.notes import Event
 from lagsim.run.events.conditions import Truth
+from lagsim.run.events.impulses import data_at, kick
 from lagsim.run.events.sequence import STUCK, SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Collection, Iterator
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -85,6 +90,7 @@ class Transitions(Source):
         ]
         self.begun = self.is_over = False
         self.energetic = arc.system.equations.is_set
+        self.kicks = arc.equations.model.kicks
         self._truth: Truth | None = None
         nodes = [x.node for x in arc.equations.model.located]
         modes = {mode for x in events for mode, _ in x.sets}
@@ -103,10 +109,16 @@ class Transitions(Source):
             if once and name in located:
                 state.leeway[located.index(name)] = math.inf
         acts = tuple(Event(arc.t, "event", name=name) for name in begun.acts)
+        y = rows = None
+        if begun.impulses:
+            rows = arc.runner.tabulate(arc.row())
+            y, energy = self._kicked(arc, np.array(begun.impulses))
+            kicks = {x.name for x in events if x.impulses}
+            acts = tuple(_with_energy(x, energy, kicks) for x in acts)
         ending = Ending(Outcome.UNTIL) if begun.is_over else None
         if begun.chatter:
             ending = Ending(Outcome.EVENTS_CHATTER, quoted(begun.chatter))
-        return Decision(acts, ending=ending)
+        return Decision(acts, y=y, rows=rows, ending=ending)
 
     def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Store which conditions are true at the start, after all modes are set.
@@ -178,9 +190,11 @@ class Transitions(Source):
         events = arc.equations.model.events
         event_of = self.event_of
         y = arc.y.copy()
+        rows = arc.runner.tabulate(arc.row()) if self.kicks else None
         before = arc.energies(y) if self.energetic else None
         found: list[Event] = []
         ending: Ending | None = None
+        impulse = np.zeros(len(arc.equations.q))
         while due != NOTHING and ending is None:
             self.is_over |= len(event_of) in due.conditions
             own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
@@ -190,6 +204,8 @@ class Transitions(Source):
             self.rounds.append(([events[k].name for k in sorted(own)], arc.modes))
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
+                if events[k].impulses:
+                    impulse += data_at(arc, arc.y).impulses[k]
                 ending = ending or self._set(arc, k)
             if due.periodic or any(events[k].once for k in own):
                 # They act once at an instant, so no cycle contains this round.
@@ -201,9 +217,35 @@ class Transitions(Source):
                 due = Due(conditions=frozenset(self._truth.changed()))
         if before is not None:
             arc.add_work(y, before)
+        kicks = ending is None and bool(impulse.any())
+        if kicks:
+            y, energy = self._kicked(arc, impulse, y)
+            names = {x.name for x in events if x.impulses}
+            found = [_with_energy(x, energy, names) for x in found]
+        changed = kicks or before is not None
         return Decision(
-            tuple(found), y=y if before is not None else None, ending=ending
-        )
+            tuple(found), y=y if changed else None, rows=rows if kicks else None,
+            ending=ending,
+        )  # fmt: skip
+
+    def _kicked(
+        self, arc: Arc, impulse: Floats, y: Floats | None = None
+    ) -> tuple[Floats, float]:
+        """Return the state after an impulse, with its work, and the energy it brings.
+
+        Parameters
+        ----------
+        arc : Arc
+        impulse : ndarray, shape (n,)
+            The sum of the generalized impulses, for all coordinates of the model.
+        y : ndarray, shape (size,), optional
+            The state before; by default that of the arc.
+        """
+        before = arc.y.copy() if y is None else y
+        after = kick(arc, before, impulse)
+        arc.system.p.kicked = 1.0
+        energy = float(arc.add_work(after, arc.energies(before)).sum())
+        return after, energy
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
         """Set the modes of event k; return the ending of the run if this ends it.
@@ -249,3 +291,8 @@ class Transitions(Source):
             return None
         names = [name for names, _ in self.rounds for name in names]
         return Ending(Outcome.EVENTS_CHATTER, quoted(names))
+
+
+def _with_energy(event: Event, energy: float, names: Collection[str]) -> Event:
+    """Return an event with the energy of the impulses, if it is one of `names`."""
+    return event._replace(energy=energy) if event.name in names else event

@@ -1,0 +1,106 @@
+"""The function `impulses` of models whose events give impulses.
+
+It evaluates the mass matrix, the constraint rows, the momenta and the generalized
+impulses of all coordinates, also of coordinates that a reduction eliminates.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.equations import generalized_impulses
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Equations
+
+
+class JumpData(NamedTuple):
+    """Data of the jumps of velocities at a state, for all n coordinates.
+
+    Attributes
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix, with 1 on the diagonal of coordinates without momentum that no
+        row holds.
+    rows : ndarray, shape (R, n)
+        The rows of the equalities that always hold, then of the laws.
+    holds : ndarray of bool, shape (R,)
+        The rows that transmit impulses of either sign: equalities in force.
+    momenta, velocities : ndarray, shape (n,)
+    impulses : ndarray, shape (E, n)
+        The generalized impulses of the E events.
+    """
+
+    M: Floats
+    rows: Floats
+    holds: Flags
+    momenta: Floats
+    velocities: Floats
+    impulses: Floats
+
+
+class ImpulseFunction:
+    """The nodes of the function `impulses`, and the meaning of its values.
+
+    Parameters
+    ----------
+    e : Equations
+        The full equations.
+    recovered : mapping of int to int
+        Variables that a reduction removed -> their expressions.
+
+    Attributes
+    ----------
+    nodes : list of int
+    is_curved : bool
+        Whether M or a row depends on velocities, so that the jump of the velocities is
+        not proportional to the impulse.
+    always : list of str
+        The names of the equalities that always hold.
+    """
+
+    def __init__(self, e: Equations, recovered: Mapping[int, int]) -> None:
+        g, self.n = e.graph, len(e.q)
+        self.always = [row.name for row in e.rows]
+        self._timed = [law.kind is Kind.TIMED for law in e.laws]
+        mass, rows = e.mass_entries, [A.entries for A in e.slopes]
+        kicks = generalized_impulses(e)
+        self._mass = [*mass]
+        self._slopes = [(k, j) for k, A in enumerate(rows) for j in A]
+        slopes = [node for A in rows for node in A.values()]
+        held = {j for A, _ in zip(rows, e.rows, strict=False) for j in A}
+        timed = zip(e.laws, self._timed, strict=True)
+        held |= {j for law, own in timed if own for j in law.row.A.entries}
+        self._free = [
+            j for j, p in enumerate(e.momenta) if p == g.zero and j not in held
+        ]
+        fast = frozenset(e.velocities)
+        self.is_curved = bool(g.dependent([*mass.values(), *slopes], fast))
+        self._events = len(kicks)
+        nodes = [
+            *mass.values(), *slopes, *e.momenta, *map(g.variable, e.velocities),
+            *(g.one if law.when is None else law.when for law in e.laws),
+            *(node for kick in kicks for node in kick),
+        ]  # fmt: skip
+        self.nodes = list(g.substitute(nodes, recovered))
+
+    def data(self, values: Floats) -> JumpData:
+        """Return the values (len(nodes),) of the function by their meaning."""
+        n, laws = self.n, len(self._timed)
+        sizes = len(self._mass), len(self._slopes), n, n, laws
+        parts = np.split(values, np.cumsum(sizes))
+        M, rows = np.zeros((n, n)), np.zeros((len(self.always) + laws, n))
+        if self._mass:
+            M[tuple(np.transpose(self._mass))] = parts[0]
+        if self._slopes:
+            rows[tuple(np.transpose(self._slopes))] = parts[1]
+        M[self._free, self._free] = 1.0
+        timed = np.array(self._timed, dtype=bool) & (parts[4] != 0.0)
+        holds = np.append(np.ones(len(self.always), dtype=bool), timed)
+        return JumpData(M, rows, holds, parts[2], parts[3], parts[5].reshape(-1, n))

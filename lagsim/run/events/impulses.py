@@ -1,0 +1,150 @@
+"""Jumps of velocities by the impulses of events, and impulses of equalities.
+
+An impulse P is the limit of a large force in a short time, at a constant position:
+
+    d(dL/dq') = P + A^T Lambda,      A dq' = 0
+
+with the rows A of the equalities in force, which transmit the impulses Lambda. Contacts
+and freewheels that approach after it are struck by this change of the velocities
+(`contacts`). Where M or A depends on the velocities, the change is followed from 0 to
+the whole impulse.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.mechanics.algebra import Metric, least_squares
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.language.arrays import Floats
+    from lagsim.program.impulses import JumpData
+    from lagsim.run.arc import Arc
+
+# Extrapolated midpoint rule: numbers of substeps, relative error, and the largest
+# number of times that an interval is halved.
+SUBSTEPS = (2, 4, 6, 8, 10, 12, 14, 16)
+ERROR = 1e-14
+HALVINGS = 30
+
+
+def data_at(arc: Arc, y: Floats) -> JumpData:
+    """Evaluate masses, rows, momenta and impulses at the state y (size,)."""
+    found = arc.system.impulses
+    assert found is not None
+    return found.data(arc.runner.function("impulses", len(found.nodes))(arc.t, y))
+
+
+def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
+    """Return the state (size,) after an impulse, and store what rows transmit.
+
+    Parameters
+    ----------
+    arc : Arc
+    y : ndarray, shape (size,)
+        The state before it, with the modes after all acts of the instant.
+    P : ndarray, shape (n,)
+        The generalized impulse, for all coordinates of the model.
+
+    Raises
+    ------
+    LinAlgError
+        If the mass matrix is singular on the motions that the rows admit, or the
+        velocities grow without bound.
+    """
+    n, first = len(P), data_at(arc, y)
+    count = len(first.rows)
+
+    def state(v: Floats) -> Floats:
+        new = y.copy()
+        new[arc.velocities] = arc.plan.reduction.kept(v)
+        return new
+
+    def change(x: Floats) -> Floats:
+        now = data_at(arc, state(x[:n]))
+        metric = Metric(now.M, now.rows[now.holds])
+        jump, given = metric.free @ (metric.free.T @ P), np.zeros(count)
+        given[now.holds] = metric.multipliers(P - now.M @ jump)
+        return np.append(jump, given)
+
+    x = np.append(first.velocities, np.zeros(count))
+    function = arc.system.impulses
+    assert function is not None
+    x = _followed(change, x) if function.is_curved else x + change(x)
+    _add(arc, x[n:])
+    return state(x[:n])
+
+
+def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> None:
+    """Store the impulses of the equalities in an impact.
+
+    Parameters
+    ----------
+    arc : Arc
+    before, after : ndarray, shape (size,)
+        The states before and after the impact.
+    laws : ndarray, shape (L,)
+        The impulses of the laws in it.
+    """
+    first, last = data_at(arc, before), data_at(arc, after)
+    always = len(first.rows) - len(laws)
+    if not always:
+        return
+    jump = last.momenta - first.momenta - laws @ last.rows[always:]
+    found = least_squares(last.rows[:always].T, jump, None)
+    _add(arc, np.append(found, np.zeros(len(laws))))
+
+
+def _add(arc: Arc, given: Floats) -> None:
+    """Add impulses of all rows (R,), equalities first, to the stored ones."""
+    p = arc.system.p
+    count = len(p.row_impulses)
+    p.row_impulses[:] += given[:count]
+    if len(p.impulses):  # moreau has no laws
+        p.impulses[:] += given[count:]
+
+
+def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
+    """Return x(1) of x' = change(x), x(0) = x, by the extrapolated midpoint rule.
+
+    Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential
+    Equations I, section II.9.
+    """
+    done, length = 0.0, 1.0
+    while done < 1.0:
+        found, is_close = _extrapolated(change, x, length)
+        if is_close:
+            x, done = found, done + length
+            length = min(2.0 * length, 1.0 - done)
+        elif length <= 2.0**-HALVINGS:
+            raise np.linalg.LinAlgError("velocities grow without bound")
+        else:
+            length /= 2.0
+    return x
+
+
+def _extrapolated(
+    change: Callable[[Floats], Floats], x: Floats, length: float
+) -> tuple[Floats, bool]:
+    """Return x after one step of a length, and whether its error is negligible."""
+    table: list[Floats] = []
+    for k, count in enumerate(SUBSTEPS):
+        h = length / count
+        last, now = x, x + h * change(x)
+        for _ in range(count - 1):
+            last, now = now, last + 2.0 * h * change(now)
+        row = [(last + now + h * change(now)) / 2.0]
+        for j in range(k):
+            ratio = (count / SUBSTEPS[k - 1 - j]) ** 2
+            row.append(row[j] + (row[j] - table[j]) / (ratio - 1.0))
+        if table:
+            error = np.max(np.abs(row[-1] - row[-2]), initial=0.0)
+            scale = np.max(np.abs(row[-1]), initial=0.0)
+            if error <= ERROR * scale:
+                return row[-1], True
+        table = row
+    return table[-1], False
