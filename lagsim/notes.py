@@ -21,7 +21,8 @@ class Event(NamedTuple):
     `conditioning` is the smallest singular value at a loss of rank; `switch` is the
     text of a switch of the state, approximately as in the file; `name` is the name of
     an event of the file. An impact has the rates of its gap before and after, and
-    `energy`, the change of energy by all simultaneous impacts.
+    `energy`, the change of energy by all simultaneous impacts. An event of the file
+    that gives an impulse has the energy of all impulses at its time.
     """
 
     time: float
@@ -33,6 +34,12 @@ class Event(NamedTuple):
     rate_after: float | None = None
     energy: float | None = None
     name: str | None = None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether velocities jump: at an impact, a corner, or by an impulse."""
+        kicks = self.kind == "event" and self.energy is not None
+        return kicks or self.kind in ("impact", "corner")
 
     @property
     def record(self) -> dict[str, Any]:

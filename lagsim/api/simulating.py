@@ -357,9 +357,12 @@ class Result:
 
     @cached_property
     def sections(self) -> dict[str, dict[str, Floats]]:
-        """For each section, by name, its columns by name, shape (crossings,)."""
-        found = self._made.sections
-        return {k: dict(zip(self.columns, x.T, strict=True)) for k, x in found.items()}
+        """For each section, by name, its columns by name, shape (crossings,).
+
+        Sensitivities and standard deviations, the last columns, are left out.
+        """
+        found, names = self._made.sections, self.columns
+        return {k: dict(zip(names, x.T, strict=False)) for k, x in found.items()}
 
     @cached_property
     def units(self) -> dict[str, str]:

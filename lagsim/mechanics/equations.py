@@ -40,6 +40,7 @@ from lagsim.language.sparse import DisjointSets, SparseVector
 from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
 from lagsim.mechanics.constraints import (
     Flow,
+    Kind,
     Law,
     Row,
     constraint_row,
@@ -669,6 +670,33 @@ def generalized_impulses(e: Equations) -> list[list[int]]:
     The momentum of q_j jumps by sum_i J_i d r_i/d q_j.
     """
     return [_components(e.graph, x.impulses, e.flow) for x in e.model.events]
+
+
+def without_momentum(e: Equations) -> list[int]:
+    """Return the indices of coordinates that no impulse can move.
+
+    They have no momentum, and no equality determines their velocities.
+    """
+    held = {j for row in e.rows for j in row.A.entries}
+    timed = (law for law in e.laws if law.kind is Kind.TIMED)
+    held |= {j for law in timed for j in law.row.A.entries}
+    return [j for j, p in enumerate(e.momenta) if p == e.graph.zero and j not in held]
+
+
+def lost_impulses(e: Equations) -> list[Problem]:
+    """Return a problem for each event with an impulse on a coordinate without inertia.
+
+    These are the coordinates of `without_momentum`.
+    """
+    still, found = without_momentum(e) if e.model.kicks else [], []
+    for event in e.model.events if still else ():
+        kick = _components(e.graph, event.impulses, e.flow)
+        for j in (j for j in still if kick[j] != e.graph.zero):
+            text = f"the event `{event.name}` gives an impulse to `{e.q[j]}`, which "
+            text += "has no inertia, and no equality determines its velocity"
+            hint = "give it a mass in `kinetic`, or the impulse another direction"
+            found.append(Problem("no-inertia", text, event.impulses[0].place, hint))
+    return found
 
 
 def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.equations import generalized_impulses
+from lagsim.mechanics.equations import generalized_impulses, without_momentum
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,12 +74,7 @@ class ImpulseFunction:
         self._mass = [*mass]
         self._slopes = [(k, j) for k, A in enumerate(rows) for j in A]
         slopes = [node for A in rows for node in A.values()]
-        held = {j for A, _ in zip(rows, e.rows, strict=False) for j in A}
-        timed = zip(e.laws, self._timed, strict=True)
-        held |= {j for law, own in timed if own for j in law.row.A.entries}
-        self._free = [
-            j for j, p in enumerate(e.momenta) if p == g.zero and j not in held
-        ]
+        self._free = without_momentum(e)
         fast = frozenset(e.velocities)
         self.is_curved = bool(g.dependent([*mass.values(), *slopes], fast))
         self._events = len(kicks)

@@ -333,7 +333,10 @@ def begun(
     classify : passed to `examine`.
     """
     from lagsim.admissibility.examination import examine
+    from lagsim.mechanics.equations import lost_impulses
 
+    if problems := lost_impulses(equations):
+        raise InputError(problems)
     time, rest = settings.start, settings.rest
     report = examine(equations, time, rest=rest, classify=classify)
     begun = equations.begun(report.state) if equations.model.events else equations

@@ -374,10 +374,14 @@ def content(
                 "set": {
                     mode: x.sympy([node], written=True)[0] for mode, node in event.sets
                 },
+                "impulse": {
+                    one.on: x.sympy([one.node], written=True)[0]
+                    for one in event.impulses
+                },
             }
             for event in model.events
         }
-    if equations.is_set and conserved:
+    if (equations.is_set or model.kicks) and conserved:
         notes.append(
             "conserved quantities are constant between events, which change the energy"
         )

@@ -477,6 +477,8 @@ def physics_of(model: Model) -> list[int]:
     nodes += [c.relation.node for c in model.constraints]
     nodes += [s.rate for s in model.states]
     nodes += [node for event in model.events for _, node in event.sets]
+    kicks = (one for event in model.events for one in event.impulses)
+    nodes += [node for one in kicks for node in (one.node, one.direction)]
     for c in model.constraints:
         nodes += [c.limit, c.static, c.when]
         if c.law is not None:

@@ -92,8 +92,6 @@ NOISE = 0.01
 AMPLIFIED, SLOWLY = 100.0, 0.3
 # Relative error that all runs have in common, which no difference of them shows.
 COMMON = 10.0 * RTOL
-# Kinds of events at which rates jump.
-JUMPS = ("impact", "corner")
 
 
 class Derivative(NamedTuple):
@@ -647,7 +645,7 @@ def appended(
 
 def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> Flags:
     """Mark the times (k,) of impacts, before and after which a state has two values."""
-    struck = np.array([e.time for e in events if e.kind in JUMPS])
+    struck = np.array([e.time for e in events if e.jumps])
     apart = np.abs(times[:, np.newaxis] - struck)
     within = SAME_STEP * settings.output_step + SAME_INSTANT * np.abs(struck)
     return np.asarray(np.any(apart <= within, axis=1))

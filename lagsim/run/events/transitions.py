@@ -24,6 +24,7 @@ from lagsim.run.events.impulses import data_at, kick
 from lagsim.run.events.sequence import STUCK, SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
+from lagsim.tolerances import SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
@@ -71,6 +72,9 @@ class Transitions(Source):
     rounds : list of (list of str, dict)
         The rounds at the last instant, since the state jumped: the names of the located
         events that acted together, and the modes before these acts.
+    visits : list of (list of str, dict, ndarray)
+        The same of a model with impulses, whether or not the state jumped, with the
+        velocities before the acts.
     is_over : bool
         Whether `until` has come true.
     """
@@ -83,6 +87,7 @@ class Transitions(Source):
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
         self.rounds: list[tuple[list[str], dict[str, float]]] = []
+        self.visits: list[tuple[list[str], dict[str, float], Floats]] = []
         self.acts = [0] * len(events)  # of each event, at the last instant
         self.time = math.nan  # of the last instant
         self.sequences = [
@@ -187,13 +192,14 @@ class Transitions(Source):
         if arc.t != self.time:
             self.time, self.acts = arc.t, [0] * len(self.acts)
             self.rounds.clear()
+            self.visits.clear()
         events = arc.equations.model.events
         event_of = self.event_of
         y = arc.y.copy()
         rows = arc.runner.tabulate(arc.row()) if self.kicks else None
         before = arc.energies(y) if self.energetic else None
         found: list[Event] = []
-        ending: Ending | None = None
+        ending = self._returned(arc, due)
         impulse = np.zeros(len(arc.equations.q))
         while due != NOTHING and ending is None:
             self.is_over |= len(event_of) in due.conditions
@@ -227,6 +233,29 @@ class Transitions(Source):
             tuple(found), y=y if changed else None, rows=rows if kicks else None,
             ending=ending,
         )  # fmt: skip
+
+    def _returned(self, arc: Arc, due: Due) -> Ending | None:
+        """Return the ending of a run whose events lead back to a state by impulses.
+
+        The modes and the velocities are equal to those before an earlier round of the
+        instant, with the same events.
+        """
+        if not self.kicks:
+            return None
+        events = arc.equations.model.events
+        own = [self.event_of[c] for c in due.conditions if c < len(self.event_of)]
+        names, v = [events[k].name for k in sorted(own)], arc.y[arc.velocities].copy()
+        if due.periodic or any(events[k].once for k in own):
+            self.visits.clear()
+            return None
+        least = SOLUTION_ROUNDOFF * arc.seen[arc.velocities]
+        earlier, now = self.visits, (names, arc.modes, v)
+        for k, (some, modes, w) in enumerate(earlier):
+            if some == names and modes == now[1] and (np.abs(w - v) <= least).all():
+                about = quoted(name for some, *_ in earlier[k:] for name in some)
+                return Ending(Outcome.EVENTS_CHATTER, about)
+        earlier.append(now)
+        return None
 
     def _kicked(
         self, arc: Arc, impulse: Floats, y: Floats | None = None
@@ -289,7 +318,7 @@ class Transitions(Source):
             self.sequences[k].add(arc.t, k)
         if self.acts[k] <= MOST_ACTS and not self.sequences[k].is_stuck(STUCK * HARDLY):
             return None
-        names = [name for names, _ in self.rounds for name in names]
+        names = [name for names, *_ in self.visits or self.rounds for name in names]
         return Ending(Outcome.EVENTS_CHATTER, quoted(names))
 
 
