@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Constraint, Force
+    from lagsim.model.model import Constraint, Force, Transition
 
 
 Matrix = list[list[Any]]
@@ -366,21 +366,7 @@ def content(
             zip((s.name for s in model.states), rates, strict=True)
         )
     if model.events:
-        document["events"] = {
-            event.name: {
-                "at": event.at and event.at.text,
-                "every": event.every or None,
-                "once": event.once,
-                "set": {
-                    mode: x.sympy([node], written=True)[0] for mode, node in event.sets
-                },
-                "impulse": {
-                    one.on: x.sympy([one.node], written=True)[0]
-                    for one in event.impulses
-                },
-            }
-            for event in model.events
-        }
+        document["events"] = {event.name: _event(event, x) for event in model.events}
     if (equations.is_set or model.kicks) and conserved:
         notes.append(
             "conserved quantities are constant between events, which change the energy"
@@ -392,6 +378,23 @@ def content(
             f"{limits.TIDYING_PRODUCTS:,} in all"
         )
     return Content(x, document)
+
+
+def _event(event: Transition, x: Translation) -> Part:
+    """Return an event for the document; without `impulse` where it gives none."""
+
+    def written(node: int) -> Any:
+        return x.sympy([node], written=True)[0]
+
+    found = {
+        "at": event.at and event.at.text,
+        "every": event.every or None,
+        "once": event.once,
+        "set": {mode: written(node) for mode, node in event.sets},
+    }
+    if event.impulses:
+        found["impulse"] = {one.on: written(one.node) for one in event.impulses}
+    return found
 
 
 # Steps, what a document has up to the constraints, and what is conserved.

@@ -215,7 +215,7 @@ class Outline:
             once = "once, " * event["once"]
             self._say(f"{self._plain(name)} acts {once}{when}")
             self._rows([(self.show(mode), e) for mode, e in event["set"].items()])
-            given = event["impulse"].items()
+            given = event.get("impulse", {}).items()
             self._rows([(f"impulse on {self.show(on)}", e) for on, e in given])
 
     def _forces(self) -> None:
