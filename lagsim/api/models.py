@@ -22,9 +22,10 @@ from lagsim.outputs.notebook import block, heading, listed, page, paragraph, tab
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from lagsim.api.exploring import Exploration
     from lagsim.language.arrays import Floats
     from lagsim.show import Content
 
@@ -262,6 +263,37 @@ class Model(Read):
             If the accelerations depend on the motion before, as with contacts.
         """
         return Accelerations(self)
+
+    def explore(
+        self,
+        vary: Iterable[str] | Mapping[str, tuple[float, float] | None] = (),
+        *,
+        height: int = 900,
+    ) -> Exploration:
+        """Return a page with sliders on which the motion follows the values.
+
+        A notebook shows the page at the end of a cell; it computes the motions itself.
+        Where the model has events, contacts, switches or tables, a server in this
+        process computes them, and the notebook shows its address on this machine.
+
+        Parameters
+        ----------
+        vary : sequence of str, or mapping of str to (float, float) or None
+            Names with a slider, and the ends of the sliders; by default all plain
+            parameters and all start values, as of `lagsim explore`.
+        height : int
+            The height of the page in a notebook, in pixels.
+
+        Raises
+        ------
+        InputError
+            If there is no such name, or a value cannot be used.
+        LagsimError
+            If the start is not admissible.
+        """
+        from lagsim.api.exploring import explored
+
+        return explored(self, vary, height)
 
     def __repr__(self) -> str:
         named = [_unit(c.name, c.unit, "({})") for c in self.coordinates]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from functools import cached_property, partial
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
@@ -19,6 +18,7 @@ from lagsim.outputs.letters import Letters, letters_of, raised
 from lagsim.outputs.manifest import encode, examination
 from lagsim.outputs.notebook import (
     block,
+    framed,
     heading,
     listed,
     page,
@@ -272,12 +272,7 @@ class Animation:
         return f"<Animation of {self._name}: {len(self.html) / 1000:.0f} kB of HTML>"
 
     def _repr_html_(self) -> str:
-        style = f"width: 100%; height: {self._height}px; border: 0"
-        return (
-            f'<iframe title="{escape(self._name)}" style="{style}" '
-            f'sandbox="allow-scripts allow-downloads" srcdoc="{escape(self.html)}">'
-            "</iframe>"
-        )
+        return framed(self.html, self._name, self._height)
 
 
 class Result:

@@ -79,3 +79,22 @@ def picture(png: bytes, about: str) -> str:
     source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
     style = "max-width: 700px; width: 100%"
     return f'<img alt="{escape(about)}" style="{style}" src="{source}">'
+
+
+def framed(html: str, name: str, height: int) -> str:
+    """Return a frame of a page in HTML.
+
+    Parameters
+    ----------
+    html : str
+        The text of the page.
+    name : str
+        The title of the frame.
+    height : int
+        In pixels.
+    """
+    style = f"width: 100%; height: {height}px; border: 0"
+    return (
+        f'<iframe title="{escape(name)}" style="{style}" '
+        f'sandbox="allow-scripts allow-downloads" srcdoc="{escape(html)}"></iframe>'
+    )

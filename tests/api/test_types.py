@@ -42,6 +42,7 @@ def study(path: Path) -> None:
     peaks = [peak.frequency for peak in result.spectrum("theta").peaks]
     result.plot("theta", against="t").savefig("theta.png")
     result.animate(height=500).write("motion.html")
+    model.explore({"K": (5.0, 50.0), "theta": None}, height=700).write("page.html")
     result.write("results", table="npz", plots=False)
     swept: lagsim.Sweep = lagsim.sweep(path, {"K": [1, 2.5, "25.6"]}, jobs=1)
     swept.plot("theta.end").savefig("sweep.png")

@@ -137,7 +137,9 @@ function linked(t) {
   const parts = Object.entries(settings).map(([name, text]) => `${encodeURIComponent(name)}=${encodeURIComponent(text)}`);
   if (t !== line.start) parts.push(`t=${t}`);
   const hash = parts.length ? `#${parts.join("&")}` : "";
-  if (hash !== location.hash) history.replaceState(null, "", location.pathname + hash);
+  if (hash === location.hash) return;
+  // The frame of a notebook has no address of its own.
+  try { history.replaceState(null, "", location.pathname + hash); } catch { addressed = false; }
 }
 
 function asked() {

@@ -100,8 +100,8 @@ class Explorer:
 
     Parameters
     ----------
-    file : str
-        Path of the model file.
+    file : str or Model
+        Path of the model file, or a model, whose file is not watched.
     overrides : mapping of str to str
         Values of `--set`.
     vary : mapping of str to (float, float) or None
@@ -125,17 +125,19 @@ class Explorer:
 
     def __init__(
         self,
-        file: str,
+        file: str | Model,
         overrides: Mapping[str, str],
         vary: Mapping[str, tuple[float, float] | None],
         shown: Callable[[LagsimError], str],
     ) -> None:
-        self.file, self._overrides, self._vary = file, dict(overrides), dict(vary)
+        self._overrides, self._vary = dict(overrides), dict(vary)
+        self.file = file if isinstance(file, str) else ""
+        model = read_file(file, self._overrides) if isinstance(file, str) else file
         self._shown = shown
         self._lock = threading.Lock()
         self._asked: dict[tuple[str, bool], Interrupt] = {}
         self.fault, self.version = "", 0
-        self._use(read_file(file, self._overrides))
+        self._use(model)
         # With the files of its tables, which are known now.
         self._stamps: dict[Path, tuple[int, int]] = {}
         self._digest = self._read()
@@ -152,6 +154,8 @@ class Explorer:
 
     def files(self) -> list[Path]:
         """Return the paths of the model file and of the files of its tables."""
+        if not self.file:
+            return []
         tables = {t.file for t in self.model.tables if t.file}
         file = Path(self.file)
         return [file, *(file.parent / name for name in sorted(tables))]
