@@ -351,9 +351,11 @@ class Elements:
         """
         args = g.args[vector][1:]
         some = _where(args, active)
-        if self.size == 1:
+        weight = weights.get(0, g.zero)
+        # A weight that varies is a factor of each term, as when terms are written out.
+        if self.size == 1 and set(active).isdisjoint(g.cone([weight])):
             made = self.derived("slopes", some)
-            found, weight = sums(g, made, args), weights.get(0, g.zero)
+            found = sums(g, made, args)
             return [
                 (args[k], g.call("mul", weight, part(g, found, k)))
                 for k in made.filled

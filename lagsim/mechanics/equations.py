@@ -558,9 +558,10 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
     nodes += [] if model.dissipation is None else [model.dissipation]
     if may_branch(g, nodes):
         return False
+    # Of sums of velocities M has no entries.
     velocities = {rate_of(c.name) for c in model.coordinates}
-    vectors = g.of((ELEMENTS,))
-    return velocities.isdisjoint(g.depends(vectors))
+    of_energies = set(g.of((ELEMENTS,))).intersection(g.cone([model.lagrangian]))
+    return velocities.isdisjoint(g.depends(of_energies))
 
 
 def may_branch(g: Graph, nodes: Iterable[int]) -> bool:

@@ -100,6 +100,14 @@ FORMS: dict[str, str] = {
     ),
     "fixed places": text("sum(i = 1..n, sum(j = 1..n, 1/((x(i) - j)^2 + l(j)^2)))"),
     "time": text(f"sum(i = 1..n, sum(j = i+1..n, -(G + sin(t))/({SOFT} + t)))"),
+    "a definition": text(
+        "2*U + U^2", definitions=f"U: '{PAIRS}'", more="output: {columns: [U]}"
+    ),
+    "dampers between all": text(
+        PAIRS,
+        more="  dissipation: 'sum(i = 1..n, sum(j = i+1..n, "
+        "l(j)*(x_dot(i) - x_dot(j))^2/(1 + y(i)^2)))'",
+    ),
     "forces and dissipation": text(
         PAIRS,
         more="  dissipation: 0.1*sum(i = 1..n, x_dot(i)^2)\nforces: {x(1): sin(3*t)}",
@@ -307,6 +315,12 @@ def test_sums_of_few_terms_are_written_out(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.undo()
     assert not read(text(PAIRS, n=20), "a.yaml").graph.of((ELEMENTS,))
     assert read(text(PAIRS, n=60), "a.yaml").graph.of((ELEMENTS,))
+    half = KINETIC.removesuffix("/2")
+    lagrangian = f"  lagrangian: '0.5*{half} - {PAIRS}'"
+    whole = text(PAIRS, n=60).splitlines()
+    energies = [x for x in whole if not x.startswith(("  kinetic", "  potential"))]
+    energies.insert(energies.index("energy:") + 1, lagrangian)
+    assert may_gather(read("\n".join(energies), "a.yaml"))
     # A chain has as many terms as bodies, and forms of its own.
     chain = "sum(i = 1..n-1, (x(i+1) - x(i))^2)"
     assert not read(text(chain, n=1200), "a.yaml").graph.of((ELEMENTS,))

@@ -115,9 +115,12 @@ class Expansion:
         is_unit: Callable[[str], bool],
         graph: Graph,
         built_in: Collection[str],
+        *,
+        gathers: bool = False,
     ) -> None:
         self._top = {key.text: node for key, node in entries_of(root)}
         self.scope = Scope(graph, built_in)
+        self.scope.may_gather = gathers
         self.scope.tables = frozenset(key.text for key, _ in self._entries("tables"))
         self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
@@ -517,7 +520,8 @@ class Expansion:
         if section == "constraints":
             parser = parse_relation
         text, first = (node.text, parser), one.members[0][0]
-        size = self.scope.size(*text, first)
+        with self.scope.gathering(wanted=section == "definitions"):
+            size = self.scope.size(*text, first)
         if size < 1 and section in _SIZED:
             fault, one.family.broken = self.scope.failed, True
             if fault and self.complete and self.scope.size(*text, first) < size:

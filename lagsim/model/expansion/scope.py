@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,7 @@ from lagsim.model.expansion.grammar import CALLED, OF_FRAMES, OVER_RANGES, token
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable
+    from collections.abc import Callable, Collection, Iterable, Iterator
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
@@ -145,8 +146,9 @@ class Scope:
         self._terms = 0
         self._faulty: set[str] = set()
         self.failed: ExpressionError | None = None  # fault found by `size`
-        # Whether sums may become elements, and whether one is read with its indices.
-        self.gathers = self._generic = False
+        # Whether sums may become elements: in this file, and in this expression;
+        # whether the indices of a sum are symbols.
+        self.may_gather = self.gathers = self._generic = False
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
         # The terms of sums are counted once for all components of a value.
@@ -171,6 +173,15 @@ class Scope:
                 self.used.update([name for op, name, _ in side.postfix if op == "name"])
                 self._graph.allow(_LETTERS * len(side.postfix))
         return found
+
+    @contextmanager
+    def gathering(self, *, wanted: bool = True) -> Iterator[None]:
+        """Context manager: sums of the expressions that are read may be elements."""
+        self.gathers = wanted and self.may_gather
+        try:
+            yield
+        finally:
+            self.gathers = False
 
     # Texts
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from contextlib import nullcontext
 from copy import copy
 from dataclasses import replace
 from pathlib import PurePath
@@ -65,6 +66,7 @@ from lagsim.model.reader.values import STARTED, Definitions
 if TYPE_CHECKING:
     from collections.abc import Collection
     from collections.abc import Mapping as MappingType
+    from contextlib import AbstractContextManager
 
     from lagsim.language.parser import Parsed
     from lagsim.model.expansion import Expansion
@@ -167,8 +169,10 @@ class File:
         graph: Graph,
         overrides: MappingType[str, str],
         options: MappingType[str, str],
+        *,
+        gathers: bool = True,
     ) -> None:
-        self.file = file
+        self.file, self.gathers = file, gathers
         self._given = node = _in_place(root, faults)
         self.expansion: Expansion | None = None
         reading, broken = None, set[str]()
@@ -182,7 +186,9 @@ class File:
             meant = ((k._replace(text=name), v) for name, (k, v) in top.found.items())
             node = Mapping(tuple(meant), node.place)
             built_in = (*RESERVED, SLIP_SPEED, APPROACH_SPEED)
-            written = Expansion(node, overrides, faults.add, is_unit, graph, built_in)
+            written = Expansion(
+                node, overrides, faults.add, is_unit, graph, built_in, gathers=gathers
+            )
             node, reading, broken = written.node, written.plain, written.broken
             self.expansion = written
             top = replace(top, found={k.text: (k, v) for k, v in entries_of(node)})
@@ -207,7 +213,6 @@ class File:
         self._units: list[list[Mismatch]] = []
         self.options = options
         self.shifts: MappingType[str, tuple[int, float]] = {}
-        self.gathers = True
         version = top.text("lagsim")
         if "lagsim" in top and version != FORMAT_VERSION:
             text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
@@ -266,7 +271,8 @@ class File:
         read = values.ParameterReader(x, self.instead).read
         parameters = read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
-        definitions = Definitions(self.definitions, x)
+        with self._gathering():
+            definitions = Definitions(self.definitions, x)
         for name, at in (made.moving if made else {}).items():
             if name in x.definitions and x.definitions[name].level > Level.POSITION:
                 text = "the place of a body, or an angle, must not depend on "
@@ -275,8 +281,7 @@ class File:
                 x.faults.add("velocity-not-allowed", text, place)
         definitions.build(Level.POSITION, Level.VELOCITY)
         states = equations.read_states(self.states, x)
-        scope = made.scope if made and self.gathers else None
-        energies = equations.read_energies(self.energy, x, scope)
+        energies = equations.read_energies(self.energy, x, self._gathering)
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
         constraints = equations.read_constraints(self.constraints, x)
@@ -393,9 +398,7 @@ class File:
         faults = Faults(self.file)
         old = {name: self.instead.get(name) for name in parameters}
         if any(old[name] != parameters[name] for name in self.structural() & {*old}):
-            again = self._read_again({**parameters, **initial})
-            again.gathers = self.gathers
-            return again.read(model.sha256)
+            return self._read_again({**parameters, **initial}).read(model.sha256)
         new = copy(self)
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
@@ -444,25 +447,36 @@ class File:
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
         """Return a model of this file with a point of a table moved, see `Stated`."""
         again = self._read_again({})
-        again.gathers = self.gathers
         again.shifts = {table: (point, part)}
         return again.read(model.sha256)
 
     def written_out(self, model: Model) -> Model:
         """Return a model of this file without elements, see `Stated`."""
-        again = self._read_again({})
-        again.gathers, again.shifts = False, self.shifts
+        again = self._read_again({}, gathers=False)
+        again.shifts = self.shifts
         return again.read(model.sha256)
 
-    def _read_again(self, given: MappingType[str, str]) -> File:
+    def _gathering(self, *, wanted: bool = True) -> AbstractContextManager[None]:
+        """Context manager: sums of the expressions that are read may be elements."""
+        if self.expansion is None:
+            return nullcontext()
+        return self.expansion.scope.gathering(wanted=wanted)
+
+    def _read_again(
+        self, given: MappingType[str, str], *, gathers: bool | None = None
+    ) -> File:
         """Return the file read anew on a new graph, with more expressions replaced.
 
-        given : expressions by the names of parameters.
+        given : expressions by the names of parameters. gathers : whether sums may be
+        elements, by default as in this file.
         """
+        gathers = self.gathers if gathers is None else gathers
         graph = Graph(limits.graph_nodes(0), limits.work(0))
         every = {**self.instead, **self.starting, **given}
         faults = Faults(self.file)
-        return File(self._given, self.file, faults, graph, every, self.options)
+        return File(
+            self._given, self.file, faults, graph, every, self.options, gathers=gathers
+        )
 
     def structural(self) -> set[str]:
         """Return the parameters on which ranges and subscripts depend."""

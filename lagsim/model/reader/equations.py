@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from lagsim.language.at_rest import Bounds, bounds_at_rest
@@ -48,13 +49,13 @@ from lagsim.model.reader.fields import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
     from collections.abc import Sequence as SequenceType
+    from contextlib import AbstractContextManager
 
     from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.graph import Degrees, Graph
-    from lagsim.model.expansion.scope import Scope
     from lagsim.model.reader.expressions import Expressions
 
 _SUM = "write a sum of velocities with factors that depend on positions"
@@ -91,21 +92,20 @@ def energy_fields(top: Fields) -> Fields:
 
 
 def read_energies(
-    found: Fields, x: Expressions, scope: Scope | None = None
+    found: Fields,
+    x: Expressions,
+    gathering: Callable[..., AbstractContextManager[None]] = lambda **_: nullcontext(),
 ) -> Energies:
     """Return the nodes of the energies of the section `energy`; faults are reported.
 
-    scope : that of a file with families; sums of a potential energy may be elements.
+    gathering : context in which sums may be elements, see `language.elements`.
     """
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
         node, what = found.value(key), called.get(key, f"the {key} energy")
-        if scope is not None:
-            scope.gathers = key == "potential"
-        nodes[key] = x.compile(node, what, Level.VELOCITY)
-        if scope is not None:
-            scope.gathers = False
+        with gathering(wanted=key != "kinetic"):
+            nodes[key] = x.compile(node, what, Level.VELOCITY)
         x.refuse_rates(node, what)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
