@@ -76,6 +76,26 @@ def test_a_pendulum_on_a_trolley_that_speeds_up(result):
     assert np.ptp(balance) < 1e-8 * np.ptp(result["energy"])
 
 
+@of("balance-wheel")
+def test_an_escapement_tends_to_its_limit_cycle(result):
+    # Of the speeds after kicks each is r times the one before, plus J/I.
+    w, jump = 5 * np.pi, 8e-10 / 1.4e-9
+    d = w / 400
+    w1 = np.sqrt(w * w - d * d)
+    r = np.exp(-np.pi * d / w1)
+    rows = np.flatnonzero(np.diff(result.t) == 0.0) + 1
+    after = np.abs(result["theta_dot"][rows])
+    # From rest at 3.5 to 0: a damped oscillation, by its phase.
+    quarter = (np.pi / 2 + np.arcsin(d / w)) / w1
+    first = 3.5 * w * np.exp(-d * quarter) + jump
+    last = jump / (1 - r)
+    assert len(rows) == 300
+    n = np.arange(300)
+    assert np.allclose(after, last + (first - last) * r**n, **CLOSE)
+    assert np.allclose(result.t[rows], quarter + n * np.pi / w1, **CLOSE)
+    assert np.ptp(result["energy"] - result["work"]) < 1e-9 * result["energy"].max()
+
+
 @of("stick-slip-by-a-spring")
 def test_a_block_on_a_spring_sticks_and_slips(result):
     w, loose = np.sqrt(10.0), 3.0 / (10.0 * 0.5)

@@ -294,13 +294,16 @@ class Equations:
     states: tuple[FirstOrderState, ...] = ()
     begun_by: Begun = NOT_BEGUN
 
-    def of(self, model: Model) -> Equations:
-        """Return these equations for `model`, which differs in parameter values."""
+    def of(self, model: Model, *, begun_by: Begun = NOT_BEGUN) -> Equations:
+        """Return these equations for `model`, which differs in parameter values.
+
+        begun_by : the events that have acted at the start of `model`.
+        """
         given = {c.name: c.law.restitution for c in model.constraints if c.law}
         laws = self.laws
         if any(law.restitution != given.get(law.name, 0.0) for law in laws):
             laws = tuple(law.bouncing(given.get(law.name, 0.0)) for law in laws)
-        return replace(self, model=model, laws=laws, begun_by=NOT_BEGUN)
+        return replace(self, model=model, laws=laws, begun_by=begun_by)
 
     def has_pieces_of(self, model: Model) -> bool:
         """Whether gaps have the same pieces with the parameter values of `model`."""
@@ -324,7 +327,7 @@ class Equations:
         new = tuple(x._replace(value=values[x.name]) for x in model.parameters)
         if not begun.acts:
             return self
-        return replace(self.of(replace(model, parameters=new)), begun_by=begun)
+        return self.of(replace(model, parameters=new), begun_by=begun)
 
     @property
     def nodes(self) -> tuple[object, ...]:

@@ -137,7 +137,8 @@ def perturbed(case: Case, seed: int) -> Case:
     parameters = tuple(
         p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
     )
-    equations = case.equations.of(replace(model, parameters=parameters))
+    e, changed = case.equations, replace(model, parameters=parameters)
+    equations = e.of(changed, begun_by=e.begun_by)
     state = Instant(start.t, moved(start.q), moved(start.v), moved(start.s))
     return case._replace(equations=equations).at(state)
 

@@ -172,7 +172,10 @@ def document(given, keep=()):
         used += [text] if isinstance(text, str) else several
     used.append(simulation.get("until", ""))
     modes, events = raw.get("modes") or {}, raw.get("events") or {}
-    used += [x for e in events.values() for x in (e.get("at", ""), *e["set"].values())]
+    for event in events.values():
+        given = event.get("impulse", {})
+        used += [event.get("at", ""), *event.get("set", {}).values()]
+        used += [*given, *given.values()]
     sections = {
         name: {key: x for key, x in section.items() if key != "plot"}
         for name, section in (raw.get("output") or {}).get("sections", {}).items()
@@ -255,6 +258,19 @@ def _new(name):
     return name + "_new"
 
 
+def _with_impulses(events, factor):
+    """Give events with impulses multiplied by a factor, a text."""
+    return {
+        name: {
+            key: {on: f"{factor}*({x})" for on, x in value.items()}
+            if key == "impulse"
+            else value
+            for key, value in event.items()
+        }
+        for name, event in events.items()
+    }
+
+
 def seconds(model, factor):
     """Count time in units of `factor`."""
     changed = model.everywhere(
@@ -284,7 +300,7 @@ def seconds(model, factor):
         settings["step"] = f"({settings['step']})/{factor!r}"
     return replace(
         changed, energy=energy, laws=laws, initial=initial, settings=settings,
-        states=states,
+        states=states, events=_with_impulses(changed.events, f"1/{factor!r}"),
         start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
         scale=model.scale * factor, shift=model.shift / factor,
@@ -292,7 +308,7 @@ def seconds(model, factor):
 
 
 def kilograms(model, factor):
-    """Count masses, and so energies and forces, in units of 1/factor."""
+    """Count masses, and so energies, forces and impulses, in units of 1/factor."""
 
     unit = fresh(model, "M")
 
@@ -309,6 +325,7 @@ def kilograms(model, factor):
     return replace(
         model, parameters=model.parameters | {unit: repr(factor)},
         energy=heavier(model.energy), forces=heavier(model.forces), laws=laws,
+        events=_with_impulses(model.events, unit),
     )  # fmt: skip
 
 

@@ -137,7 +137,8 @@ class Subject:
         self.case, self.interrupt = case, interrupt
         self.compiled = compiled or Compiled()
         self.equations = e = case.equations
-        self.endless = case._replace(equations=e.of(replace(e.model, until=None)))
+        endless = e.of(replace(e.model, until=None), begun_by=e.begun_by)
+        self.endless = case._replace(equations=endless)
         self.span = case.settings.duration
         periods = (x.every for x in e.model.events if x.at is None)
         self.period = min(periods, default=math.inf)

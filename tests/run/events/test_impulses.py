@@ -11,6 +11,9 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
+from lagsim.model.reader import read
+from lagsim.run.session import open_case
+from lagsim.studies.golden import measure
 
 JUMP = 1e-13
 # Methods with error control, and the steps of the others: each moves a free body, and
@@ -445,3 +448,19 @@ def test_units_of_impulses_are_checked():
     assert len(found) == 2, found
     assert "the impulse on `x` by the event `b` is in N here" in found[0]
     assert "the impulse on `q` by the event `b` is in N*s here" in found[1]
+
+
+def test_a_golden_has_the_kicks_at_the_start():
+    """Variants of a golden, at values changed by rounding, begin with the same kick."""
+    text = (
+        "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
+        "events: {tick: {every: 0.62, impulse: {x: 1 + x_dot}}}\n"
+        "initial: {x: 0.1, x_dot: 0.5}\n"
+        "simulation: {duration: 2, output_step: 0.05}\n"
+    )
+    golden, _ = measure(open_case(read(text, "kicks.yaml")))
+    first = dict(zip(golden.columns, golden.rows[:2].T, strict=True))
+    assert first["x_dot"].tolist() == [0.5, 2.0]
+    assert first["t"].tolist() == [0.0, 0.0]
+    # A variant without the kick at the start would differ by 1.5.
+    assert golden.bounds("x_dot").max() < 1e-9

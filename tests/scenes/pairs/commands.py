@@ -62,7 +62,8 @@ FREEDOM = {
 }  # fmt: skip
 
 _FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "event")
-_FREE += ("events at one time", "sections and strobes", "many coordinates")
+_FREE += ("events at one time", "impulse at an event", "sections and strobes")
+_FREE += ("many coordinates",)
 NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
 AT_TIMES = "the model has constraints that hold at times"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
@@ -105,6 +106,7 @@ CHANGED = {
     "until": ("x1 <= 0", "x1 <= 0.000005"),
     "event": ("x1 <= 0.2", "x1 <= 0.200002"),
     "events at one time": ("0.4*fast1", "0.400005*fast1"),
+    "impulse at an event": ("x1: -0.3", "x1: -0.300002"),
     "sections and strobes": ("2*x1^2", "2.00001*x1^2"),
     "contact": ("restitution: 0.5", "restitution: 0.500005"),
     "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
@@ -128,7 +130,7 @@ CHANGED = {
 # Where another tolerance is the same means, as of linear motion: another method.
 _LINEAR = (
     "smooth", "ignorable", "until", "event", "events at one time",
-    "sections and strobes", "contact",
+    "impulse at an event", "sections and strobes", "contact",
     "friction on one slip", "limit",
     "static and dynamic friction", "freewheel", "when", "singular M",
     "many coordinates",
@@ -139,6 +141,7 @@ _BEAT = (2j, -2j)
 EIGENVALUES = {
     **dict.fromkeys(("ignorable", "switch in t", *_SWITCHES[1:]), (0.0, 0.0)),
     **dict.fromkeys(("until", "event", "events at one time"), (0.0, 0.0)),
+    "impulse at an event": (0.0, 0.0),
     "holonomic": (0.0, 0.0),
     **dict.fromkeys(("smooth", "switch in the state", "elimination"), _BEAT),
     "sections and strobes": _BEAT,

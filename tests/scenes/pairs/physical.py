@@ -132,6 +132,17 @@ def _bursts(t):
     return found
 
 
+def _kicked(t):
+    """Give the motion from 0.2 at 0.5, kicked by -0.3 each 0.62, and by 0.7 at 0.3."""
+    ends, x = (0.5, 0.62, 1.24, 1.86, np.inf), 0.2
+    found, at = np.full(len(t), np.nan), 0.0
+    for end, v in zip(ends, (0.2, 0.9, 0.6, 0.3, 0.0), strict=True):
+        piece = (t >= at) & (t <= end)
+        found[piece] = x + v * (t[piece] - at)
+        x, at = x + v * (min(end, DURATION) - at), end
+    return found
+
+
 def _brake(t, v, a):
     s = np.minimum(t, v / a)
     return v * s - a * s * s / 2
@@ -263,6 +274,13 @@ FRAGMENTS = (
             "faster$": "{at: x$_dot >= 0.64, set: {fast$: 1}}",
             "turn$": "{at: beats$ >= 3, set: {beats$: beats$ - 2, push$: -push$}}",
             "beat$": "{every: 0.25, set: {beats$: beats$ + 1}}",
+        },
+    ),
+    Fragment(
+        "impulse at an event", ("0.2", "0.5"), lambda t: {"x$": _kicked(t)},
+        events={
+            "tick$": "{every: 0.62, impulse: {x$: -0.3}}",
+            "push$": "{at: x$ >= 0.3, impulse: {x$: 0.3 + 2*x$_dot}}",
         },
     ),
     Fragment(
