@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.stats import t as student
 
 from lagsim.errors import InputError
@@ -163,6 +164,80 @@ def test_a_restitution_from_heights():
     y, _ = bounces(t, 0.72, 9.81, 1.1)
     _, found = fitted(BALL, {"t": t, "y": y}, ["e=0:1", "h"])
     close(found, {"e": 0.72, "h": 1.1})
+
+
+PUCK = """
+parameters: {m: 0.3, mu: 0.2, e: 0.5, g: 9.81, wall: 2}
+coordinates: {x: {}}
+energy: {kinetic: m*x_dot^2/2, potential: 0}
+constraints:
+  floor: {relation: x_dot = 0, limit: mu*m*g}
+  side: {relation: x <= wall, restitution: e}
+initial: {x: 0, x_dot: 4}
+simulation: {duration: 4}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [1, 1000])
+def test_friction_of_a_puck_that_strikes_a_wall_and_comes_to_rest(unit):
+    # In m, or mm; measured at the impact itself, too.
+    mu, e, v = 0.15, 0.7, 3.5
+    a = mu * 9.81
+    fast = math.sqrt(v**2 - 4 * a)
+    struck = (v - fast) / a
+    t = np.sort([struck, *np.linspace(0.05, 3, 44)])
+    s = np.clip(t - struck, 0, e * fast / a)
+    x = np.where(t < struck, v * t - a * t**2 / 2, 2 - (e * fast * s - a * s**2 / 2))
+    text = PUCK.replace("g: 9.81, wall: 2", f"g: {9.81 * unit}, wall: {2 * unit}")
+    text = text.replace("x_dot: 4", f"x_dot: {4 * unit}")
+    _, found = fitted(text, {"t": t, "x": x * unit}, ["mu=0:1", "e=0:1", "x_dot"])
+    close(found, {"mu": mu, "e": e, "x_dot": v * unit})
+
+
+CHAIN = """
+parameters: {n: 3, k(1..n): 5, c: 0.1}
+coordinates: {q(1..n): {}}
+definitions: {d(0): 0, d(i=1..n): q(i)}
+energy:
+  kinetic: sum(i=1..n, q_dot(i)^2/2)
+  potential: "sum(i=1..n, k(i)*(d(i) - d(i-1))^2/2)"
+  dissipation: sum(i=1..n, c*q_dot(i)^2/2)
+initial: {q(1..n): [0, 0, 1]}
+simulation: {duration: 6}
+"""
+
+
+@pytest.mark.slow
+def test_members_of_families_are_columns_and_names():
+    # Columns are named as those of a run; the motion is that of expm.
+    k, t = np.array([6, 4, 5.5]), np.linspace(0.1, 6, 40)
+    K = np.diag(k) + np.diag([*k[1:], 0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-K, -0.1 * np.eye(3)]])
+    rows = np.array([expm(A * s) @ [0, 0, 1.2, 0, 0, 0] for s in t])
+    data = {"t": t, "q.1": rows[:, 0], "q_dot.3": rows[:, 5], "end": rows[:, 2]}
+    vary = ["k.1", "k.2", "k.3", "q.3"]
+    fit, found = fitted(CHAIN, data, vary, {"end": "q.3"})
+    close(found, {"k.1": 6, "k.2": 4, "k.3": 5.5, "q.3": 1.2})
+    assert found["match"] == {"q.1": "q.1", "q_dot.3": "q_dot.3", "end": "q.3"}
+    text = written(fit, fit.found(), {})
+    assert read(text, "<m>").parameter_values["k.2"] == pytest.approx(4, rel=EXACT)
+
+
+@pytest.mark.slow
+def test_an_orbit_in_kilometres_and_seconds():
+    year, au, t = 365.25 * 86400, 1.495978707e8, np.linspace(0.05, 2, 50)
+    mass, speed = 4 * math.pi**2 * au**3 / year**2, 2 * math.pi * au / year
+    text = f"""
+parameters: {{GM: {0.96 * mass}}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: -GM/hypot(x, y)}}
+initial: {{x: {au}, y: 0, y_dot: {1.03 * speed}}}
+simulation: {{duration: {3 * year}}}
+"""
+    x, y = au * np.cos(2 * math.pi * t), au * np.sin(2 * math.pi * t)
+    _, found = fitted(text, {"t": t * year, "x": x, "y": y}, ["GM", "y_dot"])
+    close(found, {"GM": mass, "y_dot": speed})
 
 
 @pytest.mark.slow

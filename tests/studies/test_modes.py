@@ -363,3 +363,53 @@ def test_a_name_that_is_no_input_is_refused():
         lagsim.modes(ABSORBER, response=["z:x"])
     with refused("unknown-name", "`y_dit`", "`y_dot`"):
         lagsim.modes(ABSORBER, response=["x:y_dit"])
+
+
+@pytest.mark.parametrize(("speed", "stiffness"), [(7, 50), (20, -50)])
+def test_a_rotor_whirls_backward_and_forward(speed, stiffness):
+    """Id w^2 -+ Ip speed w - k = 0; with k < 0 it is held by the rotation alone."""
+    text = f"""
+parameters: {{Id: 2, Ip: 3, speed: {speed}, k: {stiffness}}}
+coordinates: {{a: {{}}, b: {{}}}}
+energy:
+  kinetic: Id*(a_dot^2 + b_dot^2)/2 + Ip*speed*(a_dot*b - b_dot*a)/2
+  potential: k*(a^2 + b^2)/2
+initial: {{a: 0, b: 0}}
+"""
+    found = lagsim.modes(text)
+    half = 3 * speed / 4
+    root = math.sqrt(half**2 + stiffness / 2)
+    exact = np.array([abs(root - half), root + half]) / (2 * math.pi)
+    assert [x["frequency"] for x in found.modes] == pytest.approx(exact, rel=1e-9)
+    for mode in found.modes:  # circles
+        a, b = (complex(*mode["shape"][name]) for name in ("a", "b"))
+        assert abs(b / a) == pytest.approx(1, abs=1e-8)
+        assert abs((b / a).real) < 1e-8
+
+
+def test_a_beam_of_lumped_masses():
+    """Pinned at both ends: w_j = 4 sin(j pi/(2 (n + 1)))^2 sqrt(EI/(m h^3))."""
+    n, h = 8, 2 / 9
+    text = """
+parameters: {n: 8, EI: 3, m: 0.4, h: 2/(n + 1)}
+coordinates: {w(1..n): {}}
+definitions:
+  v(0): 0
+  v(i=1..n): w(i)
+  v(n+1): 0
+energy:
+  kinetic: sum(i=1..n, m*w_dot(i)^2/2)
+  potential: EI/(2*h^3)*sum(i=1..n, (v(i-1) - 2*v(i) + v(i+1))^2)
+initial: {w(1..n): 0}
+"""
+    found = lagsim.modes(text).modes
+    assert len(found) == n
+    places = np.arange(1, n + 1)
+    for j, mode in enumerate(found, 1):
+        part = math.sin(j * math.pi / (2 * (n + 1)))
+        exact = 4 * part**2 * math.sqrt(3 / (0.4 * h**3)) / (2 * math.pi)
+        assert mode["frequency"] == pytest.approx(exact, rel=1e-9)
+        shape = np.array([mode["shape"][f"w.{i}"][0] for i in places])
+        sine = np.sin(j * math.pi * places / (n + 1))
+        across = shape - sine * (shape @ sine) / (sine @ sine)
+        assert np.max(np.abs(across)) < 1e-7

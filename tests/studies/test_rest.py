@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import lagsim
 from tests.studies.test_modes import CARTESIAN, HOOP
@@ -258,3 +259,31 @@ initial: {x: 0, s: 0}
     # s = 2 x and 1 - x - s/2 = 0.
     assert x["coordinates"]["x"] == pytest.approx(0.5)
     assert x["states"]["s"] == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_a_chain_of_links_hangs_between_two_hooks():
+    """tan(q_i) = m g (i - (n + 1)/2)/H, with the tension H that fits the span."""
+    text = """
+parameters: {n: 6, m: 0.5, g: 9.81, span: 4}
+coordinates: {q(1..n): {unit: rad}}
+definitions:
+  x(0): 0
+  y(0): 0
+  x(i=1..n): x(i-1) + cos(q(i))
+  y(i=1..n): y(i-1) + sin(q(i))
+energy:
+  kinetic: sum(i=1..n-1, m*(x_dot(i)^2 + y_dot(i)^2)/2) + sum(i=1..n, q_dot(i)^2)/100
+  potential: sum(i=1..n-1, m*g*y(i))
+constraints: {ex: x(n) = span, ey: y(n) = 0}
+initial: {q(i=1..n): {guess: 0.4*(i - 3.5)}}
+"""
+    weight, heights = 0.5 * 9.81, np.arange(6) - 2.5
+    H = brentq(lambda H: np.sum(np.cos(np.arctan(weight * heights / H))) - 4, 1, 9)
+    found = [x for x in lagsim.equilibrium(text).equilibria if x["stable"]]
+    assert len(found) == 1
+    q = np.array([found[0]["coordinates"][f"q.{i}"] for i in range(1, 7)])
+    turned = (q + np.pi) % (2 * np.pi) - np.pi
+    assert turned == pytest.approx(np.arctan(weight * heights / H), abs=1e-9)
+    assert abs(found[0]["lambda"]["ex"]) == pytest.approx(H, rel=1e-9)
+    assert abs(found[0]["lambda"]["ey"]) == pytest.approx(2.5 * weight, rel=1e-9)

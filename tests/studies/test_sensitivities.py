@@ -333,3 +333,32 @@ def test_an_accumulation_amplifies_rounding_that_is_no_dependence():
     assert len(kept) > 0.99 * len(found.values)
     assert np.max(np.abs(kept)) < 1e-7
     assert found.error < 1e-9
+
+
+@pytest.mark.parametrize("name", ["m", "r", "S", "D"])
+def test_a_block_that_a_growing_force_sets_sliding(name):
+    """It slides from t1 = S/r on, against less friction: m x'' = r t - D."""
+    text = """
+parameters: {m: 2, r: 3, S: 4, D: 2.5}
+coordinates: {x: {}}
+energy: {kinetic: m*x_dot^2/2, potential: 0}
+forces: {x: r*t}
+constraints: {rub: {relation: x_dot = 0, limit: {static: S, dynamic: D}}}
+initial: {x: 0}
+simulation: {duration: 4}
+"""
+    times = np.linspace(0.05, 4.0, 30)
+    t1 = 4.0 / 3.0
+    s = np.maximum(times - t1, 0.0)
+    place = (3 * (t1 * s**2 / 2 + s**3 / 6) - 2.5 * s**2 / 2) / 2
+    # By r and S with t1 = S/r, whose derivatives are -t1/r and 1/r.
+    by_t1 = (-3 * t1 * s + 2.5 * s) / 2
+    exact = {
+        "m": -place / 2,
+        "r": (t1 * s**2 / 2 + s**3 / 6) / 2 - by_t1 * t1 / 3,
+        "S": by_t1 / 3,
+        "D": -(s**2) / 4,
+    }
+    found = study(text, times, ("x",)).by(name)
+    assert not found.lost.any()
+    assert worst(found, exact[name]) < 1e-9

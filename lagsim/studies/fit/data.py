@@ -10,7 +10,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import InputError, Place, Problem, Problems, did_you_mean, unusable
-from lagsim.language.names import rate_of
+from lagsim.language.names import in_file, rate_of
 from lagsim.model.model import DrawnExpression, Level, Plot
 from lagsim.model.reader.sheets import read_sheet
 
@@ -213,7 +213,9 @@ def matched(
             continue
         text, deviation = _parsed(column, given.get(column, column), faults)
         with faults.gathered():
-            nodes.append(model.stated.compiled(text, f"--match {column}="))
+            # A member of a family has the name of its column here: `q.1`.
+            formula = in_file(text) if text in own else text
+            nodes.append(model.stated.compiled(formula, f"--match {column}="))
             matches.append(Match(column, text, deviation, own.get(text, "")))
         _check_cells(column, records, faults)
     if not matches and not faults:
