@@ -3,11 +3,13 @@
 import re
 import shlex
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 
 import pytest
 import typer
 import yaml
 
+from benchmarks import played
 from lagsim.cli import COMMANDS
 from lagsim.methods import names
 from lagsim.run.trajectory import Outcome
@@ -139,3 +141,25 @@ def test_the_page_on_adding_names_what_exists():
         text = file.read_text(encoding="utf-8")
         for name in filter(None, parts):
             assert re.search(rf"\b{name}\b", text), f"{name} of {path}"
+
+
+@pytest.fixture(scope="module")
+def hooks():
+    pytest.importorskip("mkdocs", reason="needs mkdocs")
+    spec = spec_from_file_location("hooks", ROOT / "docs/hooks.py")
+    made = module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def test_the_site_finds_where_models_are_played(hooks):
+    shipped = sorted(p.stem for p in MODELS.glob("*.yaml"))
+    assert sorted(hooks.RUN.findall(text_of("docs/gallery.md"))) == shipped
+    assert text_of("docs/explore.md").count(hooks.PICTURE) == 1
+
+
+@pytest.mark.slow
+def test_models_that_a_page_can_hold_are_played():
+    assert played.page(MODELS / "bouncing-ball.yaml") == b""
+    page = played.page(MODELS / "elastic-pendulum.yaml")
+    assert page.startswith(b"<!DOCTYPE html>")
