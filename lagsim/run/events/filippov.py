@@ -674,6 +674,21 @@ class SurfaceModes:
             found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
         return np.asarray(found)
 
+    def changes(self, time: float) -> Floats:
+        """Return the largest changes (K,) of the surfaces' expressions in a short time.
+
+        By the present rates, and by the terms of the forces.
+        """
+        arc, n = self.arc, self.arc.system.n
+        reach = time * np.nan_to_num(np.abs(self.rates(arc.t, arc.y)))
+        reach[arc.velocities] += time * arc.state.parts[:n]
+        reach[arc.state.positions] += time * reach[arc.velocities]
+        here = self.values(arc.t, arc.y)
+        found = np.abs(self.values(arc.t + time, arc.y) - here)
+        for aside in self.asides(reach):
+            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
+        return np.asarray(found)
+
     def _aside(self, t: float) -> Floats:
         """Return a state (size,) in general position near the one reached.
 

@@ -97,16 +97,27 @@ class SwitchSequence:
     def limit(self) -> float | None:
         """Return the time at which switches accumulate, or None.
 
-        None where this time is not close enough to the last switch (`SHORT`).
+        None where this time is not close enough to the last switch (`SHORT`), and where
+        the intervals of the last window do not shrink.
         """
         end = self.end()
-        if end is None:
+        if end is None or not self._shrinks():
             return None
         left = end - self.recent[-1][0]
         ratio = self.ratio()
         if left > SHORT * self.longest or left > SHORT * self._since(ratio):
             return None
         return end
+
+    def _shrinks(self) -> bool:
+        """Whether the second half of the last window is shorter than its first half.
+
+        Where surfaces switch in turn at unequal intervals, it is so for some of them.
+        """
+        first, half, last = (
+            self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)
+        )
+        return last - half < half - first
 
     def end(self) -> float | None:
         """Return the limit of the switch times, extrapolated as a geometric series.

@@ -19,7 +19,7 @@ from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import SLIDING, SurfaceModes
-from lagsim.run.events.sequence import SwitchSequence
+from lagsim.run.events.sequence import REGULAR, SwitchSequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
@@ -405,6 +405,8 @@ class Switching(Source):
             found = self.begin(arc, k)
             goes_on = not self.sequence.is_stuck()
         else:
+            near = self._near(limit - arc.t)
+            several = [i for i in several if i == k or i in near]
             self.sequence.recent.clear()
             if self.contacts is not None:
                 self.contacts.rest_soon(arc, REACH * (limit - arc.t))
@@ -421,6 +423,18 @@ class Switching(Source):
             names = self._names(several)
             return found._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
         return found._replace(turn=Turn.MODE)
+
+    def _near(self, within: float) -> list[int]:
+        """Return the surfaces whose levels the motion can reach in a time.
+
+        Where switches accumulate no other surface is at its level.
+        """
+        modes, arc = self.modes, self.modes.arc
+        most = REGULAR * modes.changes(within)
+        most += RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
+        values = modes.values(arc.t, arc.y).tolist()
+        off = [abs(x - modes.level(k, x)) for k, x in enumerate(values)]
+        return [k for k, x in enumerate(off) if x <= most[k]]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
         """Return the event of an accumulation of switches of surface k.
