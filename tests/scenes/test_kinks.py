@@ -10,6 +10,7 @@ import itertools
 
 import numpy as np
 import pytest
+import yaml
 
 import lagsim
 from tests.scenes.contact.motions import G
@@ -365,3 +366,43 @@ def test_a_sweep_over_the_sign_has_the_ends_of_single_runs():
 def simulated_end(model):
     """Give the last y of a run."""
     return lagsim.simulate(model, error_bar="never")["y"][-1]
+
+
+@pytest.mark.parametrize(
+    ("relations", "instants"),
+    [
+        (["y = tl(abs(x))"], 1),
+        (["y = tl(x) + abs(x)/4"], 1),
+        (["y = abs(x)/4 + max(0, x)"], 1),
+        (["y = abs(x)/4", "z = abs(x)/2"], 2),
+    ],
+)
+def test_an_instant_has_one_corner_of_a_constraint_and_takes_its_energy_once(
+    relations, instants
+):
+    names = "cd"[: len(relations)]
+    constraints = dict(zip(names, relations, strict=True))
+    document = {
+        "coordinates": {"x": {}, "y": {}, "z": {}},
+        "energy": {"kinetic": "(x_dot^2 + y_dot^2 + z_dot^2)/2", "potential": "y"},
+        "tables": {
+            "tl": {"points": [[-2, 1], [0, 0], [2, 1]], "interpolation": "linear"}
+        },
+        "constraints": constraints,
+        "initial": {
+            "x": -0.5, "x_dot": 2, "y": {"guess": 0.2}, "y_dot": {"guess": 0},
+            "z": {"guess": 0.2}, "z_dot": {"guess": 0},
+        },
+        "simulation": {"duration": 0.3, "output_step": 0.1},
+    }  # fmt: skip
+    if "tl" not in relations[0]:
+        del document["tables"]
+    found = lagsim.simulate(yaml.safe_dump(document), error_bar="never")
+    corners = [e for e in found.events if e.kind == "corner"]
+    assert [e.constraint for e in corners] == [*names]
+    assert len({e.time for e in corners}) == 1
+    assert len(corners) == instants
+    # Nothing but the corner changes the energy.
+    lost = found["energy"][-1] - found["energy"][0]
+    assert lost < -0.01
+    assert sum(e.energy or 0.0 for e in corners) == pytest.approx(lost, rel=1e-9)

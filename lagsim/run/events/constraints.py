@@ -37,6 +37,8 @@ from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.switching import Switching
@@ -143,13 +145,35 @@ def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
         transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
-        events = [
-            Event(arc.t, "corner", name, switch=switching.sides[k].text, energy=energy)
-            for k in bent
-            for name in arc.system.switches.corners[k].rows
-        ]
-        events += rests
+        events = [*_corners(arc, switching, bent, energy), *rests]
     return Decision(events=tuple(events), rows=before.row, y=y)
+
+
+def _corners(
+    arc: Arc, switching: Switching, bent: Collection[int], energy: float
+) -> Iterator[Event]:
+    """Generate the event of a corner for each constraint that is in one.
+
+    The energy that the instant takes stands in the first event alone.
+
+    Parameters
+    ----------
+    arc : Arc
+    switching : Switching
+    bent : collection of int
+        The numbers of the corners that the state is on; several may belong to one
+        constraint, as the kink and a knot of `table(abs(x))`.
+    energy : float
+        The energy that the instant takes.
+    """
+    own: dict[str, list[str]] = {}
+    for k in bent:
+        for name in arc.system.switches.corners[k].rows:
+            own.setdefault(name, []).append(switching.sides[k].text)
+    for i, (name, texts) in enumerate(own.items()):
+        text = ", ".join(dict.fromkeys(texts))
+        lost = None if i else energy
+        yield Event(arc.t, "corner", name, switch=text, energy=lost)
 
 
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
