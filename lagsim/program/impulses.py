@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import generalized_impulses, without_momentum
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.mechanics.equations import Equations
 
 
@@ -63,6 +64,9 @@ class ImpulseFunction:
         not proportional to the impulse.
     always : list of str
         The names of the equalities that always hold.
+    groups : list of (ndarray of int, ndarray of int)
+        Decoupled groups of coordinates, by their indices, each with the indices of the
+        rows of equalities that act on them.
     """
 
     def __init__(self, e: Equations, recovered: Mapping[int, int]) -> None:
@@ -75,6 +79,7 @@ class ImpulseFunction:
         self._slopes = [(k, j) for k, A in enumerate(rows) for j in A]
         slopes = [node for A in rows for node in A.values()]
         self._free = without_momentum(e)
+        self.groups = _groups(e)
         fast = frozenset(e.velocities)
         self.is_curved = bool(g.dependent([*mass.values(), *slopes], fast))
         self._events = len(kicks)
@@ -99,3 +104,24 @@ class ImpulseFunction:
         timed = np.array(self._timed, dtype=bool) & (parts[4] != 0.0)
         holds = np.append(np.ones(len(self.always), dtype=bool), timed)
         return JumpData(M, rows, holds, parts[2], parts[3], parts[5].reshape(-1, n))
+
+
+def _groups(e: Equations) -> list[tuple[Ints, Ints]]:
+    """Return the groups of coordinates that masses or equalities couple.
+
+    See `ImpulseFunction.groups`.
+    """
+    sets = DisjointSets(len(e.q))
+    for i, j in e.mass_entries:
+        sets.unite([i, j])
+    held = dict(enumerate(A.entries for A in e.slopes[: len(e.rows)]))
+    for k, law in enumerate(e.laws, len(e.rows)):
+        if law.kind is Kind.TIMED:
+            held[k] = law.row.A.entries
+    for A in held.values():
+        sets.unite([*A])
+    found = []
+    for group in sets.sets():
+        rows = [k for k, A in held.items() if not A.keys().isdisjoint(group)]
+        found.append((np.array(group, dtype=int), np.array(rows, dtype=int)))
+    return found

@@ -19,9 +19,9 @@ import numpy as np
 from lagsim.mechanics.algebra import Metric, least_squares
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Floats, Ints
     from lagsim.program.impulses import JumpData
     from lagsim.run.arc import Arc
 
@@ -57,7 +57,9 @@ def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
         velocities grow without bound.
     """
     n, first = len(P), data_at(arc, y)
-    count = len(first.rows)
+    function = arc.system.impulses
+    assert function is not None
+    groups = [x for x in function.groups if P[x[0]].any()]
 
     def state(v: Floats) -> Floats:
         new = y.copy()
@@ -65,18 +67,29 @@ def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
         return new
 
     def change(x: Floats) -> Floats:
-        now = data_at(arc, state(x[:n]))
-        metric = Metric(now.M, now.rows[now.holds])
-        jump, given = metric.free @ (metric.free.T @ P), np.zeros(count)
-        given[now.holds] = metric.multipliers(P - now.M @ jump)
-        return np.append(jump, given)
+        return _response(data_at(arc, state(x[:n])), P, groups)
 
-    x = np.append(first.velocities, np.zeros(count))
-    function = arc.system.impulses
-    assert function is not None
+    x = np.append(first.velocities, np.zeros(len(first.rows)))
     x = _followed(change, x) if function.is_curved else x + change(x)
     _add(arc, x[n:])
     return state(x[:n])
+
+
+def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> Floats:
+    """Return the jump of the velocities (n,) and the impulses of the rows (R,).
+
+    groups : see `ImpulseFunction.groups`.
+    """
+    jump, given = np.zeros(len(P)), np.zeros(len(now.rows))
+    for group, rows in groups:
+        M, own, held = now.M[np.ix_(group, group)], P[group], rows[now.holds[rows]]
+        if not len(held):
+            jump[group] = np.linalg.solve(M, own)
+            continue
+        metric = Metric(M, now.rows[np.ix_(held, group)])
+        jump[group] = change = metric.free @ (metric.free.T @ own)
+        given[held] = metric.multipliers(own - M @ change)
+    return np.append(jump, given)
 
 
 def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> None:
@@ -90,13 +103,18 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> None:
     laws : ndarray, shape (L,)
         The impulses of the laws in it.
     """
+    function = arc.system.impulses
+    assert function is not None
     first, last = data_at(arc, before), data_at(arc, after)
-    always = len(first.rows) - len(laws)
-    if not always:
-        return
+    always = len(function.always)
     jump = last.momenta - first.momenta - laws @ last.rows[always:]
-    found = least_squares(last.rows[:always].T, jump, None)
-    _add(arc, np.append(found, np.zeros(len(laws))))
+    given = np.zeros(len(last.rows))
+    for group, rows in function.groups:
+        own = rows[rows < always]
+        if len(own) and jump[group].any():
+            A = last.rows[np.ix_(own, group)]
+            given[own] = least_squares(A.T, jump[group], None)
+    _add(arc, given)
 
 
 def _add(arc: Arc, given: Floats) -> None:

@@ -211,7 +211,8 @@ class Transitions(Source):
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
                 if events[k].impulses:
-                    impulse += data_at(arc, arc.y).impulses[k]
+                    given, failed = _impulse(arc, k)
+                    impulse, ending = impulse + given, ending or failed
                 ending = ending or self._set(arc, k)
             if due.periodic or any(events[k].once for k in own):
                 # They act once at an instant, so no cycle contains this round.
@@ -320,6 +321,18 @@ class Transitions(Source):
             return None
         names = [name for names, *_ in self.visits or self.rounds for name in names]
         return Ending(Outcome.EVENTS_CHATTER, quoted(names))
+
+
+def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:
+    """Return the generalized impulse (n,) of event k at the state reached.
+
+    And the ending of the run where the impulse is not finite.
+    """
+    found = data_at(arc, arc.y).impulses[k]
+    if np.isfinite(found).all():
+        return found, None
+    about = f": the impulse of the event `{arc.equations.model.events[k].name}`"
+    return found, Ending(Outcome.NOT_FINITE, about)
 
 
 def _with_energy(event: Event, energy: float, names: Collection[str]) -> Event:

@@ -408,6 +408,31 @@ def test_a_repeat_confirms_a_run_with_kicks():
     assert not result.warnings
 
 
+def test_an_impulse_without_a_value_ends_the_run_with_its_event():
+    model = scene(
+        "tick: {at: x >= 0.5, impulse: {x: log(-x)}}", initial="x: 0, x_dot: 1"
+    )
+    result = lagsim.simulate(model, error_bar="never")
+    assert result.record["failure"]["number"] == "E503"
+    assert "the impulse of the event `tick`" in result.reason
+    assert result.t[-1] == pytest.approx(0.5)
+
+
+def test_a_kick_does_not_depend_on_bodies_that_nothing_joins():
+    """Beside masses of 1e-20 and 1e20, held by rows of their own."""
+    words = {
+        "coordinates": "x: {}, a: {}, b: {}, c: {}",
+        "kinetic": "(x_dot^2 + 1e20*a_dot^2 + 1e20*b_dot^2 + 1e-20*c_dot^2)/2",
+        "initial": "x: 0, a: 0, b: 0, c: 0",
+        "more": "constraints: {bar: a = 2*b}",
+    }
+    result = run("tick: {every: 1, impulse: {x: 1, c: 1e-20, a: 1e20}}", **words)
+    rows = jumps(result)
+    for name, jump in (("x", 1.0), ("c", 1.0), ("a", 0.8), ("b", 0.4)):
+        speeds = jump * np.arange(1, 4)
+        assert result[f"{name}_dot"][rows] == pytest.approx(speeds, rel=JUMP), name
+
+
 @pytest.mark.parametrize(
     ("impulse", "text"),
     [
