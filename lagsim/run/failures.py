@@ -252,6 +252,7 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
 # section IV.2, for the detection of stiffness.
 
 STIFF = "radau"
+DIED_OUT = f"`--method {STIFF}` has longer steps where fast motion has died out"
 EXPLICIT = "dop853"
 # Factor of the number of steps at the bound from one test for stiffness to the next.
 ASKED_AGAIN = 4.0
@@ -329,13 +330,21 @@ class Stiffness(Source):
         Either another method or a caution.
         """
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
-        return self._considered_once(arc)._replace(numbers=asked)
+        # Forces of elements have no Jacobian.
+        gathers = bool(arc.system.equations.graph.of((ELEMENTS,)))
+        considered = self._of_elements if gathers else self._considered_once
+        return considered(arc)._replace(numbers=asked)
+
+    def _of_elements(self, arc: Arc) -> Decision:
+        """Return a caution where fast motion may have died out, since work is done."""
+        if not arc.system.equations.works:
+            return GO_ON
+        return self._warning(arc, (), DIED_OUT)
 
     def _considered_once(self, arc: Arc) -> Decision:
         scene = arc.system.equations
         # Sliding is integrated by a separate method.
-        alone = bool(arc.slides or scene.quadratures or scene.laws)
-        alone = alone or bool(scene.graph.of((ELEMENTS,)))
+        alone = arc.slides or scene.quadratures or scene.laws
         if scene.laws and _turns_on_disc(arc):
             return GO_ON
         if alone or method(STIFF).refusal(structure(scene)):
@@ -351,10 +360,7 @@ class Stiffness(Source):
         if arc.plan.method == SERIES and (asked or fast.excited):
             return GO_ON
         if asked:
-            advice = (
-                f"`--method {STIFF}` has longer steps where fast motion has died out"
-            )
-            return self._warning(arc, fast.where, advice)
+            return self._warning(arc, fast.where, DIED_OUT)
         if fast.excited:
             # Without the fast motion the next slower one would bound the steps.
             if fast.rate < WORTH * fast.slower:

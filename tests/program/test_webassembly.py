@@ -7,6 +7,7 @@ import pytest
 import wasmtime
 
 from lagsim.api.models import model_of
+from lagsim.language.functions import ELEMENTS
 from lagsim.native.link import wasm
 from lagsim.native.link.engine import NativeError
 from lagsim.program import webassembly
@@ -116,6 +117,25 @@ def test_rows_equal_native_ones_in_all_bits(name, method):
     rows, code = by_wasmtime(module)
     assert code == "DONE"
     assert len(native) > 900
+    assert same(rows, native)
+
+
+@pytest.mark.slow
+def test_loops_over_pairs():
+    text = """
+parameters: {n: 48}
+coordinates: {x(1..n): {}, y(1..n): {}}
+energy:
+  kinetic: sum(i = 1..n, x_dot(i)^2 + y_dot(i)^2)/2
+  potential: >-
+    sum(i = 1..n, sum(j = i+1..n, -i/sqrt((x(i) - x(j))^2 + (y(i) - y(j))^2 + 0.1)))
+initial: {x(i = 1..n): cos(2.4*i)*i, y(i = 1..n): sin(2.4*i)*i}
+simulation: {duration: 0.5, output_step: 0.01}
+"""
+    assert model_of(text).graph.of((ELEMENTS,))
+    module, native = made(text)
+    rows, code = by_wasmtime(module)
+    assert code == "DONE"
     assert same(rows, native)
 
 

@@ -112,6 +112,32 @@ def test_sweep_over_a_parameter_of_the_terms(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("damped", [True, False])
+def test_stiff_motion_is_reported_where_it_may_have_died_out(
+    damped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gather(monkeypatch, 1)
+    losses = "sum(i = 1..n, sum(j = i+1..n, 1e3*(x_dot(i) - x_dot(j))^2))"
+    text = f"""
+parameters: {{n: 5}}
+coordinates: {{x(1..n): {{}}}}
+energy:
+  kinetic: sum(i = 1..n, x_dot(i)^2)/2
+  potential: "sum(i = 1..n, sum(j = i+1..n, 1e5*(x(i) - x(j) - i + j)^2))"
+  dissipation: "{losses if damped else 0}"
+initial:
+  x(i = 1..n): i + 1e-3*cos(i)
+simulation: {{duration: 5, output_step: 0.1, rtol: 1e-4}}
+"""
+    result = lagsim.simulate(text, error_bar="never", method="dop853")
+    found = [x for x in result.warnings if "--method radau" in str(x)]
+    assert len(found) == damped
+    if damped:  # the advice holds
+        stiff = lagsim.simulate(text, error_bar="never", method="radau")
+        assert not stiff.warnings
+
+
+@pytest.mark.slow
 def test_close_encounter_is_not_stepped_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """A short-ranged wall acts on two of five bodies that pass each other."""
     text = """
