@@ -42,6 +42,8 @@ class Engine {
 
   drag(values, t, point, target) { return this.ask("drag", {values, t, point, target}); }
 
+  start(values, name, value) { return this.ask("start", {values, name, value}); }
+
   file(values) { return this.ask("file", {values}); }
 
   // A page that holds its model sees no other.

@@ -13,7 +13,7 @@ from lagsim.outputs.manifest import encode
 # In this order: each script uses the ones before it.
 LIVE = (*COMMON, "live.js", "explore.js")
 HELD = (*COMMON, "file.js", "explore.js")
-WORKER = ("numbers.js", "start.js", "film.js", "worker.js")
+WORKER = ("numbers.js", "start.js", "dragging.js", "film.js", "worker.js")
 _SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 

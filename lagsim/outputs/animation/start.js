@@ -1,6 +1,6 @@
-// The start of a motion: values, guesses by Newton's method, verdicts, a dragged point.
+// The start of a motion: values, guesses by Newton's method, verdicts.
 //
-// As lagsim/admissibility and lagsim/studies/explore/dragging.py decide, at one state.
+// As lagsim/admissibility decides, at one state.
 
 const SATISFIED = 1e-6, CONVERGED = 1e-12, ROUNDOFF = 2 ** -53, RESIDUAL_ROUNDOFF = 64 * ROUNDOFF;
 const DEPENDENT = 1e-13;
@@ -369,61 +369,5 @@ class Start {
   lengths(known) {
     const L = cholesky(this.metric(known));
     return L && this.jacobian(known).map((row) => norm(forward(L, row)));
-  }
-
-  // --- Dragging
-
-  // Start values with a point of the scene at a target, or near it.
-  dragged(known, name, target) {
-    const {q, v, scene: {points}} = this.model, every = q.map((_, j) => j);
-    const point = points.find((x) => x.name === name);
-    const held = this.relations(0, {definitions: false}), moving = this.relations(1, {definitions: false});
-    // One Newton step, by the least change; none where values are not finite.
-    const corrected = (relations, at, block) => {
-      const L = this.factor(0, at, every), {r, J} = this.look(relations, at, every);
-      const change = backward(L, leastSquares(J.map((row) => forward(L, row)), r.map((y) => -y)));
-      if (!change.every(Number.isFinite)) return {at, change: change.map(() => 0)};
-      const names = block ? v : q;
-      return {at: {...at, ...Object.fromEntries(names.map((x, j) => [x, at[x] + (change[j] || 0)]))}, change};
-    };
-    const on = (at) => {
-      for (let step = 0; step < 50 && held.wanted.length; step++) {
-        const found = corrected(held, at, 0);
-        at = found.at;
-        if (q.every((x, j) => Math.abs(found.change[j]) <= 1e-15 * Math.max(Math.abs(at[x]), 1e-3))) break;
-      }
-      return at;
-    };
-    const holds = (at) => {
-      const {r, scale} = this.look(held, at, every);
-      return r.every((y, i) => Math.abs(y) <= 1e-9 * scale[i]);
-    };
-    if (point && point.slopes.some((row) => row.length)) {
-      const place = (at) => this.graph.at(point.nodes, at);
-      const away = (at) => norm(place(at).map((x, k) => target[k] - x));
-      let far = away(known);
-      const least = 1e-9 * far;
-      for (let step = 0; step < 50 && far > least; step++) {
-        const L = this.factor(0, known, every), here = place(known), values = this.graph.at(point.slopes.flat().map(([, node]) => node), known);
-        let k = 0;
-        const J = point.slopes.map((row) => { const full = new Array(q.length).fill(0); for (const [j] of row) full[j] = values[k++]; return forward(L, full); });
-        const basis = held.wanted.length ? rowSpace(this.look(held, known, every).J.map((row) => forward(L, row))) : [];
-        for (const row of J) for (const b of basis) { const d = dot(b, row); b.forEach((c, i) => { row[i] -= d * c; }); }
-        let change = backward(L, leastSquares(J, here.map((x, i) => target[i] - x), here.map(() => 1)));
-        let best = known, nearest = far;
-        for (let half = 0; half < 8; half++) {
-          const other = on({...known, ...Object.fromEntries(q.map((x, j) => [x, known[x] + change[j]]))});
-          const now = holds(other) ? away(other) : Infinity;
-          if (nearest < Math.min(now, far)) break;
-          if (now < nearest) [best, nearest] = [other, now];
-          change = change.map((c) => c / 2);
-        }
-        const slow = !(nearest <= (1 - 1e-13) * far);
-        [known, far] = [best, nearest];
-        if (slow) break;
-      }
-    }
-    if (moving.wanted.length) known = corrected(moving, known, 1).at;
-    return Object.fromEntries([...q, ...v].map((x) => [x, known[x]]));
   }
 }

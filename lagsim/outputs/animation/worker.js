@@ -213,7 +213,7 @@ class Running {
     const names = model.wanted.slice(0, model.table);
     const values = Object.fromEntries([...model.parameters.map((x) => x.name), ...model.stateNames.slice(1)].map((name) => [name, known[name]]));
     return {
-      version: 1, film, columns: names, units: model.units, state: model.stateNames, ends: model.ends, values, error,
+      version: 1, film, columns: names, units: model.units, state: model.stateNames, ends: model.ends, values, error, held: model.rows.length > 0,
       rows, data: Object.fromEntries(names.map((name) => [name, found[name]])),
     };
   }
@@ -242,8 +242,16 @@ class Running {
     const state = await this.state(texts, t, ended);
     if (state === null) return null;
     // The place is that of the time, the velocities are those of the start.
-    const {known, settings} = this.begin(texts), place = Object.fromEntries(this.model.q.map((name) => [name, state[name]]));
-    return this.starts.dragged({...known, ...place, t: settings.start}, point, target);
+    const place = Object.fromEntries(this.model.q.map((name) => [name, state[name]]));
+    return new ConstrainedStart(this.starts, this.begin(texts).known).dragged(place, point, target);
+  }
+
+  // Start values with one of them at a value, or near it; those that stay are left out.
+  start(texts, name, value) {
+    const {q, v, rows} = this.model, {known} = this.begin(texts);
+    if (!rows.length || ![...q, ...v].includes(name)) return {[name]: value};
+    const found = new ConstrainedStart(this.starts, known).put(name, value);
+    return Object.fromEntries(Object.entries(found).filter(([x, y]) => y !== known[x] || x === name));
   }
 
   // The text of the model file with other values.
@@ -275,14 +283,15 @@ let running = null;
 const latest = {motion: 0, state: 0};
 let turn = Promise.resolve();
 
-async function answered({id, kind, values = {}, t, point, target}) {
-  const moves = kind === "motion", own = moves ? "motion" : "state";
+async function answered({id, kind, values = {}, t, point, target, name, value}) {
+  const moves = kind === "motion";
   const ended = () => latest.motion > id || (!moves && latest.state > id);
-  if ((moves || kind !== "file") && ended()) return {};
+  if (["motion", "state", "drag"].includes(kind) && ended()) return {};
   if (kind === "motion") return {found: await running.motion(values, ended)};
   if (kind === "state") return {found: await running.state(values, t, ended)};
   if (kind === "drag") return {found: await running.drag(values, t, point, target, ended)};
-  return {found: running.file(values), own};
+  if (kind === "start") return {found: running.start(values, name, value)};
+  return {found: running.file(values)};
 }
 
 async function opened({model, module}) {

@@ -414,6 +414,11 @@ class Explorer:
         """The names with values of `--set`."""
         return list(self._overrides)
 
+    @property
+    def varied(self) -> list[str]:
+        """The names of `--vary`."""
+        return list(self._vary)
+
     def _session(self, values: Values) -> Session:
         return self._forms.session(self._texts(values))
 

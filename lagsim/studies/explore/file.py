@@ -29,6 +29,7 @@ from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
 from lagsim.outputs import animation as pictures
 from lagsim.outputs.animation.pages import holding
+from lagsim.outputs.letters import raised
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
 from lagsim.outputs.units import units
 from lagsim.program import webassembly
@@ -112,12 +113,12 @@ def page_in_a_file(explorer: Explorer) -> bytes:
         module = webassembly.module(run.arc.runner, run.arc.state)
     except NativeError as error:
         raise _refused(str(error)) from None
-    about = units(session.equations, session.columns.of_table)
-    film = pictures.film(session.equations, frames, (), units=about)
+    names = units(session.equations, session.columns.of_table)
+    film = pictures.film(session.equations, frames, (), units=names)
     document = {
         **_problem(session, explorer),
         **_settings(session, run.arc),
-        **_columns(session, frames, about),
+        **_columns(session, frames, names),
         "ends": explorer.ends(
             session, dict(zip(frames.names, frames.table.T, strict=True))
         ),
@@ -125,10 +126,22 @@ def page_in_a_file(explorer: Explorer) -> bytes:
         "file": _places(session.case.model),
     }
     document = _numbered(document, session)
+    about = explorer.document | {"fault": "", "sliders": _sliders(explorer)}
     return holding(
-        explorer.document | {"fault": ""}, _packed(_text(document)), _packed(module),
+        about, _packed(_text(document)), _packed(module),
         _packed(explorer.equations().encode()),
     )  # fmt: skip
+
+
+def _sliders(explorer: Explorer) -> list[Any]:
+    """Return the sliders but those of numbers of members, which a page cannot vary."""
+    found = []
+    for x in explorer.document["sliders"]:
+        if not x["whole"]:
+            found.append(x)
+        elif x["name"] in explorer.varied:
+            raise _refused(f"another number of members, `{x['name']}`")
+    return found
 
 
 def _packed(content: bytes) -> str:
@@ -224,6 +237,7 @@ def _problem(session: Session, explorer: Explorer) -> Document:
         "defined": list(_defined(e, point)),
         "states": list(_states(e)),
         "finite": list(_finite(e)),
+        "forces": [Node(node) for node in e.f],
     }  # fmt: skip
     words = session.system.length_words
     found["lengths"] = [
@@ -332,7 +346,7 @@ def _columns(session: Session, frames: Frames, about: Mapping[str, str]) -> Docu
     return {
         "wanted": list(frames.names),
         "table": len(session.columns.of_table),
-        "units": dict(about),
+        "units": {name: raised(unit) for name, unit in about.items()},
         "stateNames": ["t", *session.equations.state],
         "mostRows": MOST_ROWS,
     }

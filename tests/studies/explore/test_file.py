@@ -200,7 +200,7 @@ def test_the_film_of_a_motion_is_that_of_the_live_page(tab, tmp_path, name):
     most = max(np.abs(decoded(x, "<f4")).max() for x in energies.values())
     for key, text in energies.items():
         close(found["film"]["energies"][key], decoded(text, "<f4"), most)
-    for key in ("columns", "rows", "state", "units", "ends", "values"):
+    for key in ("columns", "rows", "state", "units", "ends", "values", "held"):
         assert found[key] == pytest.approx(header[key], rel=1e-12), key
 
 
@@ -339,6 +339,35 @@ def test_a_dragged_point_is_where_the_live_page_drags_it(
     [answer] = asked(tab, request)
     size = max(1.0, *map(abs, expected.values()))
     assert answer["found"] == pytest.approx(expected, abs=1e-6 * size)
+
+
+@in_browser
+@pytest.mark.parametrize(
+    ("name", "start", "value"),
+    [
+        ("pendulum-cartesian", "x", 0.3),
+        ("pendulum-cartesian", "y_dot", 1.0),
+        ("bead-hoop-cartesian", "x", 0.2),
+        ("andrews", "beta", 0.1),
+        ("rolling-disk", "x_dot", 1.0),
+        ("car-axis", "yl", 0.45),
+        ("double-pendulum", "theta1", 0.3),
+    ],
+)
+def test_a_start_value_slides_on_the_constraints_as_on_the_live_page(
+    tab, tmp_path, name, start, value
+):
+    explorer = explorer_of(MODELS / f"{name}.yaml")
+    opened(tab, tmp_path, explorer)
+    request = {"kind": "start", "values": {}, "name": start, "value": value}
+    [answer] = asked(tab, request)
+    expected = explorer.start({}, start, value)
+    names = expected.keys() | answer["found"].keys()
+    [before] = [unpacked(explorer.motion({}, "page"))[0]["values"]]
+    # Newton's method ends where a step is within rounding of the coordinates.
+    for key in names:
+        found = answer["found"].get(key, before[key])
+        assert found == pytest.approx(expected.get(key, before[key]), abs=1e-9), key
 
 
 @in_browser
