@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
@@ -348,6 +349,45 @@ class _ScaledGradient(NamedTuple):
         return float(np.max(slopes[known] * own[known], initial=-np.inf))
 
 
+def shape_of(
+    g: Graph, names: Sequence[str], nodes: Sequence[int]
+) -> tuple[list[int], list[int]]:
+    """Return the positions on which a gradient depends, and its derivatives.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The positions.
+    nodes : sequence of int
+        The gradient.
+
+    Returns
+    -------
+    ways : list of int
+        Indices of the positions, ascending, k of them.
+    table : list of int
+        (2 k + 1) rows of nodes: the gradient, then for each of these positions its
+        first and its second derivative.
+    """
+    place = {g.variable(name): j for j, name in enumerate(names)}
+    ways = sorted(place[x] for x in g.cone(nodes) if x in place)
+    # Entries that a coordinate does not move are not looked through for it.
+    moved: dict[int, list[int]] = {k: [] for k in ways}
+    for i, node in enumerate(nodes):
+        for x in g.cone([node]):
+            if x in place:
+                moved[place[x]].append(i)
+    table = list(nodes)
+    for k, entries in moved.items():
+        seed = {g.variable(names[k]): g.one}
+        found = [nodes[i] for i in entries]
+        for _ in range(2):
+            found = tangent(g, found, seed)
+            row = dict(zip(entries, found, strict=True))
+            table += [row.get(i, g.zero) for i in range(len(nodes))]
+    return ways, table
+
+
 class Lengths:
     """The lengths of conditions at a state."""
 
@@ -360,27 +400,13 @@ class Lengths:
     def _measured(self) -> list[_ScaledGradient]:
         if not self.asked:
             return []
-        g, names = self.point.g, self.point.e.q
-        place = {g.variable(name): j for j, name in enumerate(names)}
         wanted: list[int] = []
         along: list[list[int]] = []
         for asked in self.asked:
             nodes = list(asked.A.values())
-            wanted += nodes
-            along.append(sorted(place[x] for x in g.cone(nodes) if x in place))
-            # Entries that a coordinate does not move are not looked through for it.
-            moved: dict[int, list[int]] = {k: [] for k in along[-1]}
-            for i, node in enumerate(nodes):
-                for x in g.cone([node]):
-                    if x in place:
-                        moved[place[x]].append(i)
-            for k, entries in moved.items():
-                seed = {g.variable(names[k]): g.one}
-                found = [nodes[i] for i in entries]
-                for _ in range(2):
-                    found = tangent(g, found, seed)
-                    row = dict(zip(entries, found, strict=True))
-                    wanted += [row.get(i, g.zero) for i in range(len(nodes))]
+            ways, table = shape_of(self.point.g, self.point.e.q, nodes)
+            wanted += table
+            along.append(ways)
         values, forms = self.point.array(wanted), []
         for asked, ways in zip(self.asked, along, strict=True):
             columns, rows = list(asked.A), 2 * len(ways) + 1

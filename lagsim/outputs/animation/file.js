@@ -1,12 +1,24 @@
 // The engine of a page that holds its model: motions by a worker of the page.
 
+// The content of a data element: compressed, in base64.
+function inflated(name) {
+  const bytes = Uint8Array.from(atob($(name).textContent), (c) => c.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate")));
+}
+
 class Engine {
   constructor() {
     this.page = JSON.parse($("model").textContent);
     this.open = new Map();
     this.count = 0;
-    const source = URL.createObjectURL(new Blob([$("worker").textContent], {type: "text/javascript"}));
-    this.worker = new Worker(source);
+    this.ready = this.begin();
+    this.ready.catch(() => {});
+  }
+
+  async begin() {
+    const [source, model, module] = await Promise.all([
+      inflated("worker").text(), inflated("content").text(), inflated("module").arrayBuffer()]);
+    this.worker = new Worker(URL.createObjectURL(new Blob([source], {type: "text/javascript"})));
     this.worker.onmessage = ({data: {id, found, error}}) => {
       const {done, failed} = this.open.get(id);
       this.open.delete(id);
@@ -16,8 +28,7 @@ class Engine {
       for (const {failed} of this.open.values()) failed(new Error(event.message || "this browser runs no WebAssembly in a worker"));
       this.open.clear();
     };
-    this.ready = this.ask("open", {model: $("content").textContent, module: $("module").textContent});
-    this.ready.catch(() => {});
+    return this.ask("open", {model, module});
   }
 
   ask(kind, given) {
@@ -30,10 +41,7 @@ class Engine {
 
   async model() { await this.ready; return this.page; }
 
-  async equations() {
-    const bytes = Uint8Array.from(atob($("mathml").textContent), (c) => c.charCodeAt(0));
-    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
-  }
+  equations() { return inflated("mathml").text(); }
 
   // A motion. Null: a later one has taken its place.
   motion(values) { return this.ask("motion", {values}); }

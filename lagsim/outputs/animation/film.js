@@ -1,7 +1,5 @@
 // The film of a motion from its columns: what `outputs/animation` records for a page.
 
-const range = (n) => Array.from({length: n}, (_, k) => k);
-
 // A percentile, with linear interpolation, of ascending numbers.
 function percentile(sorted, part) {
   const at = part / 100 * (sorted.length - 1), k = Math.floor(at);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import zlib
 from typing import Any
 
 from lagsim.outputs.animation import COMMON, filled, part
@@ -13,7 +14,7 @@ from lagsim.outputs.manifest import encode
 # In this order: each script uses the ones before it.
 LIVE = (*COMMON, "live.js", "explore.js")
 HELD = (*COMMON, "file.js", "explore.js")
-WORKER = ("numbers.js", "start.js", "dragging.js", "film.js", "worker.js")
+WORKER = ("numbers.js", "start.js", "lengths.js", "dragging.js", "film.js", "worker.js")
 _SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 
@@ -31,16 +32,22 @@ def explorer(title: str) -> bytes:
     )  # fmt: skip
 
 
-def holding(about: dict[str, Any], content: str, module: str, mathml: str) -> bytes:
+def compressed(content: bytes) -> str:
+    """Return bytes in the form that the page unpacks: deflated, in base64."""
+    return base64.b64encode(zlib.compress(content, 9)).decode()
+
+
+def holding(
+    about: dict[str, Any], content: bytes, module: bytes, mathml: bytes
+) -> bytes:
     """Return the HTML page of a model that computes its motions itself.
 
     Parameters
     ----------
     about : dict
         The model as the page shows it: name, description, sliders.
-    content, module, mathml : str
-        Data of the page's worker, the WebAssembly module of the run, and the equations:
-        compressed, in base64.
+    content, module, mathml : bytes
+        Data of the page's worker, the WebAssembly module of the run, and the equations.
     """
     text = encode(about).decode().replace("<", "\\u003c")
     worker = "\n".join(['"use strict";', *map(part, WORKER)])
@@ -48,10 +55,10 @@ def holding(about: dict[str, Any], content: str, module: str, mathml: str) -> by
         f'<script type="{kind}" id="{name}">{given}</script>\n'
         for name, kind, given in (
             ("model", "application/json", text),
-            ("content", "text/plain", content),
-            ("module", "text/plain", module),
-            ("mathml", "text/plain", mathml),
-            ("worker", "text/plain", worker),
+            ("content", "text/plain", compressed(content)),
+            ("module", "text/plain", compressed(module)),
+            ("mathml", "text/plain", compressed(mathml)),
+            ("worker", "text/plain", compressed(worker.encode())),
         )
     )
 

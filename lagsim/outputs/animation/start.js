@@ -8,6 +8,7 @@ const DEPENDENT = 1e-13;
 // --- Small dense matrices, as arrays of rows
 
 const dot = (a, b) => { let sum = 0; for (let k = 0; k < a.length; k++) sum += a[k] * b[k]; return sum; };
+const range = (n) => Array.from({length: n}, (_, k) => k);
 const norm = (a) => Math.hypot(...a);
 const identity = (n) => Array.from({length: n}, (_, i) => Array.from({length: n}, (_, j) => Number(i === j)));
 
@@ -105,6 +106,15 @@ class Start {
     this.parsed = new Map();
   }
 
+  // Sizes of shapes are not negative.
+  refuseSizes(values) {
+    for (const {name, kind, sizes, sized} of this.model.scene.shapes) {
+      if (!sized) continue;
+      const wrong = this.graph.at(sizes, values).find((x) => !(x >= 0 && x < Infinity));
+      if (wrong !== undefined) throw new Error(`a size of the ${kind} \`${name}\` is ${wrong}; it must not be negative [${this.model.numbers["out-of-range"]}]`);
+    }
+  }
+
   // The values of all parameters, and start values before guesses are solved for.
   stated(texts) {
     const {parameters, initial, numbers, started, structural} = this.model, values = {};
@@ -123,6 +133,7 @@ class Start {
       values[x.name] = this.read(x, texts, values, `the parameter \`${x.name}\``, below);
       below.delete(x.name);
     }
+    this.refuseSizes(values);
     const at = {};
     // A start value that the file does not state comes after those that it states.
     const order = [...initial, ...started.filter((name) => !initial.some((x) => x.name === name)).map((name) => ({name, steps: [0], guess: false}))];
@@ -303,25 +314,37 @@ class Start {
     const {augmented, q, numbers} = this.model;
     if (augmented) return;
     const M = this.metric(known);
-    const none = M.findIndex((row, j) => row[j] === 0);
+    const none = M.findIndex((row) => row.every((x) => x === 0));
     if (none >= 0) throw new Error(`the coordinate ${q[none]} has no inertia at the start, and no constraint determines its acceleration [${numbers["no-inertia"]}]`);
-    const negative = M.findIndex((row, j) => row[j] < 0);
-    if (negative >= 0) throw new Error(`the kinetic energy falls with the speed of the coordinate ${q[negative]} at the start: the mass matrix is indefinite [${numbers["negative-inertia"]}]`);
-    if (!cholesky(M)) throw new Error(`the mass matrix is singular or indefinite at the start [${numbers["singular-mass"]}]`);
+    if (cholesky(M)) return;
+    // With the constraints every acceleration may be determined.
+    const Q = this.model.rows.length ? rowSpace(this.jacobian(known)) : [];
+    const free = eigen(M.map((_, i) => M.map((_x, j) => Number(i === j) - Q.reduce((sum, b) => sum + b[i] * b[j], 0))));
+    const Z = free.vectors.filter((_, k) => free.values[k] > 0.5);
+    if (Q.length && cholesky(Z.map((a) => Z.map((b) => dot(a, M.map((row) => dot(row, b)))))))
+      throw new Error(`the mass matrix is singular without the constraints at these values, for which a page in a file has no method: \`lagsim explore\` without -o has [${numbers["not-in-a-file"]}]`);
+    const scale = M.map((row, j) => Math.sqrt(Math.abs(row[j])) || Math.max(...row.map(Math.abs)));
+    const {values, vectors} = eigen(M.map((row, i) => row.map((x, j) => x / scale[i] / scale[j])));
+    const least = Math.min(...values), along = vectors[values.indexOf(least)].map((x, j) => x / scale[j]);
+    const most = Math.max(...along.map(Math.abs)), parts = along.flatMap((x, j) => Math.abs(x) > 1e-6 * most ? [q[j]] : []);
+    const where = parts.length > 1 ? `a combination of the coordinates ${parts.join(", ")}` : `the coordinate ${parts[0]}`;
+    if (least < -1e-12) throw new Error(`the kinetic energy falls with the speed of ${where} at the start: the mass matrix is indefinite [${numbers["negative-inertia"]}]`);
+    throw new Error(`${where} has no inertia at the start, and no constraint determines its acceleration [${numbers["no-inertia"]}]`);
   }
 
   verdicts(known, at) {
     const {rows, defined} = this.model, digits = (x) => Number(x.toPrecision(6)).toString();
+    const lengths = new Lengths(this, known);
     const nodes = rows.flatMap((x) => [x.residual, x.residualScale, x.rate, x.rateScale]);
     const found = this.graph.at([...nodes, ...defined.map((x) => x.node)], known), verdicts = [];
     rows.forEach((row, i) => {
       const [g, gScale, rate, rateScale] = found.slice(4 * i, 4 * i + 4);
-      const bound = SATISFIED * Math.abs(row.holonomic ? gScale : rateScale), of = row.holonomic ? g : rate;
-      const held = Math.abs(of) <= bound, moves = !row.holonomic || Math.abs(rate) <= SATISFIED * Math.abs(rateScale);
-      const why = "1e-06 of its largest term";
+      const bounds = lengths.bounds(i, g, Math.abs(gScale), Math.abs(rateScale)), of = row.holonomic ? g : rate;
+      const [[bound, why], [most, whyMoving]] = [row.holonomic ? bounds.held : bounds.moving, bounds.moving];
+      const held = Math.abs(of) <= bound, moves = Math.abs(rate) <= most;
       let text = "";
       if (!held) text = `constraint \`${row.name}\` has the residual ${digits(of)} (bound ${Number(bound.toPrecision(2))}, ${why})`;
-      else if (!moves) text = `the rate of constraint \`${row.name}\` is ${digits(rate)} (bound ${Number((SATISFIED * Math.abs(rateScale)).toPrecision(2))}, ${why})`;
+      else if (!moves) text = `the rate of constraint \`${row.name}\` is ${digits(rate)} (bound ${Number(most.toPrecision(2))}, ${whyMoving})`;
       verdicts.push({name: row.name, text, shown: `${row.kind}; residual ${Number(of.toPrecision(3))}${row.holonomic ? `, of its rate ${Number(rate.toPrecision(3))}` : ""}`});
     });
     defined.forEach((x, k) => {

@@ -9,12 +9,6 @@ const channel = new MessageChannel(), waiting = [];
 channel.port1.onmessage = () => waiting.shift()();
 const breath = () => new Promise((done) => { waiting.push(done); channel.port2.postMessage(0); });
 
-async function inflated(text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
 // One row of each `stride` and the last row, as `run/observers/thinning.py` keeps them.
 class Kept {
   constructor(places, most) {
@@ -193,7 +187,8 @@ class Running {
     const {numbers, about: {words, places, columns}, model, s} = this, t = numbers[s + words.t];
     const {text, advice, number} = model.failures[code] || model.failures.other;
     const shown = model.stateNames.slice(1, 13).map((name) => `${name} = ${Number(this.lastRow[columns.indexOf(name)].toPrecision(6))}`);
-    return `${text.replace("{steps}", numbers[s + words.steps])} at t = ${t} (${shown.join(", ")}): ${advice} [${number}]`;
+    const more = code in model.failures && model.fallback ? `; ${model.fallback}` : "";
+    return `${text.replace("{steps}", numbers[s + words.steps])} at t = ${t} (${shown.join(", ")}): ${advice} [${number}]${more}`;
   }
 
   async motion(texts, ended) {
@@ -295,8 +290,7 @@ async function answered({id, kind, values = {}, t, point, target, name, value}) 
 }
 
 async function opened({model, module}) {
-  const [text, code] = await Promise.all([inflated(model), inflated(module)]);
-  running = new Running(JSON.parse(new TextDecoder().decode(text)), await WebAssembly.compile(code));
+  running = new Running(JSON.parse(model), await WebAssembly.compile(module));
   await running.prepared();
 }
 

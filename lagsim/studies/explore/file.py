@@ -8,15 +8,13 @@ on a start from the nodes of the constraints, the film of the scene from its nod
 
 from __future__ import annotations
 
-import base64
 import json
 import math
-import zlib
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from lagsim.admissibility.point import Point, gradient_of
+from lagsim.admissibility.point import Point, gradient_of, shape_of
 from lagsim.admissibility.rank import analyse
 from lagsim.codes import number
 from lagsim.errors import unusable
@@ -24,7 +22,7 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.names import in_file
 from lagsim.limits import STEPS
-from lagsim.model.model import CURVE
+from lagsim.model.model import CURVE, SHAPES
 from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
 from lagsim.outputs import animation as pictures
@@ -32,8 +30,9 @@ from lagsim.outputs.animation.pages import holding
 from lagsim.outputs.letters import raised
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
 from lagsim.outputs.units import units
+from lagsim.plan.plan import ANY
 from lagsim.program import webassembly
-from lagsim.run.arc import largest_shift
+from lagsim.run.arc import SERIES, largest_shift
 from lagsim.run.arcs import Run
 from lagsim.run.failures import FAILURES
 from lagsim.run.observers.thinning import Frames
@@ -127,10 +126,7 @@ def page_in_a_file(explorer: Explorer) -> bytes:
     }
     document = _numbered(document, session)
     about = explorer.document | {"fault": "", "sliders": _sliders(explorer)}
-    return holding(
-        about, _packed(_text(document)), _packed(module),
-        _packed(explorer.equations().encode()),
-    )  # fmt: skip
+    return holding(about, _text(document), module, explorer.equations().encode())
 
 
 def _sliders(explorer: Explorer) -> list[Any]:
@@ -142,10 +138,6 @@ def _sliders(explorer: Explorer) -> list[Any]:
         elif x["name"] in explorer.varied:
             raise _refused(f"another number of members, `{x['name']}`")
     return found
-
-
-def _packed(content: bytes) -> str:
-    return base64.b64encode(zlib.compress(content, 9)).decode()
 
 
 def _text(document: Document) -> bytes:
@@ -227,6 +219,7 @@ def _problem(session: Session, explorer: Explorer) -> Document:
             }
             for r in e.rows
         ],
+        "shapes": list(_shapes_of_rows(e)),
         "mass": [
             [i, j, Node(node)]
             for i, row in enumerate(e.M)
@@ -247,6 +240,14 @@ def _problem(session: Session, explorer: Explorer) -> Document:
     if session.plan.reduction.eliminated:
         found["lengths"] = []
     return found
+
+
+def _shapes_of_rows(e: Equations) -> Iterator[Document]:
+    """Yield the gradient of each row with its first and second derivatives."""
+    for row in e.rows:
+        columns = list(row.A.entries)
+        ways, table = shape_of(e.graph, e.q, list(row.A.entries.values()))
+        yield {"columns": columns, "ways": ways, "table": [Node(x) for x in table]}
 
 
 def _steps(parsed: Parsed) -> list[Any]:
@@ -325,6 +326,7 @@ def _settings(session: Session, arc: Arc) -> Document:
         "mostSteps": STEPS,
         "dynamic": arc.state.dynamic.stop,
         "largestShift": largest_shift(session.plan.rtol),
+        "fallback": _fallback(session),
         "failures": {
             **{name: _failure(outcome) for name, outcome in OUTCOMES.items()},
             "other": {
@@ -334,6 +336,14 @@ def _settings(session: Session, arc: Arc) -> Document:
             },
         },
     }  # fmt: skip
+
+
+def _fallback(session: Session) -> str:
+    """Return words on the method that a run of lagsim goes on with after a failure."""
+    name, asked = session.plan.method, session.case.settings.method
+    if name == ANY or (asked != "auto" and name != SERIES):
+        return ""
+    return f"from there {ANY} takes the place of {name} in lagsim's own runs: {LIVE}"
 
 
 def _failure(outcome: Outcome) -> Document:
@@ -471,7 +481,7 @@ def _shape(model: Model, body: Body, names: Sequence[str]) -> Document:
         "name": shape.name, "kind": shape.kind, "moves": body.moves,
         "point": names.index(shape.point) if shape.point else None,
         "carried": bool(shape.point) and bool(shape.at),
-        "level": body.height is not None,
+        "level": body.height is not None, "sized": bool(SHAPES[shape.kind].sizes),
         "sizes": [Node(x) for x in shape.sizes], "at": [Node(x) for x in shape.at],
         "axes": [Node(x) for x in shape.axes],
         "corners": [[Node(x) for x in corner] for corner in shape.corners],

@@ -146,14 +146,20 @@ def opened(tab, folder, explorer, fragment=""):
 
 # Answers of a worker of the page's own, to requests as those of its engine.
 ASKED = """(async () => {
-  const text = (name) => document.getElementById(name).textContent;
-  const source = URL.createObjectURL(new Blob([text("worker")]));
+  const part = (name) => {
+    const text = document.getElementById(name).textContent;
+    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    const way = new DecompressionStream("deflate");
+    return new Response(new Blob([bytes]).stream().pipeThrough(way));
+  };
+  const source = URL.createObjectURL(new Blob([await part("worker").text()]));
   const worker = new Worker(source), found = [];
   const ask = (request) => new Promise((done) => {
     worker.onmessage = ({data}) => done(data);
     worker.postMessage(request);
   });
-  await ask({id: 1, kind: "open", model: text("content"), module: text("module")});
+  const module = await part("module").arrayBuffer();
+  await ask({id: 1, kind: "open", model: await part("content").text(), module});
   let id = 1;
   for (const request of REQUESTS) found.push(await ask({id: ++id, ...request}));
   worker.terminate();
