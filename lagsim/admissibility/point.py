@@ -403,9 +403,9 @@ class Lengths:
         wanted: list[int] = []
         along: list[list[int]] = []
         for asked in self.asked:
-            nodes = list(asked.A.values())
-            ways, table = shape_of(self.point.g, self.point.e.q, nodes)
-            wanted += table
+            gradient = list(asked.A.values())
+            ways, nodes = shape_of(self.point.g, self.point.e.q, gradient)
+            wanted += nodes
             along.append(ways)
         values, forms = self.point.array(wanted), []
         for asked, ways in zip(self.asked, along, strict=True):

@@ -304,6 +304,84 @@ def test_what_is_refused_leaves_the_state_and_has_the_code_of_the_command(
     assert tab.run("location.hash") == "#g=5&t=1"
 
 
+FAR = """
+parameters: {L: 1, far: 1e6}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {rod: (x - far)^2 + y^2 = L^2}
+initial: {x: far + L, y: 0, y_dot: 1}
+simulation: {duration: 1}
+"""
+
+
+@in_browser
+def test_a_start_far_from_the_origin_is_judged_by_the_lengths_of_its_constraints(
+    tab, tmp_path
+):
+    path = tmp_path / "far.yaml"
+    path.write_text(FAR)
+    explorer = explorer_of(path)
+    opened(tab, tmp_path, explorer)
+    for text, admissible in (
+        ("far + 1.001*L", False),
+        ("far + 1.00001*L", False),
+        ("far + L*(1 + 1e-7)", True),
+        ("far - L", True),
+    ):
+        [answer] = asked(tab, {"kind": "motion", "values": {"x": text}})
+        assert ("found" in answer) is admissible, text
+        if admissible:
+            explorer.motion({"x": text}, "page")
+            continue
+        with pytest.raises(LagsimError) as refused:
+            explorer.motion({"x": text}, "page")
+        # The bound is that of the command, not one that grows with the distance.
+        bound = r"bound [-.e\d]+, [^)]*"
+        assert re.findall(bound, answer["error"]) == re.findall(
+            bound, text_of(refused.value)
+        )
+
+
+@in_browser
+def test_a_later_motion_ends_a_long_one_and_the_last_counts(tab, tmp_path):
+    path = tmp_path / "long.yaml"
+    path.write_text(OSCILLATOR.replace("duration: 3", "duration: 3*m^8"))
+    explorer = explorer_of(path, m=1)
+    opened(tab, tmp_path, explorer)
+    # 10^8 periods would take minutes.
+    tab.run("(lagsim.set({m: 10}).catch(() => {}), 1)")
+    tab.run("(document.querySelector('input[name=m]').value = '1.1', 1)")
+    tab.run(
+        "(document.querySelector('input[name=m]')"
+        ".dispatchEvent(new Event('change')), 1)"
+    )
+    tab.wait("location.hash.includes('m=1.1')")
+    run = lagsim.simulate(lagsim.load(path, m=1.1), error_bar="never")
+    found = tab.run("lagsim.advance(1e9)")
+    assert found["t"] == pytest.approx(3 * 1.1**8, rel=1e-12)
+    for name, value in found.items():
+        assert value == pytest.approx(run[name][-1], abs=1e-9)
+
+
+@in_browser
+def test_a_thousand_motions_leave_the_memory_of_the_page_flat(
+    tab, tmp_path, oscillator
+):
+    opened(tab, tmp_path, explorer_of(oscillator))
+    many = "(async () => { for (let k = 0; k < COUNT; k++) "
+    many += "await lagsim.set({k: 2 + (k % 50) / 10}); })()"
+
+    def used():
+        tab.send("HeapProfiler.collectGarbage")
+        return tab.send("Runtime.getHeapUsage")["usedSize"]
+
+    tab.run(many.replace("COUNT", "100"))
+    before = used()
+    tab.run(many.replace("COUNT", "1000"))
+    # A motion of this page has some 100 kB.
+    assert used() - before < 3e6
+
+
 @in_browser
 def test_a_failed_run_says_so_and_the_last_good_motion_stays(tab, tmp_path):
     path = tmp_path / "escape.yaml"
