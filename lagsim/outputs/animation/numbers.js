@@ -27,6 +27,15 @@ const FUNCTIONS = {
 
 // --- Texts
 
+// A number with some digits, as `%.6g` writes it, and in all its digits.
+function general(x, digits = 6) {
+  if (!Number.isFinite(x)) return Number.isNaN(x) ? "nan" : x > 0 ? "inf" : "-inf";
+  const [, power] = x.toExponential(digits - 1).split("e").map(Number);
+  if (x === 0 || (power >= -4 && power < digits)) return String(Number(x.toPrecision(digits)));
+  return Number(x.toPrecision(digits)).toExponential().replace(/e([+-])(\d)$/, "e$10$2");
+}
+const exactly = (x) => Number.isInteger(x) && Math.abs(x) < 1e16 ? `${x}.0` : String(x).replace(/e([+-])(\d)$/, "e$10$2");
+
 // What is wrong with a value, with its place.
 class Fault extends Error {
   constructor(text, {code = "syntax", at = 0, length = 1, hint = "", source = null} = {}) {

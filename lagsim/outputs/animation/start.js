@@ -333,7 +333,7 @@ class Start {
   }
 
   verdicts(known, at) {
-    const {rows, defined} = this.model, digits = (x) => Number(x.toPrecision(6)).toString();
+    const {rows, defined} = this.model;
     const lengths = new Lengths(this, known);
     const nodes = rows.flatMap((x) => [x.residual, x.residualScale, x.rate, x.rateScale]);
     const found = this.graph.at([...nodes, ...defined.map((x) => x.node)], known), verdicts = [];
@@ -343,14 +343,14 @@ class Start {
       const [[bound, why], [most, whyMoving]] = [row.holonomic ? bounds.held : bounds.moving, bounds.moving];
       const held = Math.abs(of) <= bound, moves = Math.abs(rate) <= most;
       let text = "";
-      if (!held) text = `constraint \`${row.name}\` has the residual ${digits(of)} (bound ${Number(bound.toPrecision(2))}, ${why})`;
-      else if (!moves) text = `the rate of constraint \`${row.name}\` is ${digits(rate)} (bound ${Number(most.toPrecision(2))}, ${whyMoving})`;
-      verdicts.push({name: row.name, text, shown: `${row.kind}; residual ${Number(of.toPrecision(3))}${row.holonomic ? `, of its rate ${Number(rate.toPrecision(3))}` : ""}`});
+      if (!held) text = `constraint \`${row.name}\` has the residual ${general(of)} (bound ${general(bound, 2)}, ${why})`;
+      else if (!moves) text = `the rate of constraint \`${row.name}\` is ${general(rate)} (bound ${general(most, 2)}, ${whyMoving})`;
+      verdicts.push({name: row.name, text, shown: `${row.kind}; residual ${general(of, 3)}${row.holonomic ? `, of its rate ${general(rate, 3)}` : ""}`});
     });
     defined.forEach((x, k) => {
       const off = found[4 * rows.length + k] - at[x.name];
       const fails = !(Math.abs(off) <= SATISFIED * Math.max(Math.abs(at[x.name]), Math.abs(found[4 * rows.length + k])));
-      verdicts.push({name: x.name, text: fails ? `the start value \`${x.name}\` is missed by ${digits(off)}` : "", shown: `start value, missed by ${Number(off.toPrecision(3))}`});
+      verdicts.push({name: x.name, text: fails ? `the start value \`${x.name}\` is missed by ${general(off)}` : "", shown: `start value, missed by ${general(off, 3)}`});
     });
     return verdicts;
   }
@@ -368,7 +368,7 @@ class Start {
       near = near && this.nearest(this.relations(block, {definitions: true, at}), near, every, this.factor(block, near, every));
     }
     const changed = near ? [...q, ...v].filter((x) => Math.abs(near[x] - known[x]) > 1e-12 * Math.max(1, Math.abs(near[x]))) : [];
-    if (changed.length) lines.push("  the nearest admissible state, for `initial:`", ...changed.map((x) => `    ${x}: ${near[x]}`));
+    if (changed.length) lines.push("  the nearest admissible state, for `initial:`", ...changed.map((x) => `    ${x}: ${exactly(near[x])}`));
     else lines.push(unsolved ? "  no values of the guesses satisfy the constraints near there" : "  no admissible state was found near there");
     throw new Error(lines.join("\n"));
   }

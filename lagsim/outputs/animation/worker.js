@@ -186,9 +186,9 @@ class Running {
     if (code === "DONE" || code === "SEEN") return "";
     const {numbers, about: {words, places, columns}, model, s} = this, t = numbers[s + words.t];
     const {text, advice, number} = model.failures[code] || model.failures.other;
-    const shown = model.stateNames.slice(1, 13).map((name) => `${name} = ${Number(this.lastRow[columns.indexOf(name)].toPrecision(6))}`);
+    const shown = model.stateNames.slice(1, 13).map((name) => `${name} = ${general(this.lastRow[columns.indexOf(name)])}`);
     const more = code in model.failures && model.fallback ? `; ${model.fallback}` : "";
-    return `${text.replace("{steps}", numbers[s + words.steps])} at t = ${t} (${shown.join(", ")}): ${advice} [${number}]${more}`;
+    return `${text.replace("{steps}", numbers[s + words.steps])} at t = ${exactly(t)} (${shown.join(", ")}): ${advice} [${number}]${more}`;
   }
 
   async motion(texts, ended) {

@@ -346,7 +346,7 @@ def test_a_start_far_from_the_origin_is_judged_by_the_lengths_of_its_constraints
 def test_a_later_motion_ends_a_long_one_and_the_last_counts(tab, tmp_path):
     path = tmp_path / "long.yaml"
     path.write_text(OSCILLATOR.replace("duration: 3", "duration: 3*m^8"))
-    explorer = explorer_of(path, m=1)
+    explorer = explorer_of(path, m="1")
     opened(tab, tmp_path, explorer)
     # Five million seconds take some seconds of computation.
     tab.run("(lagsim.set({m: 6}).catch(() => {}), 1)")
