@@ -15,6 +15,7 @@ Introduction to Numerical Continuation Methods (2003), chapters 2, 8.
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -36,13 +37,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Law, Row
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.rest import Equilibrium
 
     Progress = Callable[[float], None] | None
 
-FOLD, BRANCH, HOPF = "fold", "branch", "hopf"
+FOLD, BRANCH, HOPF, CONTACT = "fold", "branch", "hopf", "contact"
 # Lengths of steps, in parts of the ranges: the first, the least and the greatest.
 FIRST, LEAST, GREATEST = 0.005, 1e-7, 0.02
 # Most points of a branch, and branches; iterations of a step, and few of them.
@@ -57,6 +59,8 @@ PARTS = (0.5, 0.41)
 BISECTIONS, CONVERGED = 48, 1e-12
 # Distance at which a point lies on a branch, in parts of the ranges.
 NEAR = 0.02
+# Distance, relative to the range and to coordinates, of points that are one.
+SAME_PLACE = 1e-6
 
 
 class BranchPoint(NamedTuple):
@@ -88,10 +92,11 @@ class BranchPoint(NamedTuple):
 
 
 class Special(NamedTuple):
-    """Special point: its kind, and its place."""
+    """Special point: its kind, its place, and the contact that opens or closes."""
 
     kind: str
     place: BranchPoint
+    law: Law | None = None
 
 
 class RestCurve:
@@ -132,13 +137,19 @@ class RestCurve:
         self._free, self._linear = free, Linearisation(steady.equations)
         lam = [steady.values[f"lambda_{row.name}"] for row in self._rest.rows]
         x = np.concatenate([at.q[free], at.s, lam])
-        sizes = np.where(search.angles, 1.0, search.extent)[free]
-        force = float(np.max(np.abs(lam), initial=0.0)) or 1.0
+        sizes = np.where(search.angles, 1.0, np.maximum(search.extent, np.abs(at.q)))
         self._sizes = np.concatenate([
-            sizes, np.maximum(1.0, np.abs(at.s)), np.full(len(lam), force),
+            sizes[free], np.maximum(1.0, np.abs(at.s)), np.ones(len(lam)),
             [ends[1] - ends[0]],
         ])  # fmt: skip
         self._bound: dict[float, Any] = {}
+        self._search = search
+        # Points at which a contact opens or closes.
+        self.edges: list[Special] = []
+        # Multipliers have the size of the forces that change over the range.
+        change = self._at(np.append(x, value) / self._sizes)[1][:, -1]
+        force = float(np.max(np.abs([*lam, *change]), initial=0.0)) or 1.0
+        self._sizes[len(x) - len(lam) : -1] = force
         self.start = np.append(x, value) / self._sizes
         _, J = self._at(self.start)
         lengths = np.linalg.norm(J, axis=1)
@@ -158,6 +169,10 @@ class RestCurve:
         """
         count = len(y) - 1 - len(self._rest.rows)
         return np.append(y[:count], y[-1])
+
+    def scaled(self, other: RestCurve, y: Floats) -> Floats:
+        """Return unknowns of another curve with the same rows, scaled as own ones."""
+        return np.asarray(y * other._sizes / self._sizes)
 
     def value(self, y: Floats) -> float:
         """Return the parameter at scaled unknowns."""
@@ -236,19 +251,36 @@ class RestCurve:
             other = plane[1] - (plane[1] @ place.tangent) * place.tangent
         return np.asarray(other / np.linalg.norm(other))
 
-    def _steady(self, y: Floats) -> Steady:
+    def beyond(self, edge: Special) -> RestCurve | None:
+        """Return the curve on the other side of a point where a contact changes.
+
+        None where friction of the contact then holds a range of positions.
+        """
+        assert edge.law is not None
+        own = self._e.laws.index(edge.law)
+        slips = [law.row.name for law in self._e.laws if law.normal == own]
+        gone = {edge.law.row.name, *slips}
+        held = [row for row in self._held if row.name not in gone]
+        if edge.law.row.name not in self.held:
+            if slips:
+                return None
+            held.append(edge.law.row)
+        steady, value = self._steady(edge.place.y, held), self.value(edge.place.y)
+        return RestCurve(self.model, self.name, self.ends, self._search, steady, value)
+
+    def _steady(self, y: Floats, held: Sequence[Row] | None = None) -> Steady:
+        """Return the rest at scaled unknowns; held : other active rows, if given."""
         e, rest = self._model_at(self.value(y))
         state = rest.at((y * self._sizes)[:-1]).state
-        whole = replace(e, rows=(*e.rows, *self._held), laws=())
-        linear = self._linear.bound(whole)
+        rows = self._held if held is None else held
+        whole = replace(e, rows=(*e.rows, *rows), laws=())
+        linear = self._linear.bound(whole) if held is None else Linearisation(whole)
         x = linear.values(state.t, state.q, state.v, state.s)
         errors = Point(whole, state).solved_errors()
         found = linear.linear(x, linear.noise(x, errors))
         free = [q for j, q in enumerate(e.q) if j not in self._free]
         kinds = {law.row.name: law.kind for law in self._e.laws}
-        sticks = any(
-            row.name in kinds and kinds[row.name].bounded for row in self._held
-        )
+        sticks = any(row.name in kinds and kinds[row.name].bounded for row in rows)
         return Steady(
             whole,
             state,
@@ -260,19 +292,43 @@ class RestCurve:
             sticks,
         )
 
+    def _margins(self, place: BranchPoint) -> list[float]:
+        """Return the multipliers of contacts in force, and the gaps of others.
+
+        One for each law; inf for friction and limits.
+        """
+        values, names = place.steady.values, {row.name for row in self._held}
+        found = []
+        for law in self._e.laws:
+            if law.kind is not Kind.CONTACT:
+                found.append(math.inf)
+            elif law.row.name in names:
+                found.append(values[f"lambda_{law.row.name}"])
+            else:
+                point = Point(place.steady.equations, place.steady.state)
+                found.append(float(point.array([law.row.residual])[0]))
+        return found
+
     def holds(self, place: BranchPoint) -> bool:
         """Whether contacts in force push, and no other contact is penetrated."""
-        values, names = place.steady.values, {row.name for row in self._held}
-        e, own = self._e, place.steady.state
-        for law in e.laws:
-            if law.kind is Kind.CONTACT and law.row.name in names:
-                if values[f"lambda_{law.row.name}"] < 0.0:
-                    return False
-            elif law.kind is Kind.CONTACT:
-                gap = Point(place.steady.equations, own).array([law.row.residual])[0]
-                if gap < 0.0:
-                    return False
-        return True
+        return min(self._margins(place), default=0.0) >= 0.0
+
+    def _edge(self, here: BranchPoint, there: BranchPoint) -> Special | None:
+        """Return the point between two points at which a contact opens or closes.
+
+        None where the curve leaves the range of the parameter before.
+        """
+        # At the first point a contact may open or close by its rounding.
+        begins = not self.holds(here)
+        place = here if begins else self._located(here, there, self.holds)
+        low, high = self.ends
+        if not low <= self.value(place.y) <= high:
+            return None
+        after, at = self._margins(there), self._margins(place)
+        # Of several contacts within the step, the first.
+        pairs = zip(at, after, strict=True)
+        parts = [abs(x / y) if y < 0.0 else math.inf for x, y in pairs]
+        return Special(CONTACT, place, self._e.laws[int(np.argmin(parts))])
 
     # Along the curve
 
@@ -295,10 +351,9 @@ class RestCurve:
                 if step < LEAST:
                     return
                 continue
-            if not self.holds(there):
-                return
-            ended = self._at_end(here, there)
-            yield ended or there
+            ended = self._end(here, there)
+            if ended is not here:
+                yield ended or there
             if ended:
                 return
             closed = np.linalg.norm(there.y - first.y) < step
@@ -307,6 +362,17 @@ class RestCurve:
             here = there
             if iterations <= FEW:
                 step = min(GREATEST, 1.5 * step)
+
+    def _end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
+        """Return the point between two points at which the curve ends, if there is one.
+
+        It ends where a contact opens or closes, and at the ends of the range.
+        """
+        edge = None if self.holds(there) else self._edge(here, there)
+        if edge is None:
+            return self._at_end(here, there)
+        self.edges.append(edge)
+        return edge.place
 
     def _leaves(self, first: BranchPoint) -> bool:
         """Whether the curve leaves the range at once, from a point at its end."""
@@ -444,6 +510,7 @@ class Branches:
         places = [*ways[0][::-1], first, *ways[1]]
         if len(places) > 1:
             self._add(curve, places)
+            self._cross(curve, interrupt)
         while self._waiting and len(self.branches) < MOST_BRANCHES:
             if interrupt is not None and interrupt.asked:
                 return
@@ -455,6 +522,35 @@ class Branches:
                 begun = curve.place(found[0], way)
                 more = curve.followed(begun, interrupt)
                 self._add(curve, [place, begun, *more], begins=1)
+                self._cross(curve, interrupt)
+
+    def _cross(self, curve: RestCurve, interrupt: Interrupt | None) -> None:
+        """Follow the curves beyond the contacts that open or close along a curve."""
+        edges, curve.edges = curve.edges, []
+        for edge in edges:
+            if not self._is_new_contact(curve, edge):
+                continue
+            self.points.append((curve, edge))
+            other = curve.beyond(edge)
+            if other is None or not other.is_regular:
+                self.skipped += 1
+            elif len(self.branches) < MOST_BRANCHES and not self._is_known(
+                other, other.start
+            ):
+                self._both_ways(other, other.start, interrupt)
+
+    def _is_new_contact(self, curve: RestCurve, edge: Special) -> bool:
+        """Whether no other branch ends where a contact opens or closes."""
+        at, value = edge.place.steady.state, curve.value(edge.place.y)
+        room = SAME_PLACE * (self.ends[1] - self.ends[0])
+        for own, other in self.points:
+            if _described(other) != _described(edge):
+                continue
+            q = other.place.steady.state.q
+            apart = np.max(np.abs(q - at.q) / np.maximum(1.0, np.abs(q)), initial=0.0)
+            if abs(own.value(other.place.y) - value) <= room and apart <= SAME_PLACE:
+                return False
+        return True
 
     def _add(
         self, curve: RestCurve, places: list[BranchPoint], begins: int = 0
@@ -486,10 +582,11 @@ class Branches:
 
     def _is_known(self, curve: RestCurve, y: Floats) -> bool:
         """Whether a point of a curve lies on a branch that has been followed."""
-        y = curve.visible(y)
+        given = y
         for places, own in zip(self.branches, self.curves, strict=True):
             if own.held != curve.held:
                 continue
+            y = own.visible(own.scaled(curve, given))
             for here, there in pairwise([own.visible(x.y) for x in places]):
                 chord = there - here
                 square = float(chord @ chord) or 1.0
@@ -507,7 +604,7 @@ class Branches:
             "skipped": self.skipped,
             "branches": [[_entry(c, x) for x in places] for places, c in pairs],
             "points": [
-                {"kind": special.kind, **_entry(curve, special.place)}
+                _described(special) | _entry(curve, special.place)
                 for curve, special in sorted(
                     self.points, key=lambda x: x[0].value(x[1].place.y)
                 )
@@ -524,6 +621,12 @@ def _alone(found: Sequence[Special]) -> list[Special]:
         if x.kind != FOLD
         or all(np.linalg.norm(x.place.y - y) > ASIDE / 4.0 for y in meets)
     ]
+
+
+def _described(special: Special) -> dict[str, Any]:
+    """Return the kind of a special point, and the constraint of a contact."""
+    found = {"kind": special.kind}
+    return found | ({"constraint": special.law.constraint} if special.law else {})
 
 
 def _entry(curve: RestCurve, place: BranchPoint) -> dict[str, Any]:

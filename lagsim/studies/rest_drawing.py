@@ -67,7 +67,7 @@ DASHES: dict[bool | None, Pen] = {
     False: {"linewidth": 0.9, "dashes": (4.0, 2.0)},
     None: {"linewidth": 0.9, "dashes": (1.0, 1.2)},
 }
-MARKERS = {"fold": "o", "branch": "s", "hopf": "^"}
+MARKERS = {"fold": "o", "branch": "s", "hopf": "^", "contact": "D"}
 
 
 def diagram(

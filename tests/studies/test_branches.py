@@ -84,7 +84,13 @@ def test_a_column_of_links_buckles(n):
     assert len(found.branches) == 3
 
 
-def test_a_family_is_counted_and_a_contact_ends_a_branch():
+def spans(found):
+    """Return the least and greatest value of each branch, sorted."""
+    ends = ([places[k]["value"] for k in (0, -1)] for places in found.branches)
+    return np.array(sorted(sorted(x) for x in ends))
+
+
+def test_a_family_is_counted_and_a_contact_opens():
     found = lagsim.equilibrium(BLOCK, starts=0, vary={"g": (5, 15)})
     assert found.skipped > 0
     text = """
@@ -95,12 +101,68 @@ constraints: {floor: {relation: y >= 0, restitution: 0}}
 initial: {y: 0}
 """
     found = lagsim.equilibrium(text, starts=2, vary={"F": (0, 5)})
-    spans = sorted(
-        [min(p[k]["value"] for k in (0, -1)), max(p[k]["value"] for k in (0, -1))]
-        for p in found.branches
-    )
     # On the floor up to F = 3, above it from there on.
-    assert np.array(spans) == pytest.approx(np.array([[0, 3], [3, 5]]), abs=0.1)
+    assert spans(found) == pytest.approx(np.array([[0, 3], [3, 5]]), abs=1e-8)
+    [point] = found.points
+    assert (point["kind"], point["constraint"]) == ("contact", "floor")
+    assert point["value"] == pytest.approx(3, rel=1e-8)
+    assert point["coordinates"]["y"] == pytest.approx(0, abs=1e-8)
+
+
+STOPS = """
+parameters: {F: 0.5, k: 1}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + k*(y - x)^2/2 - F*y}
+constraints:
+  near: {relation: x <= 1, restitution: 0}
+  far: {relation: y <= 3, restitution: 0}
+initial: {x: 0.1, y: 0.3}
+"""
+
+
+@pytest.mark.parametrize("start", [0.5, 3.5])
+@pytest.mark.parametrize(
+    ("name", "ends", "near", "far"),
+    # x = F/k up to x = 1; then y = 1 + F/k up to y = 3.
+    [("F", (-1, 4), 1, 2), ("k", (0.2, 5), 1, 0.5)],
+)
+def test_branches_go_on_where_contacts_close_and_open(start, name, ends, near, far):
+    text = STOPS.replace("F: 0.5", f"F: {start if name == 'F' else 1}")
+    text = text.replace("k: 1}", f"k: {start if name == 'k' else 1}}}")
+    found = lagsim.equilibrium(text, starts=0, vary={name: ends})
+    places = {x["constraint"]: x for x in points(found, "contact")}
+    assert len(found.points) == len(places) == 2
+    assert places["near"]["value"] == pytest.approx(near, rel=1e-8)
+    assert places["far"]["value"] == pytest.approx(far, rel=1e-8)
+    assert places["near"]["coordinates"]["x"] == pytest.approx(1, rel=1e-8)
+    assert places["far"]["coordinates"]["y"] == pytest.approx(3, rel=1e-8)
+    low, high = sorted((near, far))
+    exact = np.array([[ends[0], low], [low, high], [high, ends[1]]])
+    assert spans(found) == pytest.approx(exact, abs=1e-8)
+    for places in found.branches:
+        assert len(places) < 500
+        for x in places:
+            F = x["value"] if name == "F" else 1
+            k = x["value"] if name == "k" else 1
+            x1 = min(F / k, 1)
+            exact = {"x": x1, "y": min(x1 + F / k, 3)}
+            assert x["coordinates"] == pytest.approx(exact, abs=1e-8)
+            assert x["stable"] is True
+
+
+def test_a_truss_that_snaps_stops_at_a_contact_past_its_fold():
+    stop = "constraints: {stop: {relation: y >= -0.2, restitution: 0}}\nscene:"
+    text = TRUSS.replace("scene:", stop)
+    found = lagsim.equilibrium(text, starts=0, vary={"P": (-20, 20)})
+    [point] = points(found, "contact")
+    # The load of the truss at y = -0.2, between the fold and y = -h.
+    a, y = math.hypot(1, 0.3), -0.2
+    load = 2000 * y * (a / math.hypot(1, y) - 1)
+    assert point["value"] == pytest.approx(load, rel=1e-8)
+    assert len(points(found, "fold")) == 2
+    exact = np.array([[-20, load], [load, 20]])
+    assert spans(found) == pytest.approx(exact, abs=1e-6)
+    assert all(len(places) < 500 for places in found.branches)
 
 
 def test_a_start_value_and_unknown_names():
