@@ -24,7 +24,7 @@ from __future__ import annotations
 from math import floor, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
+from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, PUSH, Parameters
 from lagsim.methods.parts.state import (
     columns,
     corner_levers,
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 LAWS = True
-# Force at a corner, large against all forces; a power of two, so that scaling is exact.
-PUSH = 2.0**100
-
 
 # Rates y' (size,) and lambda (m,) with each surface on its side.
 field = of_model("field")

@@ -156,6 +156,16 @@ def test_a_guess_beside_a_corner_leads_into_it(text, want):
         assert np.all(np.abs(result[f"{name}_dot"]) <= 1e-12 * scale)
 
 
+def test_rest_in_a_corner_of_a_large_track_lasts():
+    """Rounding of the height, 1,000 m, was taken for a jump where nothing moves."""
+    shape = "0.5*abs(x - 2000) + 2*abs(x) + 0.02*x + 0.001*x^2/2"
+    text = model({"x": 2720.0, "h": 300.0}, "2*h", {"c": f"h = {shape}"})
+    result = lagsim.simulate(text, error_bar="never")
+    assert result.complete, result.reason
+    assert np.all(np.abs(result["x"]) <= 1e-12)
+    assert result["h"] == pytest.approx(1000.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", ["abs", "tilted", "max", "if", "table", "space"])
 def test_the_track_bears_the_weight_in_its_corner(name):
     result = lagsim.simulate(TRACKS[name][0], error_bar="never")

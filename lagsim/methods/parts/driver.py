@@ -14,7 +14,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.crossings import Crossings
-from lagsim.methods.parts.parameters import FOLLOWED, REDUNDANT, Parameters
+from lagsim.methods.parts.parameters import FOLLOWED, PUSH, REDUNDANT, Parameters
 from lagsim.methods.parts.state import (
     event_functions,
     inertias,
@@ -338,7 +338,7 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 def jump_along(p: Parameters, i: int) -> float:
     """Return the jumps of acceleration i at the surfaces that the motion slides along.
 
-    Corners have no jump of their own: their force is unbounded.
+    At a corner that is the acceleration by the whole jump of the constraint force.
     """
     width = p.size + p.m
     j = 0
@@ -346,8 +346,14 @@ def jump_along(p: Parameters, i: int) -> float:
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
             j += 1
-            if p.corner[k] == 0.0:
-                found += abs(p.side_fields[j * width + p.n + i])
+            part = abs(p.side_fields[j * width + p.n + i])
+            if p.corner[k] > 0.0:
+                jump = p.levers[k * (1 + p.m)]
+                for r in range(p.m):
+                    lever = p.levers[k * (1 + p.m) + 1 + r]
+                    jump += lever * p.side_fields[p.size + r]
+                part *= abs(jump) / PUSH
+            found += part
     return found
 
 

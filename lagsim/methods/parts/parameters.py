@@ -10,6 +10,9 @@ from lagsim.native.layout import Block, Memory, after, array, block, part
 # Value of `least_sigma` that requests the directions of the rows.
 NOTE = 2.0
 
+# Force at a corner, large against all forces; a power of two, so that scaling is exact.
+PUSH = 2.0**100
+
 # Values of `slides`, the mode of a surface, other than 0: the motion follows the
 # surface; the surface is carried along by another one. Below 0: the expression is at
 # its level on a whole stretch; its side is a choice; it is at its level because other
