@@ -16,11 +16,11 @@ from lagsim.outputs.figure import (
     frame,
     in_house_style,
     legend_above,
-    mark,
+    marker_pen,
     point,
 )
 from lagsim.outputs.scale import (
-    extent,
+    finite_range,
     log_scale,
     per_inch,
     put_around,
@@ -113,7 +113,7 @@ def _scales(view):
 def _panel(picture, axes, view):
     frame(axes, *_scales(view), below=named(view.x), up=named(view.y))
     if view.square:
-        ends = [extent(*(c[k] for c in view.curves)) for k in (1, 2)]
+        ends = [finite_range(*(c[k] for c in view.curves)) for k in (1, 2)]
         picture.adjust.append(
             lambda: put_around(axes, ends, 1.1 * per_inch(axes, ends))
         )
@@ -122,7 +122,7 @@ def _panel(picture, axes, view):
         if view.marks:
             for a, b in zip(x, y, strict=True):
                 if np.isfinite(b):
-                    point(axes, a, b, mark("o", 3.0, pen["color"]))
+                    point(axes, a, b, marker_pen("o", 3.0, pen["color"]))
     look = {"weight": "bold", "size": SMALL}
     entries = [(name, pen) for name, _, _, pen in view.curves if name]
     legend_above(

@@ -19,7 +19,7 @@ import yaml
 from lagsim.codes import cautions, errors
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
-from lagsim.methods import method, names, page
+from lagsim.methods import method, method_page, names
 from lagsim.model.reader import read, read_file
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def methods_page() -> str:
         m = method(name)
         step = "adaptive" if m.ADAPTIVE else "fixed"
         rows.append(f"| [{name}](#{name}) | {m.ORDER} | {step} | {m.HANDLES} |")
-        text = page(m.NAME)
+        text = method_page(m.NAME)
         parts.append(f"## {name}\n\n{text}\n")
     return METHODS + "\n".join([*rows, "", *parts])
 

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from lagsim.outputs.figure import DIM, SMALL, Picture, content, in_house_style
+from lagsim.outputs.figure import DIM, SMALL, Picture, encoded_figure, in_house_style
 from lagsim.studies.bench import stamp
 from lagsim.studies.bench.chart import (
     ERROR,
     WORST,
     CostCurve,
     cost_panel,
+    curve_style,
+    drawable_errors,
     error_scale,
-    look,
     look_of,
-    seen,
 )
 
 # Inches: a panel with its scales, what is below all of them.
 HEIGHT, REST = 2.7, 0.2
 LOOKS = {
-    "lagsim": look(0),
-    "heyoka": look(2, 1),
-    "CVODE Adams": look(5, 2, 0),
+    "lagsim": curve_style(0),
+    "heyoka": curve_style(2, 1),
+    "CVODE Adams": curve_style(5, 2, 0),
     "scipy DOP853": look_of("scipy:DOP853"),
     "scipy LSODA": look_of("scipy:LSODA"),
-    "IDA, GGL": look(3, 0, 1),
-    "IDA, index 1": look(4, 1, 1),
+    "IDA, GGL": curve_style(3, 0, 1),
+    "IDA, index 1": curve_style(4, 1, 1),
 }
 WHAT = (
     "Rivals have a textbook's equations, or lagsim's where those are shorter. Least of "
@@ -58,7 +58,7 @@ def chart(document):
     for axes in panels[len(scenes) :]:
         axes.remove()
     drawing.get_layout_engine().set(h_pad=0.12)
-    return content(drawing)
+    return encoded_figure(drawing)
 
 
 def costs_of(scene):
@@ -66,7 +66,7 @@ def costs_of(scene):
     found = []
     for name, points in scene["points"].items():
         kept = [p for p in points if p["error"] <= WORST]
-        errors = seen(p["error"] for p in kept)
-        seconds = seen(p["seconds"] for p in kept)
+        errors = drawable_errors(p["error"] for p in kept)
+        seconds = drawable_errors(p["seconds"] for p in kept)
         found.append(CostCurve(name, LOOKS[name], errors, seconds))
     return found

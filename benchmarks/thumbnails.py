@@ -14,7 +14,7 @@ from matplotlib.patches import Polygon
 from benchmarks.failing_chart import small_png
 from benchmarks.pages import MODELS
 from lagsim.model.reader import read_file
-from lagsim.outputs.shapes import bodies, needed, seen
+from lagsim.outputs.shapes import bodies, needed, projected
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 
@@ -76,7 +76,7 @@ def _shapes(axes, model, columns, moving):
     last = {name: columns[name][-1:] for name in needed(model)}
     view = np.eye(2) if model.scene.dimension == 2 else np.array((RIGHT, UP))
     for body in bodies(model, last, 1):
-        found, kind = seen(body, 0, view), body.shape.kind
+        found, kind = projected(body, 0, view), body.shape.kind
         known = body.shape.point in moving
         number = moving.index(body.shape.point) if known else len(moving)
         colour = COLOURS[number % len(COLOURS)] if body.moves else "#555555"

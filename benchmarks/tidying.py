@@ -25,10 +25,10 @@ from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
 from lagsim.show import symbols
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.latex import as_latex
 from lagsim.show.text import as_text
-from lagsim.show.tidy import AS_IT_COMES, Tidier, cost
+from lagsim.show.tidy import AS_IT_COMES, Tidier, written_size
 
 # Longer expressions keep sines and cosines as they are: sympy needs minutes for them.
 MOST_TURNED = 600
@@ -40,17 +40,17 @@ class SympyTidier(Tidier):
     trig = False
 
     def _shortest(self, e, *, factored, written):
-        forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
+        forms = [((1.0 if written else AS_IT_COMES) * written_size(e), e)]
         plain = sp.expand_mul(sp.expand_multinomial(e))
         found = {plain}
-        if self.trig and e.has(sp.sin, sp.cos) and cost(plain) < MOST_TURNED:
+        if self.trig and e.has(sp.sin, sp.cos) and written_size(plain) < MOST_TURNED:
             found.add(sp.expand_mul(TR10i(futrig(plain))))
         for x in found:
             moving = sorted(x.free_symbols & self.moving, key=str)
             grouped = sp.collect(x, moving) if moving else x
             made = [grouped, sp.factor_terms(grouped)]
             made += [sp.factor_terms(x)] if factored else []
-            forms += [(cost(form), form) for form in made]
+            forms += [(written_size(form), form) for form in made]
         return min(forms, key=lambda form: form[0])[1]
 
     def one_fraction(self, e):
@@ -63,7 +63,7 @@ def measured(path, tidier, folder):
     equations = derive(read_file(str(path)))
     began = time.process_time()
     try:
-        found = content(equations)
+        found = derived(equations)
     except InputError as error:
         print(f"{path.stem}: {error}")
         return None
@@ -74,7 +74,7 @@ def measured(path, tidier, folder):
     d = found.document
     parts = [line[side] for line in d["equations"] for side in ("left", "right")]
     parts += [*d["f"], *(x for row in d["M"] for x in row)]
-    return seconds, sum(map(cost, parts))
+    return seconds, sum(map(written_size, parts))
 
 
 def main():

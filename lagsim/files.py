@@ -70,7 +70,7 @@ def all_of(file: BinaryIO, most: int) -> bytes:
     """
     found = file.read(most + 1)
     if len(found) > most:
-        text = f"it has more than {limits.size(most)}, which is the limit"
+        text = f"it has more than {limits.bytes_text(most)}, which is the limit"
         raise OSError(errno.EFBIG, text)
     return found
 

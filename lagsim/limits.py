@@ -97,7 +97,7 @@ def work(size_of_file: int) -> int:
     return WORK + WORK_PER_BYTE * max(0, size_of_file - USUAL_BYTES)
 
 
-def size(amount: int) -> str:
+def bytes_text(amount: int) -> str:
     """Return an amount of bytes in its binary unit, for messages.
 
     Examples

@@ -19,7 +19,8 @@ WORDS = re.findall(r"(?m)^\| ([^|]+) \|.*\| (`[^|]+) \|$", GLOSSARY)
 def classes_of(path):
     """Return the names of the classes that a module defines."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    return [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
+    classes = (node.name for node in tree.body if isinstance(node, ast.ClassDef))
+    return [name for name in classes if not name.startswith("_")]
 
 
 def test_every_file_is_in_a_room():

@@ -17,7 +17,7 @@ from lagsim.admissibility.newton import (
     NewtonResult,
     Relations,
     Trouble,
-    nearest,
+    nearest_solution,
     nearest_sparse,
     reach,
     unwound,
@@ -26,8 +26,8 @@ from lagsim.admissibility.point import (
     Condition,
     Lengths,
     Point,
-    conditions,
     gradient_of,
+    implied_conditions,
 )
 from lagsim.admissibility.rank import LEVELS, RankReport, analyse
 from lagsim.admissibility.refusal import (
@@ -44,13 +44,13 @@ from lagsim.admissibility.verdict import (
     RelationResiduals,
     contact_status,
     in_force,
-    judge,
     judge_laws,
     judge_rest,
     judge_starts,
     of_gaps,
     one_sided,
     out_of_force,
+    verdicts_on,
     with_timed,
 )
 from lagsim.language.derivatives import gradient
@@ -303,7 +303,7 @@ class _Examiner:
         point, unsolved = self._at_rest() if self.rest else self._guessed()
         if guessed:
             refuse_infinite(point, self.off, rows=True)
-        verdicts, laws = judge(point), judge_laws(point, self.off)
+        verdicts, laws = verdicts_on(point), judge_laws(point, self.off)
         starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
         if self.rest:
@@ -394,7 +394,7 @@ class _Examiner:
         # Contacts that touch imply no equation for the rate: an impact decides it.
         touching = self.touching.values()
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
-        wanted = conditions(rows, velocities=velocities)
+        wanted = implied_conditions(rows, velocities=velocities)
         if definitions:
             wanted += self._defined(point, velocities=velocities)
         return Relations(point, wanted, free, velocities=velocities)
@@ -440,7 +440,7 @@ class _Examiner:
             found = nearest_sparse(relations, M)
             if found is not None:
                 return found
-        return nearest(relations, self._metric(relations), far=far)
+        return nearest_solution(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> NewtonResult:
         """Solve relations for guesses, and describe a failure, or a special root."""

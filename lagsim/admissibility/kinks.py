@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.point import Point, gradient_of
-from lagsim.admissibility.verdict import CAUTION, accelerations, judge
+from lagsim.admissibility.verdict import CAUTION, accelerations, verdicts_on
 from lagsim.language.derivatives import slopes
 from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.switches import mixed, model_switches
@@ -61,7 +61,7 @@ class Step(Enum):
     TOWARDS, NONE, AWAY = range(3)
 
 
-class Crossing(NamedTuple):
+class KinkCrossing(NamedTuple):
     """Surface that a path from one state to another meets first.
 
     Attributes
@@ -255,7 +255,7 @@ class Kinks:
         pinned: Mapping[int, float],
         *,
         beyond: bool,
-    ) -> Crossing | None:
+    ) -> KinkCrossing | None:
         """Return the first surface between two states, or None.
 
         Parameters
@@ -292,7 +292,7 @@ class Kinks:
             if not beyond and 0.0 < part < 1.0:
                 part = _root(nodes[i], level, start, end)
             if found is None or part < found.part:
-                found = Crossing(k, level, part)
+                found = KinkCrossing(k, level, part)
         return found
 
     def _along(self, nodes: Sequence[int], start: Point, end: Point) -> Floats:
@@ -336,7 +336,7 @@ class Kinks:
                 there = self.held(
                     point, held, sides, {**pins, k: Pin(pin.level, share)}
                 )
-                jumps |= not all(x.satisfied for x in judge(there))
+                jumps |= not all(x.satisfied for x in verdicts_on(there))
                 ends.append(self._away(there, k, sides))
             (low, size), (high, other) = ends
             small = RESIDUAL_ROUNDOFF * max(size, other)

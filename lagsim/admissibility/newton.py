@@ -1,11 +1,12 @@
 """The nearest point that satisfies relations: damped Newton, then minimisation.
 
-`nearest` minimises |x - x0| in a metric subject to r(x) = 0. Damped Newton steps of
-least change solve the relations; then Newton's method on the Lagrange function, along
-the relations and with a return to them after each step (J. Nocedal and S. J. Wright,
-Numerical Optimization, 2nd ed., chapters 15 and 18), descends to the minimum, which
-differs in general from the end of the first iteration. If the relations cannot be
-solved, the result contains the reason.
+`nearest_solution` minimises |x - x0| in a metric subject to r(x) = 0. Damped Newton
+steps of least change solve the relations; then Newton's method on the Lagrange
+function, along the relations and with a return to the relations after each step,
+descends to the minimum, which differs in general from the end of the first iteration.
+If the relations cannot be solved, the result contains the reason.
+
+Source: J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., chapters 15, 18.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import conditions
+from lagsim.admissibility.point import implied_conditions
 from lagsim.language.derivatives import tangent
 from lagsim.mechanics.algebra import (
     Entries,
@@ -25,7 +26,7 @@ from lagsim.mechanics.algebra import (
     kkt_factors,
     least_squares,
     null_space,
-    scaled,
+    whitened_rows,
 )
 from lagsim.tolerances import (
     COMPUTED_ZERO,
@@ -212,7 +213,7 @@ class Relations:
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
     """Return the equations `rows` as relations between positions, or velocities."""
-    wanted = conditions(rows, velocities=velocities)
+    wanted = implied_conditions(rows, velocities=velocities)
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
 
@@ -324,7 +325,9 @@ class NewtonResult(NamedTuple):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # starts of any size
-def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> NewtonResult:
+def nearest_solution(
+    relations: Relations, metric: Floats, *, far: bool = True
+) -> NewtonResult:
     """Return the point nearest to x0 in a metric that satisfies `relations`.
 
     If none is found, the result is a point of least |r| nearby.
@@ -528,7 +531,7 @@ def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
 
     The length of a row of zeros is given as 1.
     """
-    Y, lengths = scaled(J, L)
+    Y, lengths = whitened_rows(J, L)
     lengths[lengths == 0] = 1.0
     return Y, lengths
 

@@ -293,7 +293,7 @@ class Condition(NamedTuple):
     error: float = 0.0
 
 
-def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
+def implied_conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
     """Return equations that `rows` imply: for positions, or for velocities.
 
     Rows between velocities imply none for positions.

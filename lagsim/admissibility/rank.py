@@ -31,8 +31,8 @@ from lagsim.mechanics.algebra import (
     least_squares,
     lengths_in,
     rank_metric,
-    scaled,
     solving_metric,
+    whitened_rows,
 )
 from lagsim.tolerances import (
     COMPUTED_ZERO,
@@ -222,7 +222,7 @@ def scaled_rows(
         Whether entries within rounding count as zero.
     """
     A = np.nan_to_num(point.jacobian(point.e.rows, rounded=rounded))
-    return scaled(A, cholesky(metric(point.mass_matrix, A)))
+    return whitened_rows(A, cholesky(metric(point.mass_matrix, A)))
 
 
 def row_lengths(point: Point) -> Floats:

@@ -35,18 +35,18 @@ from lagsim.admissibility.newton import (
     NewtonResult,
     Relations,
     descend,
-    nearest,
+    nearest_solution,
     reach,
     rows_of_length_one,
     unwound,
 )
-from lagsim.admissibility.point import Condition, Lengths, conditions
+from lagsim.admissibility.point import Condition, Lengths, implied_conditions
 from lagsim.admissibility.verdict import (
     acting,
-    judge,
     judge_laws,
     judge_rest,
     one_sided,
+    verdicts_on,
 )
 from lagsim.language.derivatives import gradient, slopes
 from lagsim.language.names import rate_of
@@ -126,7 +126,7 @@ class Rest(Relations):
         nodes = [*zip(e.accelerations, sums, strict=True)]
         nodes += [(rate_of(e.states[j].name), e.states[j].rate) for j in self.states]
         own = {j: k for k, j in enumerate(self.positions)}
-        self.stated = [*conditions(self.rows, velocities=False), *stated]
+        self.stated = [*implied_conditions(self.rows, velocities=False), *stated]
         wanted = [
             x._replace(A={own[j]: s for j, s in x.A.items() if j in own})
             for x in self.stated
@@ -361,7 +361,7 @@ def _solved(rest: Rest, way: Way = Way.NEAR) -> NewtonResult:
         return NewtonResult(x0, converged=rest.exact(x0))
     metric = rest.metric
     if way is Way.FAR:
-        return nearest(rest, metric)
+        return nearest_solution(rest, metric)
     if way is Way.ROOT:
         reached = reach(rest, x0, metric)
         return reached._replace(x=unwound(rest, reached.x))
@@ -403,11 +403,11 @@ class AtRest(NamedTuple):
     undetermined: list[str]
     held: list[Row]
     multipliers: Floats
-    corner: Corner | None = None
+    corner: RestCorner | None = None
     on_ridge: bool = False
 
 
-class Corner(NamedTuple):
+class RestCorner(NamedTuple):
     """Surfaces on which a state rests.
 
     Attributes
@@ -428,7 +428,7 @@ class _Balance(NamedTuple):
     rest: Rest
     x: Floats
     there: Point
-    corner: Corner | None = None
+    corner: RestCorner | None = None
     on_ridge: bool = False
 
 
@@ -742,7 +742,7 @@ class _Walk:
             kinks, sides = self.kinks, self.sides
             there = there.of(kinks.on(sides, self._pins()))
             rows = (kinks.row(k, level, sides) for k, level in self.levels.items())
-            corner = Corner(kinks.on(sides, self._pins(shares)), tuple(rows))
+            corner = RestCorner(kinks.on(sides, self._pins(shares)), tuple(rows))
         found = there.solved_errors((self.guess.q, self.guess.v))
         errors = {name: found[name] for name in rest.names if name in found}
         if corner is not None:
@@ -800,7 +800,7 @@ def find_rest(
             if end is not None:
                 rest, there = end.rest, end.there
                 changes = _changes(rest, end.x, there, held, off)
-                if not all(x.satisfied for x in judge(there)):
+                if not all(x.satisfied for x in verdicts_on(there)):
                     return None  # a relation that moves
                 if not changes:
                     left = judge_rest(there, judge_laws(there, off)) if laws else ()

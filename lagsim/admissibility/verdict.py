@@ -176,7 +176,7 @@ class RelationResiduals(NamedTuple):
 # --- Equalities
 
 
-def judge(point: Point) -> list[RelationResiduals]:
+def verdicts_on(point: Point) -> list[RelationResiduals]:
     """Return verdicts on the equality rows."""
     rows = point.e.rows
     held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])

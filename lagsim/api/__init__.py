@@ -159,7 +159,7 @@ def number_or_text(name: str, value: object) -> None:
         raise TypeError(text) from None
 
 
-def numbers(name: str, value: object) -> Floats:
+def float_array(name: str, value: object) -> Floats:
     """Return a number, nested lists of numbers or an array as an array of floats.
 
     Raises

@@ -9,7 +9,7 @@ from lagsim.api import in_python
 from lagsim.api.models import Model, model_of
 from lagsim.errors import counted
 from lagsim.outputs.manifest import encode
-from lagsim.outputs.notebook import block, heading, page, picture, table
+from lagsim.outputs.notebook import heading, html_table, paragraphs, picture, text_block
 from lagsim.outputs.results import open_results
 from lagsim.studies import branches as branching
 from lagsim.studies import modes as small_motions
@@ -135,7 +135,7 @@ class Modes(Analysis):
 
     def __repr__(self) -> str:
         head = f"{self.record['model']['name']}: {counted(len(self.modes), 'mode')}"
-        return block(head, self._summary())
+        return text_block(head, self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
         return [
@@ -147,9 +147,9 @@ class Modes(Analysis):
         from lagsim.studies.modes_drawing import picture as drawn
 
         name = self.record["model"]["name"]
-        return page(
+        return paragraphs(
             heading(f"{name}: {counted(len(self.modes), 'mode')}"),
-            table(self._summary()),
+            html_table(self._summary()),
             picture(drawn(self._small), f"the modes of {name}"),
         )
 
@@ -223,7 +223,9 @@ class Equilibria(Analysis):
 
     def __repr__(self) -> str:
         count = counted(len(self.equilibria), "position")
-        return block(f"{self.record['model']['name']}: {count} of rest", self._lines())
+        return text_block(
+            f"{self.record['model']['name']}: {count} of rest", self._lines()
+        )
 
     def _lines(self) -> list[tuple[str, str]]:
         words = {True: "stable", False: "unstable", None: "not decided"}
@@ -236,9 +238,9 @@ class Equilibria(Analysis):
     def _repr_html_(self) -> str:
         name = self.record["model"]["name"]
         count = counted(len(self.equilibria), "position")
-        return page(
+        return paragraphs(
             heading(f"{name}: {count} of rest"),
-            table(self._lines()),
+            html_table(self._lines()),
             picture(self._drawn(), f"the positions of rest of {name}"),
         )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lagsim.api import in_python
 from lagsim.api.analysing import Analysis
 from lagsim.api.models import Model, model_of
-from lagsim.outputs.notebook import block, heading, page, picture, table
+from lagsim.outputs.notebook import heading, html_table, paragraphs, picture, text_block
 from lagsim.outputs.results import Results
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record, record_of
@@ -106,7 +106,7 @@ class Fitted(Analysis):
         return chart(self._fit, self._found)
 
     def __repr__(self) -> str:
-        return block(self._heading(), self._lines())
+        return text_block(self._heading(), self._lines())
 
     def _heading(self) -> str:
         return f"Fit of {self.record['model']['name']}: {self.outcome}"
@@ -121,9 +121,9 @@ class Fitted(Analysis):
 
     def _repr_html_(self) -> str:
         name = self.record["model"]["name"]
-        return page(
+        return paragraphs(
             heading(self._heading()),
-            table(self._lines()),
+            html_table(self._lines()),
             picture(self._drawn(), f"data and model of {name}"),
         )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lagsim.api import in_python, number_or_text, numbers, uncollected
+from lagsim.api import float_array, in_python, number_or_text, uncollected
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
@@ -18,7 +18,14 @@ from lagsim.mechanics.equations import Equations
 from lagsim.mechanics.equations import derive as _derived
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
-from lagsim.outputs.notebook import block, heading, listed, page, paragraph, table
+from lagsim.outputs.notebook import (
+    heading,
+    html_table,
+    paragraph,
+    paragraphs,
+    short_list,
+    text_block,
+)
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -114,7 +121,7 @@ class Accelerations:
                 text = f"q has the shape {x.shape} and {name} {other.shape}: "
                 raise ValueError(f"{text}they must belong to the same states")
         try:
-            times = np.broadcast_to(numbers("t", t), x.shape[:-1])
+            times = np.broadcast_to(float_array("t", t), x.shape[:-1])
         except ValueError:
             text = f"t has the shape {np.shape(t)}: a number"
             text += f" or the shape {x.shape[:-1]} is expected"
@@ -125,7 +132,7 @@ class Accelerations:
         return Motion(*(a.reshape(*x.shape[:-1], a.shape[1]) for a in parts))
 
     def _states(self, name: str, given: Numbers, of: Sequence[str]) -> Floats:
-        x = numbers(name, given)
+        x = float_array(name, given)
         if x.ndim == 0 or x.shape[-1] != len(of):
             text = f"{name} has the shape {x.shape}: the last number must be {len(of)}"
             raise ValueError(f"{text}, one for each of {', '.join(of)}")
@@ -163,9 +170,13 @@ class Accelerations:
 
     def __repr__(self) -> str:
         takes = "t, q, q_dot" + (", s" if self._first else "")
-        lines = [("takes", takes), ("gives", "q''"), ("q", listed(self._equations.q))]
-        lines += [("s", listed(self._first))] if self._first else []
-        return block(f"Accelerations of {self._name}", lines)
+        lines = [
+            ("takes", takes),
+            ("gives", "q''"),
+            ("q", short_list(self._equations.q)),
+        ]
+        lines += [("s", short_list(self._first))] if self._first else []
+        return text_block(f"Accelerations of {self._name}", lines)
 
 
 class Model(Read):
@@ -300,13 +311,16 @@ class Model(Read):
         values = [_unit(f"{p.name} = {p.value:.6g}", p.unit) for p in self.parameters]
         start = [f"{x.name} = {x.value:.6g}" for x in self.initial]
         lines = [
-            ("coordinates", listed(named)),
-            *([("states", listed([s.name for s in self.states]))] * bool(self.states)),
-            ("parameters", listed(values)),
-            ("constraints", listed([c.name for c in self.constraints])),
-            ("start", listed(start)),
+            ("coordinates", short_list(named)),
+            *(
+                [("states", short_list([s.name for s in self.states]))]
+                * bool(self.states)
+            ),
+            ("parameters", short_list(values)),
+            ("constraints", short_list([c.name for c in self.constraints])),
+            ("start", short_list(start)),
         ]
-        return block(f"Model {self.name}", lines)
+        return text_block(f"Model {self.name}", lines)
 
     def _repr_html_(self) -> str:
         start = {x.name: f"{x.value:.6g}" for x in self.initial}
@@ -318,12 +332,14 @@ class Model(Read):
             (p.name, f"{p.value:.6g}", p.unit, p.description) for p in self.parameters
         ]
         rows = [(c.name, c.relation.text, c.description) for c in self.constraints]
-        return page(
+        return paragraphs(
             heading(self.name),
             paragraph(self.description),
-            table(coordinates, ("coordinate", "at the start", "its rate", "unit", "")),
-            table(values, ("parameter", "value", "unit", "")),
-            table(rows, ("constraint", "", "")),
+            html_table(
+                coordinates, ("coordinate", "at the start", "its rate", "unit", "")
+            ),
+            html_table(values, ("parameter", "value", "unit", "")),
+            html_table(rows, ("constraint", "", "")),
         )
 
 
@@ -442,12 +458,12 @@ class Derivation:
         The matrices of large models are left out unless an option needs them.
         """
         from lagsim.show import has_many_rows
-        from lagsim.show.lagrange import content
+        from lagsim.show.lagrange import derived
 
         needs = any(self._options[key] for key in ("solve", "with_gauss", "expand"))
         if needs or not has_many_rows(self._model):
-            return content(self._equations, **self._options, matrices=False)
-        return content(_derived(self._model), **self._options, matrices=False)
+            return derived(self._equations, **self._options, matrices=False)
+        return derived(_derived(self._model), **self._options, matrices=False)
 
     @cached_property
     def text(self) -> str:
@@ -483,10 +499,10 @@ class Derivation:
     @cached_property
     def json(self) -> dict[str, Any]:
         """The expressions by name, as in `lagsim derive --format json`."""
-        from lagsim.show.lagrange import content
+        from lagsim.show.lagrange import derived
         from lagsim.show.printers import as_json
 
-        return as_json(content(self._equations, **self._options))
+        return as_json(derived(self._equations, **self._options))
 
     @cached_property
     def python(self) -> str:

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
-from lagsim.api import given, in_python, numbers, one_of, with_settings
+from lagsim.api import float_array, given, in_python, one_of, with_settings
 from lagsim.api.models import Model, model_of
 from lagsim.errors import LagsimError, counted
 from lagsim.outputs import Made, TableFormat
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
-from lagsim.outputs.letters import Letters, letters_of, raised
+from lagsim.outputs.letters import Letters, letters_of, raised_powers
 from lagsim.outputs.manifest import encode, examination
 from lagsim.outputs.notebook import (
-    block,
     framed,
     heading,
-    listed,
-    page,
+    html_table,
+    paragraphs,
     picture,
-    table,
+    short_list,
+    text_block,
 )
 from lagsim.outputs.results import MANIFEST, open_results
 from lagsim.outputs.table import check_format, table_writer
@@ -34,7 +34,7 @@ from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import StartError, Stopwatch, open_case, wanted
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
-from lagsim.studies.drawing import beside
+from lagsim.studies.drawing import other_files
 from lagsim.studies.spectrum import Spectrum, spectrum
 from lagsim.studies.trials import tried
 from lagsim.tolerances import SAME_INSTANT
@@ -113,11 +113,11 @@ class Examination:
         ]  # fmt: skip
         values = [(name, f"{x!r}") for name, x in (self.repair or {}).items()]
         notes = [(w["code"], w["text"]) for w in record["warnings"]]
-        return page(
+        return paragraphs(
             heading(f"{record['model']['name']}: {self._verdict()}"),
-            table(rows, ("constraint", "kind", "residual", "satisfied")),
-            table(values, ("the nearest start", "")),
-            table(notes, ("warning", "")),
+            html_table(rows, ("constraint", "kind", "residual", "satisfied")),
+            html_table(values, ("the nearest start", "")),
+            html_table(notes, ("warning", "")),
         )
 
 
@@ -195,7 +195,7 @@ class Error(ErrorBar):
             ends = f"no forecast past t = {self.horizon:.6g}"
         return [
             ("error", f"about {self.relative:.1g} of a coordinate's range"),
-            ("largest", listed(each)),
+            ("largest", short_list(each)),
             ("horizon", ends),
             ("from", f"a repeat by {self.method}{tight}"),
         ]
@@ -205,14 +205,14 @@ class Error(ErrorBar):
         return f"{number} {self.units.get(name, '')}".rstrip()
 
     def __repr__(self) -> str:
-        return block(f"Error of {self.model}", self._summary())
+        return text_block(f"Error of {self.model}", self._summary())
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.figure import content
+        from lagsim.outputs.figure import encoded_figure
 
         title = f"Error of {self.model}"
-        drawn = picture(content(self.plot()), title)
-        return page(heading(title), table(self._summary()), drawn)
+        drawn = picture(encoded_figure(self.plot()), title)
+        return paragraphs(heading(title), html_table(self._summary()), drawn)
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of the error of each coordinate against time."""
@@ -221,7 +221,7 @@ class Error(ErrorBar):
         letters = Letters(self.names)
         columns = [
             PlottedColumn(
-                letters.name(q), raised(self.units.get(q, "")), errors, log=True
+                letters.name(q), raised_powers(self.units.get(q, "")), errors, log=True
             )
             for q, errors in zip(self.names, np.abs(self.errors).T, strict=True)
         ]
@@ -424,7 +424,7 @@ class Result:
         >>> round(result.at(0.3)["y"], 9)
         0.55
         """
-        times = numbers("t", t)
+        times = float_array("t", t)
         first, last = self._made.trajectory.start, self._made.trajectory.end
         outside = ~((times >= first) & (times <= last))
         if outside.any():
@@ -490,7 +490,9 @@ class Result:
         if against != "t":
             values = self._closer(values)
         drawn = {
-            name: PlottedColumn(letters.name(name), raised(self.units[name]), column)
+            name: PlottedColumn(
+                letters.name(name), raised_powers(self.units[name]), column
+            )
             for name, column in values.items()
         }
         others = [drawn[name] for name in shown]
@@ -582,7 +584,7 @@ class Result:
         drawn, shown = dict(self._beside(plots=True))["trajectory.png"], ""
         if isinstance(drawn, bytes):
             shown = picture(drawn, f"the motion of {self._name}")
-        return page(heading(self._name), table(self._summary()), shown)
+        return paragraphs(heading(self._name), html_table(self._summary()), shown)
 
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
         """Return name and content of each file of a result other than the table."""
@@ -593,7 +595,7 @@ class Result:
         for kept in (made.thin, made.frames):
             if kept is not None:
                 kept.add(self._rows)
-        return beside(made)
+        return other_files(made)
 
     def write(
         self,

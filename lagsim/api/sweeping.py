@@ -19,7 +19,14 @@ from lagsim.api.models import Model, model_of
 from lagsim.api.simulating import data_frame
 from lagsim.model.reader.runs import FROM
 from lagsim.outputs.manifest import encode
-from lagsim.outputs.notebook import block, heading, listed, page, picture, table
+from lagsim.outputs.notebook import (
+    heading,
+    html_table,
+    paragraphs,
+    picture,
+    short_list,
+    text_block,
+)
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
@@ -146,7 +153,7 @@ class Sweep:
     def __repr__(self) -> str:
         name, complete = self.record["model"]["name"], self.record["complete"]
         head = f"Sweep of {name}: {complete} of {len(self)} runs complete"
-        return block(head, self._summary())
+        return text_block(head, self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
         """Return the lines of the summary as (label, text).
@@ -156,23 +163,23 @@ class Sweep:
         lines = []
         for axis in self._found.grid.axes:
             unit = f" {axis.unit}" if axis.unit else ""
-            values = listed([f"{x:.6g}" for x in axis.values], 40)
+            values = short_list([f"{x:.6g}" for x in axis.values], 40)
             lines.append((axis.name, f"{values}{unit}"))
         others = [
             f"{count} {word}"
             for word, count in self.record["outcomes"].items()
             if word not in ("done", "until")
         ]
-        lines += [("without a result", listed(others))] if others else []
-        return [*lines, ("columns", listed(self.columns))]
+        lines += [("without a result", short_list(others))] if others else []
+        return [*lines, ("columns", short_list(self.columns))]
 
     def _repr_html_(self) -> str:
         from lagsim.studies.sweep.chart import chart
 
         name, complete = self.record["model"]["name"], self.record["complete"]
-        return page(
+        return paragraphs(
             heading(f"{name}: {complete} of {len(self)} runs complete"),
-            table(self._summary()),
+            html_table(self._summary()),
             picture(chart(self._found), f"the runs of {name}"),
         )
 

@@ -47,7 +47,7 @@ def main() -> int:
 
     _shared.prepare()
     try:
-        with raised():
+        with signals_raised():
             return _guarded(_application)
     except Terminated:
         return 128 + signal.SIGTERM
@@ -130,7 +130,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
             if "\n" in word or "\r" in word:
                 raise typer.BadParameter(f"{word!r} has a line break")  # noqa: TRY301
         code = application()(words, prog_name="lagsim", standalone_mode=False)
-        _shared.put(lambda: None)
+        _shared.write_stdout(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
     except SystemExit as done:  # a shell has asked how a line goes on
@@ -138,11 +138,13 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
     except typer.Abort:
         raise KeyboardInterrupt from None
     except Exception as error:  # noqa: BLE001  the last resort of a command line
-        again()
+        raise_pending_signal()
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            return _shared.full(error)  # help, on a disk without room for it
+            return _shared.report_stdout_failure(
+                error
+            )  # help, on a disk without room for it
         from lagsim.cli._faults import unforeseen
 
         return unforeseen()
@@ -202,7 +204,7 @@ SECOND_GRACE_SECONDS = 0.3
 _GLANCE_SECONDS = 0.05
 
 
-def again() -> None:
+def raise_pending_signal() -> None:
     """Raise the exception of a received signal, which other code may have swallowed."""
     if heard:
         raise exception_of(heard[0])
@@ -224,7 +226,7 @@ def is_watched() -> bool:
 
 
 @contextlib.contextmanager
-def raised() -> Iterator[None]:
+def signals_raised() -> Iterator[None]:
     """Turn signals into exceptions (in the main thread, where they are not ignored)."""
 
     def stop(number: int, _frame: object) -> NoReturn:

@@ -105,7 +105,7 @@ def reported(
     return error.exit_code
 
 
-def text_of(error: LagsimError) -> str:
+def error_text(error: LagsimError) -> str:
     """Return the text of an error as `reported` prints it, without colours."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import report
@@ -117,7 +117,7 @@ def text_of(error: LagsimError) -> str:
     return "\n\n".join(map(str, problems))
 
 
-def plain(error: LagsimError) -> str:
+def plain_text(error: LagsimError) -> str:
     """Return the text of an error without colours, as printed to a file or pipe."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import faults

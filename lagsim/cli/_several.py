@@ -20,10 +20,10 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.errors import LagsimError, Problem, unusable
-from lagsim.model.loading import text_of
+from lagsim.model.loading import model_text
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt, Terminated
-from lagsim.studies.workers import Died, cores, spread
+from lagsim.studies.workers import Died, completed_pieces, cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -127,7 +127,7 @@ def run_all(
     for k, path in enumerate(paths):
 
         def prepare(k: int = k, path: str = path) -> int:
-            text, file = text_of(path)
+            text, file = model_text(path)
             name = names[k] = read(text, file, overrides, options).name
             into = folder / name
             pieces[k] = PendingRun(text, file, into, overrides, options, job, as_json)
@@ -148,7 +148,9 @@ def run_all(
             first[names[k]] = path
     interrupt, numbers = Interrupt(), list(pieces)
     with interrupt.noted(), progress_bar("models", quiet=quiet) as progress:
-        for k, result in spread(done, pieces.values(), jobs or cores(), interrupt):
+        for k, result in completed_pieces(
+            done, pieces.values(), jobs or cores(), interrupt
+        ):
             found[numbers[k]] = _known(result, paths[numbers[k]])
             reported = _report(found, paths, reported)
             if progress is not None:

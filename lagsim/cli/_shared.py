@@ -124,7 +124,7 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
     return found
 
 
-def refused(name: str, codes: Iterable[str]) -> str:
+def strict_line(name: str, codes: Iterable[str]) -> str:
     """Return the closing line of a command that `--strict` fails for its warnings.
 
     codes : of the warnings.
@@ -143,7 +143,7 @@ def show_json(document: Any) -> None:
         content = visible(content.decode(), json=True).encode()
     if on_github():  # no line of it begins with `::`
         content = content.replace(b"##[", rb"#\u0023[")
-    put(lambda: sys.stdout.buffer.write(content))
+    write_stdout(lambda: sys.stdout.buffer.write(content))
 
 
 def coloured(text: str, code: str) -> str:
@@ -154,12 +154,12 @@ def coloured(text: str, code: str) -> str:
     return colour(text, code)
 
 
-def table(rows: Iterable[tuple[str, str]]) -> str:
+def aligned_pairs(rows: Iterable[tuple[str, str]]) -> str:
     """Return rows of a name and a text, aligned."""
     return aligned(list(rows), lefts=2)
 
 
-def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
+def titled_rows(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
     """Return rows (name, text) of a table; only the first row has the name."""
     return [("" if k else name, text) for k, text in enumerate(texts)]
 
@@ -239,12 +239,12 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
     UnwritableError
         If the file cannot be written.
     """
-    from lagsim.outputs.results import put
+    from lagsim.outputs.results import write_atomically
 
     with writing(path):
         if folders:
             path.parent.mkdir(parents=True, exist_ok=True)
-        put(path, content)
+        write_atomically(path, content)
 
 
 def check_replaced(path: Path, model: Model) -> None:
@@ -286,13 +286,15 @@ def put_picture(
     UnwritableError
         Where it cannot be written.
     """
-    content = drawn(path.name, draw, [])
+    content = drawn_or_reported(path.name, draw, [])
     if content is not None:
         put_file(path, content, folders=folders)
     return content is not None
 
 
-def drawn(name: str, draw: Callable[[], bytes], warnings: list[Any]) -> bytes | None:
+def drawn_or_reported(
+    name: str, draw: Callable[[], bytes], warnings: list[Any]
+) -> bytes | None:
     """Return the content of a picture; None if drawing fails.
 
     A failure is printed as a warning, and its record is appended to `warnings`.
@@ -375,7 +377,9 @@ def experiment(
             warnings.append(caution.record)
 
         def draw() -> None:
-            content = found.draw and drawn(found.chart, found.draw, warnings)
+            content = found.draw and drawn_or_reported(
+                found.chart, found.draw, warnings
+            )
             if content:
                 files[found.chart] = content
 
@@ -419,7 +423,7 @@ def methods_of(text: str | None) -> tuple[str, ...] | None:
     return tuple(name for name in found if name not in RETIRED) or None
 
 
-def numbers(
+def parse_range(
     problems: Problems,
     option: str,
     text: str,
@@ -458,7 +462,9 @@ def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
     by_reason: dict[str, list[str]] = {}
     for one in refused:
         by_reason.setdefault(one["reason"], []).append(one["method"])
-    return listed("left out", (f"{', '.join(m)}: {r}" for r, m in by_reason.items()))
+    return titled_rows(
+        "left out", (f"{', '.join(m)}: {r}" for r, m in by_reason.items())
+    )
 
 
 # --- Standard streams that may be closed, full, narrow, or left by their reader
@@ -495,7 +501,7 @@ def prepare() -> None:
 
 def say(text: str) -> None:
     """Print text for a person on stdout, with lines wrapped at the terminal width."""
-    put(lambda: print(shown(text, sys.stdout)))
+    write_stdout(lambda: print(without_controls(text, sys.stdout)))
 
 
 def width_of(stream: TextIO) -> int | None:
@@ -508,7 +514,7 @@ def colour(text: str, code: str) -> str:
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
-def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
+def without_controls(text: str, stream: TextIO, *, again: bool = False) -> str:
     """Return a text without control sequences, except lagsim's own colours.
 
     Parameters
@@ -570,7 +576,7 @@ def _broken(lines: Iterable[str], width: int) -> Iterator[str]:
         )  # fmt: skip
 
 
-def put(write: Callable[[], object]) -> None:
+def write_stdout(write: Callable[[], object]) -> None:
     """Call `write`, a function that writes to stdout, and flush stdout.
 
     A closed pipe (`| head`) is no error: the remaining output is discarded.
@@ -581,10 +587,10 @@ def put(write: Callable[[], object]) -> None:
     except BrokenPipeError:
         _mute(sys.stdout)
     except OSError as error:
-        raise typer.Exit(full(error)) from None
+        raise typer.Exit(report_stdout_failure(error)) from None
 
 
-def full(error: OSError) -> int:
+def report_stdout_failure(error: OSError) -> int:
     """Report that writing to stdout failed; return the exit code."""
     from lagsim.codes import number
 
@@ -596,7 +602,7 @@ def full(error: OSError) -> int:
 
 def complain(text: str, *, again: bool = False) -> None:
     """Print text for a person on stderr."""
-    _report(shown(text, sys.stderr, again=again))
+    _report(without_controls(text, sys.stderr, again=again))
 
 
 def _report(text: str) -> None:

@@ -10,7 +10,7 @@ from lagsim.admissibility.verdict import (
     START_VALUE,
     RelationResiduals,
 )
-from lagsim.cli._shared import ERROR, WARNING, annotate, coloured, table
+from lagsim.cli._shared import ERROR, WARNING, aligned_pairs, annotate, coloured
 from lagsim.codes import number
 from lagsim.errors import counted, pointed
 from lagsim.language.names import in_file
@@ -52,7 +52,7 @@ def report(
         ),
     ]
     if start.verdicts:
-        lines.append(table((v.name, _described(v)) for v in start.verdicts))
+        lines.append(aligned_pairs((v.name, _described(v)) for v in start.verdicts))
     lines += _reached(equations, start)
     lines += [f"  {c.choice} ({c.reason})" for c in choices]
     for w in start.warnings:

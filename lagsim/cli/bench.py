@@ -15,20 +15,20 @@ from lagsim.cli._shared import (
     SETS,
     Measured,
     PictureFormat,
+    aligned_pairs,
     assignments,
     coloured,
     csv,
     experiment,
     headline,
     left_out,
-    listed,
     methods_of,
-    numbers,
     option,
     output_folder,
+    parse_range,
     quiet,
     show_json,
-    table,
+    titled_rows,
 )
 from lagsim.errors import LagsimError, Problem, Problems, several, unusable
 from lagsim.methods import names
@@ -197,7 +197,7 @@ def _between(
     """Return the two numbers above 0 of A:B, the larger first."""
     if text is None:
         return None
-    found = numbers(
+    found = parse_range(
         problems, option, text, what="numbers above 0", example=f"{option} 1e-3:1e-9",
         allowed=lambda low, _: low > 0.0,
     )  # fmt: skip
@@ -212,10 +212,10 @@ def _summary(document: Document, files: str) -> str:
     best = front(rows, "seconds", reference["floor"])
     lines = [
         ("reference", reference["trust"]), *left_out(refused),
-        *listed("best", (_point(rows[k]) for k in best)), ("time", _time(document)),
-        ("files", files),
+        *titled_rows("best", (_point(rows[k]) for k in best)),
+        ("time", _time(document)), ("files", files),
     ]  # fmt: skip
-    return headline(document, *counts) + "\n" + table(lines)
+    return headline(document, *counts) + "\n" + aligned_pairs(lines)
 
 
 def _time(document: Document) -> str:

@@ -14,9 +14,9 @@ from lagsim.cli._shared import (
     complain,
     flag,
     quiet,
-    refused,
     say,
     show_json,
+    strict_line,
 )
 from lagsim.cli._verdict import annotate_start, report
 from lagsim.errors import LagsimError
@@ -49,7 +49,7 @@ def command(
         if warnings or not admissible:
             annotate_start(equations, examined)
         if alarmed:
-            complain(refused(model.name, [w.code for w in warnings]))
+            complain(strict_line(model.name, [w.code for w in warnings]))
         return 0 if admissible and not alarmed else 1
 
     codes = []

@@ -76,10 +76,10 @@ def command(
 
 def _picture(golden: StoredTable, new: StoredTable, verdict: Verdict) -> bytes:
     from lagsim.outputs.letters import Letters
-    from lagsim.studies.comparison_chart import picture, summary
+    from lagsim.studies.comparison_chart import picture, summary_texts
 
     letters, units = Letters(golden.columns), {**golden.units, **new.units}
-    title, *first = summary(verdict, letters)
+    title, *first = summary_texts(verdict, letters)
     names = f"{golden.name} and {new.name}"
     return picture(title, names, verdict, letters, units, first)
 

@@ -16,8 +16,8 @@ from lagsim.cli._shared import (
     flag,
     harmless,
     option,
-    put,
     put_file,
+    write_stdout,
 )
 from lagsim.errors import Problem, Problems, visible
 from lagsim.model.reader import read_file
@@ -64,7 +64,7 @@ def command(
     else:
         content = str(getattr(found, form.value)).encode()
     if output is None:
-        put(lambda: _print(content))
+        write_stdout(lambda: _print(content))
     else:
         # The file behind a link is replaced, not the link.
         put_file(output.resolve() if output.is_file() else output, content)

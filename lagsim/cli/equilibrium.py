@@ -17,17 +17,17 @@ from lagsim.cli._shared import (
     Measured,
     PictureFormat,
     aligned,
+    aligned_pairs,
     assignments,
     check_replaced,
     complain,
     experiment,
-    listed,
-    numbers,
     option,
     output_folder,
+    parse_range,
     put_file,
     quiet,
-    table,
+    titled_rows,
 )
 from lagsim.errors import Problems, counted, did_you_mean
 from lagsim.model.reader import read_file
@@ -94,7 +94,7 @@ def command(
             document |= branches.record
             cells = branching.tables(document)
         if write is not None:
-            put_file(write, rest.written(search.setting, found, given).encode())
+            put_file(write, rest.with_start(search.setting, found, given).encode())
 
         def draw() -> bytes:
             from lagsim.studies.rest_drawing import diagram, picture
@@ -128,7 +128,7 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
         problems.refuse()
         return None
     name, _, after = (part.strip() for part in vary.partition("="))
-    ends = numbers(
+    ends = parse_range(
         problems, f"--vary {name}", after, what="different numbers",
         example="--vary K=10:1000", allowed=lt,
     )  # fmt: skip
@@ -164,9 +164,9 @@ def _summary(document: Document, files: str) -> str:
         points = (
             f"{x['kind']} at {name} = {x['value']:.9g}" for x in document["points"]
         )
-        more += listed("points", points)
+        more += titled_rows("points", points)
     if document["free"]:
         more.append(("free", ", ".join(document["free"])))
     if document["continuum"]:
         more.append(("continuum", "friction that sticks holds other positions, too"))
-    return "\n".join([*lines, table([*more, ("files", files)])])
+    return "\n".join([*lines, aligned_pairs([*more, ("files", files)])])

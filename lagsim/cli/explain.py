@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, say, show_json, table
+from lagsim.cli._shared import JSON, aligned_pairs, say, show_json
 from lagsim.codes import Retired, cautions, every, found
 from lagsim.errors import did_you_mean, unusable
 
@@ -38,7 +38,7 @@ def command(
     if as_json:
         show_json([_document(row) for row in rows])
     elif code is None:
-        say(table((row.number, f"{row.code}: {row.happened}") for row in rows))
+        say(aligned_pairs((row.number, f"{row.code}: {row.happened}") for row in rows))
     else:
         say("\n\n".join(map(_page, rows)))
     return 0

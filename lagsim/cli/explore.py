@@ -8,16 +8,16 @@ from pathlib import Path
 
 import typer
 
-from lagsim.cli._faults import text_of
+from lagsim.cli._faults import error_text
 from lagsim.cli._shared import (
     SETS,
     assignments,
     complain,
     flag,
-    numbers,
     option,
-    put,
+    parse_range,
     put_file,
+    write_stdout,
 )
 from lagsim.errors import Problems, unusable
 from lagsim.model.loading import STANDARD_INPUT
@@ -50,14 +50,14 @@ def command(
     if model == STANDARD_INPUT:
         text = "explore needs a file, which it reads again when it has been saved"
         raise unusable("usage", text)
-    explorer = Explorer(model, assignments(sets), _ranges(vary), text_of)
+    explorer = Explorer(model, assignments(sets), _ranges(vary), error_text)
     try:
         server = Server(explorer, port)
     except OSError as error:
         text = f"--port {port}: {HOST} does not offer this port: {error.strerror}"
         raise unusable("usage", text) from None
     # At once, also into a pipe.
-    put(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
+    write_stdout(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
     if not no_browser and not webbrowser.open(server.address):
         complain("no browser was found: open the address above in one")
     complain("Ctrl-C ends")
@@ -87,10 +87,12 @@ def _written(
         why = "it is the model"
     if why:
         raise unusable("output-file", f"{output} cannot be written: {why}")
-    explorer = Explorer(model, assignments(sets), _ranges(vary), text_of)
+    explorer = Explorer(model, assignments(sets), _ranges(vary), error_text)
     content = page_in_a_file(explorer)
     put_file(output.resolve() if output.is_file() else output, content)
-    put(lambda: print(f"{explorer.model.name}: {output}, {len(content) / 1000:.0f} kB"))
+    write_stdout(
+        lambda: print(f"{explorer.model.name}: {output}, {len(content) / 1000:.0f} kB")
+    )
     return 0
 
 
@@ -101,7 +103,7 @@ def _ranges(vary: list[str] | None) -> dict[str, tuple[float, float] | None]:
         name, equals, after = (part.strip() for part in text.partition("="))
         found[name] = None
         if equals:
-            found[name] = numbers(
+            found[name] = parse_range(
                 problems, f"--vary {name}", after, what="A below B",
                 example="--vary K=5:50", allowed=lambda a, b: a < b,
             )  # fmt: skip

@@ -17,17 +17,17 @@ from lagsim.cli._shared import (
     Measured,
     PictureFormat,
     aligned,
+    aligned_pairs,
     assignments,
     check_replaced,
     coloured,
     complain,
     experiment,
-    listed,
     option,
     output_folder,
     put_file,
     quiet,
-    table,
+    titled_rows,
 )
 from lagsim.cli.run import about
 from lagsim.errors import Problems, counted
@@ -181,7 +181,7 @@ def _summary(document: Document, files: str) -> str:
         more.append(
             ("chi2", f"{document['chi2']:.6g} for {freedom} degrees of freedom")
         )
-    more += listed(
+    more += titled_rows(
         "undetermined",
         (
             ", ".join(f"{name} {part:+.3g}" for name, part in one.items())
@@ -191,4 +191,4 @@ def _summary(document: Document, files: str) -> str:
     if document["starts"] > 1:
         found = f"{document['reached']} of {document['starts']} lead here"
         more.append(("starts", found))
-    return "\n".join([*lines, table([*more, ("files", files)])])
+    return "\n".join([*lines, aligned_pairs([*more, ("files", files)])])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from lagsim.cli._faults import plain, reported
+from lagsim.cli._faults import plain_text, reported
 from lagsim.cli._shared import (
     ERROR,
     JSON,
@@ -43,7 +43,7 @@ from lagsim.studies.golden import (
     Summary,
     judge,
     load,
-    measure,
+    new_golden,
     picture,
     run,
     store,
@@ -140,7 +140,7 @@ def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
         model = document["model"]
         document |= {"model": model["name"], "file": model["file"]}
     faults = [fault for x in found for fault in x.get("errors", ())]
-    return _Answer(code, document, (), ("error", error.code, plain(error)), faults)
+    return _Answer(code, document, (), ("error", error.code, plain_text(error)), faults)
 
 
 def _task(path: str, folder: Path | None) -> _Task:
@@ -217,7 +217,7 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
 def _store(case: Case, folder: Path) -> _Answer:
     model = case.model
     compiled = Compiled()
-    golden, base = measure(case, compiled)
+    golden, base = new_golden(case, compiled)
     found: Document = {"model": model.name, "file": model.file}
     if not base.trial.complete:
         text = f"no golden of {model.name}: {base.trial.reason}"

@@ -9,7 +9,7 @@ import typer
 
 from lagsim.cli._shared import JSON, say, show_json
 from lagsim.errors import InputError
-from lagsim.methods import WIDTH, method, method_problems, names, page
+from lagsim.methods import WIDTH, method, method_page, method_problems, names
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -38,7 +38,7 @@ def _document(module: ModuleType) -> dict[str, Any]:
         "handles",
     )  # fmt: skip
     found = {key: getattr(module, key.upper()) for key in facts}
-    return found | {"page": page(module.NAME)}
+    return found | {"page": method_page(module.NAME)}
 
 
 def _list(modules: list[ModuleType]) -> str:
@@ -56,4 +56,4 @@ def _page(module: ModuleType) -> str:
         f"Order {module.ORDER}, dense output of order {module.DENSE_ORDER}, {step}. "
         f"Handles {module.HANDLES}."
     )
-    return f"{page(module.NAME)}\n\n{textwrap.fill(facts, WIDTH)}"
+    return f"{method_page(module.NAME)}\n\n{textwrap.fill(facts, WIDTH)}"

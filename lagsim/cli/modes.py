@@ -17,17 +17,17 @@ from lagsim.cli._shared import (
     Measured,
     PictureFormat,
     aligned,
+    aligned_pairs,
     assignments,
     complain,
-    drawn,
+    drawn_or_reported,
     experiment,
     flag,
-    numbers,
     option,
     output_folder,
+    parse_range,
     put_file,
     quiet,
-    table,
 )
 from lagsim.errors import Problem, Problems, counted
 from lagsim.model.reader import read_file
@@ -96,7 +96,9 @@ def command(
             makers = drawings(small, response, form.value, plots=not no_plots)
             if not animate:
                 del makers[PAGE]
-            pictures = {name: drawn(name, draw, []) for name, draw in makers.items()}
+            pictures = {
+                name: drawn_or_reported(name, draw, []) for name, draw in makers.items()
+            }
             found |= {name: x for name, x in pictures.items() if x is not None}
 
         def summary(files: str) -> str:
@@ -121,7 +123,7 @@ def _wish(
         pairs.append((one, other))
     between = None
     if frequencies is not None:
-        between = numbers(
+        between = parse_range(
             problems, "--frequencies", frequencies, what="frequencies above 0",
             example="--frequencies 0.1:10", allowed=lambda a, b: 0.0 < a < b,
         )  # fmt: skip
@@ -171,9 +173,9 @@ def _summary(document: Document, files: str) -> str:
         ))  # fmt: skip
     if len(found) > MOST_MODES:
         rows.append((f"... {len(found) - MOST_MODES} more",))
-    lines = [head, table([("about", ", ".join(where) or "0")])]
+    lines = [head, aligned_pairs([("about", ", ".join(where) or "0")])]
     lines += [aligned(rows, lefts=len(rows[0]))] if found else []
-    return "\n".join([*lines, table([("files", files)])])
+    return "\n".join([*lines, aligned_pairs([("files", files)])])
 
 
 def _small(value: float) -> str:

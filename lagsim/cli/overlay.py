@@ -69,7 +69,9 @@ def _wrote(
     """
     form = path.suffix.lower()
     if form in PICTURES:
-        draw = partial(overlay.picture, runs, overlay.chosen(runs, names), form[1:])
+        draw = partial(
+            overlay.picture, runs, overlay.shown_columns(runs, names), form[1:]
+        )
         return put_picture(path, draw, folders=True)
     found, reasons = overlay.motions(runs)
     if not found and not also:

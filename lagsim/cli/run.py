@@ -25,26 +25,26 @@ from lagsim.cli._shared import (
     STRICT,
     PictureFormat,
     UnwritableError,
+    aligned_pairs,
     annotate,
     assignments,
     coloured,
     commit,
     complain,
     flag,
-    listed,
     output_folder,
     progress_bar,
     quiet,
-    refused,
     say,
     show_json,
-    table,
+    strict_line,
+    titled_rows,
 )
 from lagsim.codes import failure
 from lagsim.errors import Place, counted, pointed, unusable
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names
-from lagsim.model.loading import text_of
+from lagsim.model.loading import model_text
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
 from lagsim.native.link.ahead import helped
@@ -165,7 +165,7 @@ def command(
     job = Job(wish, folder, documents=documents)
     # The processor time so far is close to the time of start and imports.
     job.clock.timings["import"] = time.process_time()
-    code = job.run(*text_of(models[0]), assignments(sets), options)
+    code = job.run(*model_text(models[0]), assignments(sets), options)
     for document in documents or ():
         show_json(document)
     return code
@@ -341,10 +341,10 @@ class Job:
             results.drop(wish.table.file)
             lost, full = True, error
         if not full and (found.session.lists_events or found.sections):
-            from lagsim.studies.drawing import events
+            from lagsim.studies.drawing import event_tables
 
             try:
-                list(results.fill(events(found)))
+                list(results.fill(event_tables(found)))
             except OSError as error:
                 full = error
         cautions = [*results.cautions, *found.cautions()]
@@ -409,7 +409,7 @@ class Job:
         if not (self.wish.strict and cautions):
             return 0
         model = found.session.case.model
-        line = refused(model.name, [caution["code"] for caution in cautions])
+        line = strict_line(model.name, [caution["code"] for caution in cautions])
         complain(line)
         annotate(ERROR, line.removeprefix("lagsim: "), model.file)
         return 1
@@ -520,11 +520,11 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
     }  # fmt: skip
     system = ", ".join(counted(n, noun) for noun, n in parts.items() if n)
     plan = (f"{c['choice']} ({c['reason']})" for c in document["plan"])
-    rows = [("system", system), *listed("plan", plan), _accuracy(document)]
+    rows = [("system", system), *titled_rows("plan", plan), _accuracy(document)]
     if document["outcome"] == "until":
         rows.append(("ended", document["reason"]))
     if made.session.lists_events:
-        rows += listed("events", _happened(made.trajectory))
+        rows += titled_rows("events", _happened(made.trajectory))
     rows.append(("work done", _work(document)))
     unit = document["columns"]["energy"]
     drift = document["energy_drift"]
@@ -538,7 +538,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
         residual = document["constraint_residual"]
         rows.append(("residual", f"largest {residual:.2g} of its scale"))
     rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
-    return head + "\n" + table(rows)
+    return head + "\n" + aligned_pairs(rows)
 
 
 def _happened(trajectory: Trajectory) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from lagsim.cli._shared import put
+from lagsim.cli._shared import write_stdout
 from lagsim.methods import names
 from lagsim.model.reader import schema
 from lagsim.plan.formulation import formulations
@@ -12,7 +12,7 @@ from lagsim.plan.formulation import formulations
 
 def command() -> int:
     """Print the JSON Schema of model files, for editors."""
-    put(lambda: print(document()))
+    write_stdout(lambda: print(document()))
     return 0
 
 

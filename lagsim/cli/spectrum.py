@@ -79,7 +79,7 @@ def _spectrum(result: Path, column: str) -> Spectrum:
 
 def _picture(found: Spectrum, result: Path, form: str) -> bytes:
     """Return a picture with the name of the model, else that of the file."""
-    from lagsim.outputs.figure import content
+    from lagsim.outputs.figure import encoded_figure
 
     folder = result if result.is_dir() else result.parent
     try:
@@ -87,7 +87,7 @@ def _picture(found: Spectrum, result: Path, form: str) -> bytes:
         title = str(record["model"]["name"])
     except (OSError, ValueError, KeyError, TypeError):
         title = result.name
-    return content(found.plot(title), form)
+    return encoded_figure(found.plot(title), form)
 
 
 def report(found: Spectrum) -> str:

@@ -17,18 +17,18 @@ from lagsim.cli._shared import (
     Measured,
     PictureFormat,
     aligned,
+    aligned_pairs,
     assignments,
     csv,
     experiment,
     headline,
     left_out,
-    listed,
     methods_of,
-    numbers,
     option,
     output_folder,
+    parse_range,
     quiet,
-    table,
+    titled_rows,
 )
 from lagsim.errors import Problems, counted, unusable
 from lagsim.language.names import member_hint
@@ -87,9 +87,9 @@ def command(
         def draw() -> bytes:
             from lagsim.studies.bench import chart
 
-            return chart.stability(document, form.value)
+            return chart.stability_figure(document, form.value)
 
-        cells = csv(stability.columns(wish.name), document["cells"])
+        cells = csv(stability.csv_columns(wish.name), document["cells"])
         summary, picture = partial(_summary, document), f"stability.{form.value}"
         return Measured(document, {TABLE: cells}, picture, draw, summary)
 
@@ -112,7 +112,7 @@ def _check_parameter(model: Model, name: str | None) -> None:
         text = f"--vary {name}: members of families are counted or named by it"
         hint = f"map each of its values by itself: --set {name}=3"
         raise unusable("usage", text, hint=hint)
-    if name in stability.columns(None):
+    if name in stability.csv_columns(None):
         text = f"`{name}` cannot be varied: {TABLE} has a column of that name"
         raise unusable("usage", text, hint="give it another name")
 
@@ -123,7 +123,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Map
     names = methods_of(methods)
     for method in names or ():
         problems += method_problems(method, auto=False)
-    different = partial(numbers, problems, what="different numbers", allowed=lt)
+    different = partial(parse_range, problems, what="different numbers", allowed=lt)
     between = None
     if steps is not None:
         between = different("--steps", steps, example="--steps 0.01:1")
@@ -148,8 +148,8 @@ def _summary(document: Document, files: str) -> str:
     head = headline(document, (methods, "method"))
     lines = [f"{head}, {counted(len(document['cells']), 'run')}"]
     lines += _over_parameter(document) if document["vary"] else _borders(document)
-    lines.append(table(left_out(document["refused"]) + _eigenvalues(document)))
-    lines += [*_modes(document), table([("files", files)])]
+    lines.append(aligned_pairs(left_out(document["refused"]) + _eigenvalues(document)))
+    lines += [*_modes(document), aligned_pairs([("files", files)])]
     return "\n".join(line for line in lines if line)
 
 
@@ -242,7 +242,7 @@ def _eigenvalues(document: Document) -> list[tuple[str, str]]:
             f"{where}: {' to '.join(dict.fromkeys(map(_complex, ends)))} 1/s, damping "
             f"ratio {' to '.join(ratios)}"
         )
-    return listed("eigenvalues", texts)
+    return titled_rows("eigenvalues", texts)
 
 
 def _number(value: float) -> str:
@@ -271,7 +271,7 @@ def _modes(document: Document) -> list[str]:
         if len(named) > MOST_NAMED:
             named[MOST_NAMED:] = [f"... {len(named) - MOST_NAMED} more"]
         where = ", ".join(named)
-    lines = [table([("equilibrium", where)])]
+    lines = [aligned_pairs([("equilibrium", where)])]
     rows: list[tuple[str, ...]] = [
         ("frequency (Hz)", "period (s)", "damping ratio", "shape")
     ]

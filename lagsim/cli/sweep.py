@@ -17,6 +17,7 @@ from lagsim.cli._shared import (
     NO_PLOTS,
     SETS,
     Measured,
+    aligned_pairs,
     assignments,
     coloured,
     experiment,
@@ -26,7 +27,6 @@ from lagsim.cli._shared import (
     quiet,
     say,
     show_json,
-    table,
     writing,
 )
 from lagsim.cli.run import ERROR_BAR, with_settings
@@ -39,7 +39,7 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.runs import EXAMPLE, Axis, Grid, SweepRows, parsed
+from lagsim.studies.sweep.runs import EXAMPLE, Axis, Grid, SweepRows, parse_axes
 from lagsim.studies.sweep.sweeping import (
     CHART,
     JOURNAL,
@@ -177,7 +177,7 @@ def _grid(
     if points is not None:
         return of_file(read, points)
     if count is None:
-        return parsed(read, values)
+        return parse_axes(read, values)
     pairs = ([x.strip() for x in text.split("=", 1)] for text in sample)
     return sampled(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
 
@@ -188,7 +188,9 @@ def _known(found: SweepRows, folder: Path) -> Any:
         there = json.loads(content(folder / MANIFEST))
     except (OSError, ValueError):
         return None
-    known = isinstance(there, dict) and there.get("identity") == sweeping.mark(found)
+    known = isinstance(there, dict) and there.get("identity") == sweeping.digest_of(
+        found
+    )
     return there if known and not (folder / JOURNAL).exists() else None
 
 
@@ -242,7 +244,7 @@ def _measured(
         remarks += [f"note: {note}" for note in document["notes"]]
 
     def draw() -> bytes:
-        picture = sweeping.drawn(found)
+        picture = sweeping.draw_chart(found)
         document["versions"] = versions()  # that of matplotlib, too
         return picture
 
@@ -276,7 +278,7 @@ def _summary(found: SweepRows, document: Mapping[str, Any], files: str) -> str:
             rows.append((outcome, text))
     seconds = document["timings"]["runs"]
     rows.append(("took", f"{seconds:.3g} s, {seconds / runs * 1e3:.3g} ms a run"))
-    return head + "\n" + table([*rows, ("files", files)])
+    return head + "\n" + aligned_pairs([*rows, ("files", files)])
 
 
 def _spread(axis: Axis) -> str:

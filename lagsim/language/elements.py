@@ -7,9 +7,9 @@ all sums at once as a vector, from the arguments that the slots of the members r
 `elements.part` selects one of its numbers. Derivatives, roundoff bounds and sizes of
 terms are elements as well: they are derived once, for the term, and share the table.
 
-An `Output` of the term is added up at a place of the vector: at the first place (an
-energy), at the place of the argument that a slot reads (a force), or each member has a
-place of its own (an activity indicator).
+An `ElementOutput` of the term is added up at a place of the vector: at the first place
+(an energy), at the place of the argument that a slot reads (a force), or each member
+has a place of its own (an activity indicator).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Slot(NamedTuple):
     numbers: Floats
 
 
-class Output(NamedTuple):
+class ElementOutput(NamedTuple):
     """Expression of a term, the place of its sum, and a bound of its roundoff.
 
     Attributes
@@ -103,7 +103,7 @@ class Elements:
         self,
         graph: Graph,
         slots: Sequence[Slot],
-        outputs: Sequence[Output],
+        outputs: Sequence[ElementOutput],
         table: Ints,
         count: int,
         size: int,
@@ -184,7 +184,7 @@ class Elements:
         return self.members * sum(row.cost for row in rows if row is not None)
 
     def _with(
-        self, outputs: Iterable[Output], size: int, more: Sequence[Slot] = ()
+        self, outputs: Iterable[ElementOutput], size: int, more: Sequence[Slot] = ()
     ) -> Elements:
         """Return elements of the same members, with the slots that `outputs` use.
 
@@ -253,12 +253,14 @@ class Elements:
             terms.append(g.call("mul", own.node, o.node))
         return self._with(self._slopes(terms, some), self.count, more)
 
-    def _slopes(self, nodes: Sequence[int], some: Collection[int]) -> list[Output]:
+    def _slopes(
+        self, nodes: Sequence[int], some: Collection[int]
+    ) -> list[ElementOutput]:
         g, total = self.graph, self.graph.sum(nodes)
         those = [k for k, slot in enumerate(self.slots) if self.reads(slot, some)]
         found = gradient(g, total, [self.slots[k].node for k in those])
         pairs = zip(found, those, strict=True)
-        return [Output(node, k) for node, k in pairs if node != g.zero]
+        return [ElementOutput(node, k) for node, k in pairs if node != g.zero]
 
     def pushed(self, some: Collection[int]) -> Elements:
         """Return the rates of the results; rates of arguments are further arguments.
@@ -305,7 +307,7 @@ class Elements:
 
     def listed(self, node: int) -> Elements:
         """Return the values (members,) of an expression of the term."""
-        return self._with([Output(node, EACH)], self.members)
+        return self._with([ElementOutput(node, EACH)], self.members)
 
     def without_value(self, arguments: Sequence[float]) -> int | None:
         """Return the first member whose term, or a slope of it, is not finite.
@@ -393,7 +395,7 @@ class Elements:
 
     # Values
 
-    def targets(self, output: Output) -> Ints:
+    def targets(self, output: ElementOutput) -> Ints:
         """Return the place (members,) of each member's share of an output."""
         if output.slot == EACH:
             return np.arange(self.members)

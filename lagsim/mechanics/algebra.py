@@ -163,7 +163,7 @@ def cholesky(metric: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
-def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
+def whitened_rows(A: Floats, L: Floats) -> tuple[Floats, Floats]:
     """Return the rows A L^-T scaled to length 1, and their lengths before (m,).
 
     The lengths are those of the rows of A in the metric (L L^T)^-1. A row of length 0
@@ -209,7 +209,7 @@ class Metric:
     def __init__(self, M: Floats, A: Floats) -> None:
         self.M, self.G = M, completed(M, A)
         self.L = cholesky(self.G)
-        rows, lengths = scaled(A, self.L)
+        rows, lengths = whitened_rows(A, self.L)
         U, s, V = np.linalg.svd(rows)
         rank = int(np.sum(s > DEPENDENT_ROWS * np.max(s, initial=1.0)))
         back = np.linalg.inv(self.L.T)

@@ -180,7 +180,7 @@ def solve(problem: ComplementarityProblem) -> Solution:
     r = len(problem.c)
     if not (np.isfinite(problem.c).all() and np.isfinite(problem.D).all()):
         raise FloatingPointError("forces that are not finite")
-    parts = groups(problem)
+    parts = coupled_groups(problem)
     if len(parts) <= 1:
         return _solved(problem)
     p, w, found = np.zeros(r), np.zeros(r), True
@@ -190,7 +190,7 @@ def solve(problem: ComplementarityProblem) -> Solution:
     return Solution(p, w, found)
 
 
-def groups(problem: ComplementarityProblem) -> list[list[int]]:
+def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
     """Return the groups of rows that are coupled by entries of D, bounds or discs."""
     if problem.D.all():
         return [list(range(len(problem.c)))]

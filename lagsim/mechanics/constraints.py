@@ -20,7 +20,7 @@ from lagsim.language.columns import FRICTION, MULTIPLIER
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
-from lagsim.mechanics.pieces import MARK, named, pieces, whole
+from lagsim.mechanics.pieces import MARK, piece_name, pieces, whole
 from lagsim.methods.parts import parameters as kept
 from lagsim.model.model import APPROACH_SPEED
 
@@ -417,7 +417,7 @@ def pieces_of(
     found = pieces(g, node, values, moving)
     if len(found) == 1:
         return {c.name: found[0]}
-    return {named(c.name, k): piece for k, piece in enumerate(found, 1)}
+    return {piece_name(c.name, k): piece for k, piece in enumerate(found, 1)}
 
 
 def _slips(

@@ -38,12 +38,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import Metric, Span, least_squares, null_space, scaled
+from lagsim.mechanics.algebra import (
+    Metric,
+    Span,
+    least_squares,
+    null_space,
+    whitened_rows,
+)
 from lagsim.mechanics.complementarity import (
     RATES_ROUNDOFF,
     ComplementarityProblem,
     Solution,
-    groups,
+    coupled_groups,
     least_parts,
     rates_at,
     solve,
@@ -264,7 +270,7 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
         return Delassus(factor.T @ factor, (rows / diagonal).T, factor)
     metric = Metric(M, A)
     factor = metric.free.T @ rows.T
-    _, lengths = scaled(rows, metric.L)
+    _, lengths = whitened_rows(rows, metric.L)
     factor[:, np.linalg.norm(factor, axis=0) <= DEPENDENT_ROWS * lengths] = 0.0
     return Delassus(factor.T @ factor, metric.free @ factor, factor)
 
@@ -868,7 +874,7 @@ def _solution(rows: _ContactRows) -> Solution:
     free[rows.one_sided] = False
     on_discs = problem.pairs >= 0
     left = list[int]()
-    for group in groups(problem):
+    for group in coupled_groups(problem):
         rests = np.zeros(len(free), dtype=bool)
         rests[group] = free[group].all() and on_discs[group].any()
         rests &= rows.closed.columns.any(axis=0)
@@ -934,7 +940,7 @@ def _eased(rows: _ContactRows, solution: Solution) -> Solution:
     rows that are coupled with a disc are all at rest, it is decided first whether they
     stay. Otherwise the rows without acceleration stay at rest.
     """
-    for group in groups(rows.problem):
+    for group in coupled_groups(rows.problem):
         discs = [disc for disc in rows.problem.discs if disc[0] in group]
         if not discs:
             continue

@@ -105,7 +105,7 @@ def turns(e: Equations) -> bool:
     return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
-def eliminated(equations: Equations) -> Elimination | None:
+def elimination_of(equations: Equations) -> Elimination | None:
     """Return the elimination of equations, memoized; None where loops are faster.
 
     Parameter values have no influence on it, except by whether links have masses.

@@ -379,7 +379,7 @@ class BoundedEigenvalues(NamedTuple):
         return flags
 
 
-def spectrum(R: Floats) -> BoundedEigenvalues:
+def eigenvalues_of(R: Floats) -> BoundedEigenvalues:
     """Return the eigenvalues of R, shape (size, size), with the zero ones counted.
 
     A zero eigenvalue of a rigid motion is defective: computed with the others it would
@@ -602,7 +602,7 @@ class NewtonMatrix(NamedTuple):
 
 
 @memoized_by_motion
-def newton(equations: Equations) -> NewtonMatrix | None:
+def newton_matrix(equations: Equations) -> NewtonMatrix | None:
     """Return Newton's matrix; None where full matrices take fewer operations."""
     if equations.laws or equations.states or equations.chains is not None:
         return None

@@ -69,7 +69,7 @@ def whole(name: str) -> str:
     return name.partition(MARK)[0]
 
 
-def named(name: str, k: int) -> str:
+def piece_name(name: str, k: int) -> str:
     """Return the name of the k-th piece, k >= 1, of the constraint `name`."""
     return f"{name}{MARK}{k}"
 

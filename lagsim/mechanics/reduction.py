@@ -131,13 +131,15 @@ def of_those_left(
         e,
         q=tuple(e.q[j] for j in left),
         velocities=tuple(e.velocities[j] for j in left),
-        M=tuple(vector(e.graph, left, rows[i]) for i in left),
+        M=tuple(reduced_vector(e.graph, left, rows[i]) for i in left),
         f=tuple(f[j] for j in left),
         momenta=tuple(momenta[j] for j in left),
     )
 
 
-def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseVector:
+def reduced_vector(
+    g: Graph, left: Sequence[int], entries: Mapping[int, int]
+) -> SparseVector:
     """Return the sparse vector of the entries at the coordinates `left`.
 
     entries : old index of a coordinate -> node.
@@ -147,7 +149,7 @@ def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseV
     return SparseVector(g, len(left), kept)
 
 
-def plus(g: Graph, node: int, x: int, y: int) -> int:
+def plus_product(g: Graph, node: int, x: int, y: int) -> int:
     """Return the node of node + x y."""
     return g.call("add", node, g.call("mul", x, y))
 
@@ -221,7 +223,9 @@ def usable(
     )
 
 
-def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
+def eliminate_coordinate(
+    e: Equations, k: int, c: int
+) -> tuple[Equations, dict[int, int]]:
     """Eliminate coordinate c by row k.
 
     Returns
@@ -242,7 +246,7 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
     full = substituted(e, given)
     moved = bend
     for j, slope in J.items():
-        moved = plus(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
+        moved = plus_product(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
     acceleration = g.variable(rate_of(e.q[c], 2))
     lam = g.variable(MULTIPLIER.of(e.rows[k].name))
     # The equation of c without the multiplier, divided by the factor of the multiplier.
@@ -261,18 +265,18 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
     across = {j: x for j, x in own.items() if j != c}
     _add_products(g, M, across, J)
     for j, slope in J.items():
-        across[j] = plus(g, across.get(j, g.zero), own.get(c, g.zero), slope)
-        f[j] = plus(g, f[j], f[c], slope)
-        momenta[j] = plus(g, momenta[j], momenta[c], slope)
+        across[j] = plus_product(g, across.get(j, g.zero), own.get(c, g.zero), slope)
+        f[j] = plus_product(g, f[j], f[c], slope)
+        momenta[j] = plus_product(g, momenta[j], momenta[c], slope)
     _add_products(g, M, J, across)
     rows = []
     for row in full.rows[:k] + full.rows[k + 1 :]:
         A = dict(row.A.entries)
         factor = A.pop(c, g.zero)
         for j, slope in J.items():
-            A[j] = plus(g, A.get(j, g.zero), factor, slope)
+            A[j] = plus_product(g, A.get(j, g.zero), factor, slope)
         b = minus(g, row.b, factor, bend)
-        rows.append(row._replace(A=vector(g, left, A), b=b))
+        rows.append(row._replace(A=reduced_vector(g, left, A), b=b))
     unforced = full.unforced - {e.q[j] for j in J}
     reduced = of_those_left(full, left, M, f, momenta)
     return replace(
@@ -287,7 +291,7 @@ def _add_products(
     for i, a in x.items():
         for j, b in y.items():
             if j <= i:
-                M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
+                M[i, j] = M[j, i] = plus_product(g, M.get((i, j), g.zero), a, b)
 
 
 def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
@@ -307,7 +311,7 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
         weighted = {j: g.call("mul", weight, a) for j, a in A.items()}
         _add_products(g, M, weighted, A)
         for j, a in weighted.items():
-            f[j] = plus(g, f[j], a, row.b)
+            f[j] = plus_product(g, f[j], a, row.b)
     return of_those_left(e, range(len(e.q)), M, f, e.momenta)
 
 
@@ -372,7 +376,7 @@ class Reduction(NamedTuple):
                 break
             k, c = best
             names.append((e.q[c], e.rows[k].name))
-            reduction = reduction._followed_by(*eliminated(e, k, c))
+            reduction = reduction._followed_by(*eliminate_coordinate(e, k, c))
         return reduction._replace(eliminated=tuple(names))
 
     def kept(self, full: Floats) -> Floats:

@@ -169,11 +169,11 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
     if op == "ceil":
         return g.call("add", side, g.one)
     if op == "heaviside":
-        return share(g, op, side, sign)
+        return true_branch_weight(g, op, side, sign)
     return stepped(g, op, side, sign)
 
 
-def share(g: Graph, op: str, side: int, sign: int) -> int:
+def true_branch_weight(g: Graph, op: str, side: int, sign: int) -> int:
     """Return the weight in [0, 1] of the true branch while the motion slides.
 
     It is the weight in Filippov's convex combination of the fields of both sides, a

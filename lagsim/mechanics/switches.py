@@ -42,9 +42,9 @@ from lagsim.mechanics.surfaces import (
     between,
     expression_text,
     oriented,
-    share,
     stepped,
     surfaces,
+    true_branch_weight,
 )
 
 if TYPE_CHECKING:
@@ -244,7 +244,9 @@ class SlidingSteps:
             kept = g.call("and", level, kept)
             same = g.call("or", kept, g.call("and", g.call("not", level), same))
             whole = g.call("if", same, g.one, g.zero)
-            self.shares[n] = g.call("if", slides, share(g, op, *side), whole)
+            self.shares[n] = g.call(
+                "if", slides, true_branch_weight(g, op, *side), whole
+            )
         elif op in JOINING and any(a in self.shares for a in g.args[n]):
             self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
         elif op == "if" and g.args[n][0] in self.shares:
@@ -321,7 +323,9 @@ class SlidingSteps:
         plain = g.call(g.ops[n], args[0], *args[1:])
         if side is None:
             return plain
-        whole = mixed(g, share(g, g.ops[condition], *side), roots[1], roots[0])
+        whole = mixed(
+            g, true_branch_weight(g, g.ops[condition], *side), roots[1], roots[0]
+        )
         return g.call("if", self.slides[side[0]], whole, plain)
 
     def _share(self, condition: int) -> int:

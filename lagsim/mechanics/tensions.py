@@ -77,7 +77,7 @@ class NewtonsLaws(NamedTuple):
     drifts: Vector
 
 
-def newton(e: Equations) -> NewtonsLaws | None:
+def newtons_laws(e: Equations) -> NewtonsLaws | None:
     """Return Newton's laws of all unknowns, or None.
 
     None if masses vary, are coupled, or belong to sums that are no rates of positions.
@@ -298,7 +298,9 @@ class Group(NamedTuple):
         return [*self.dots.values(), *areas]
 
 
-def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group]:
+def square_groups(
+    g: Graph, pulls: Mapping[int, Vector], weights: Vector
+) -> list[Group]:
     """Return the squares of S, grouped by the unknowns that they contain.
 
     pulls : tension t -> mass u -> coefficient p_tu. weights : mass u -> w_u; all nodes.
@@ -426,7 +428,9 @@ def _laws(e: Equations) -> NewtonsLaws | None:
     changing = e.model.modes.union(x.name for x in e.states)
     if e.rows or e.laws or changing & g.depends([e.model.lagrangian]):
         return None
-    return memoize(g, (newton, e.nodes, e.model.lagrangian), lambda: newton(e))
+    return memoize(
+        g, (newtons_laws, e.nodes, e.model.lagrangian), lambda: newtons_laws(e)
+    )
 
 
 def has_masses(e: Equations) -> bool:
@@ -506,7 +510,7 @@ def _solution(
     changes = {t: _dot(g, x, drifts) for t, x in forces.items()}
     levers = _products(g, {t: pulls[t] for t in turns}, links, weights)
     twists = _products(g, pulls, {t: pulls[t] for t in torques}, weights)
-    met_in = groups(g, links, weights)
+    met_in = square_groups(g, links, weights)
     nodes = [*changes.values(), *(x.square for x in met.turns)]
     nodes += [n for x in (levers, twists) for row in x.values() for n in row.values()]
     nodes += [n for group in met_in for n in group.nodes]

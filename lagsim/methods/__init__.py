@@ -140,7 +140,7 @@ def options() -> dict[str, tuple[str, Option]]:
     }
 
 
-def page(name: str) -> str:
+def method_page(name: str) -> str:
     """Return the page of a method: its docstring and its options."""
     parts = [inspect.cleandoc(method(name).__doc__ or "")]
     for key, x in options_of(name).items():

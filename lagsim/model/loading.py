@@ -54,7 +54,7 @@ REPAIRED_CHARACTERS = 2_000_000
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 
 
-def text_of(path: str) -> tuple[str, str]:
+def model_text(path: str) -> tuple[str, str]:
     """Return the text of a model file, or of standard input, and its name in messages.
 
     Raises

@@ -242,7 +242,7 @@ def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
             yield from leaves(value, f"{name}.{key.text}")
 
 
-def words(*roots: Node) -> set[str]:
+def words_below(*roots: Node) -> set[str]:
     """Return the words of all expressions below some nodes."""
     return {
         word

@@ -23,11 +23,11 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 
 from lagsim.outputs import ENERGIES
-from lagsim.outputs.letters import mathtext, shortened
+from lagsim.outputs.letters import cut_text, mathtext
 from lagsim.outputs.scale import (
     OF_LABELS,
     SPARE,
-    extent,
+    finite_range,
     greatest,
     is_level,
     name_axis,
@@ -90,7 +90,7 @@ BLACK: Pen = {"color": INK}
 COLOURS, NO_RESULT = "viridis", "#999999"
 
 
-def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
+def marker_pen(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
     """Return the pen of points without a line.
 
     Parameters
@@ -153,7 +153,7 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 @in_house_style
-def content(figure: Figure, form: str = "png") -> bytes:
+def encoded_figure(figure: Figure, form: str = "png") -> bytes:
     """Return the bytes of a figure as png, svg (with letters as outlines) or pdf."""
     if isinstance(figure, Picture):
         figure.settle()
@@ -183,7 +183,7 @@ def legend(
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
     """Return names cut to a line of `width` inches, and the number of columns."""
     most = int(OF_SMALL_PRINT * width)
-    names = [shortened(name, most - BESIDE) for name, _ in entries]
+    names = [cut_text(name, most - BESIDE) for name, _ in entries]
     longest = max(map(len, names), default=0)
     return names, max(1, min(most // (longest + BESIDE), len(names)))
 
@@ -260,7 +260,7 @@ class Picture(Figure):
 
     def _repr_png_(self) -> bytes:
         """Return the PNG for a notebook, without pyplot."""
-        return content(self)
+        return encoded_figure(self)
 
 
 def header(
@@ -332,17 +332,17 @@ class Mark(NamedTuple):
 
 # In the order of a legend. A filled mark: a constraint is in force from this time on.
 MARKS = {
-    "impact": Mark("impact", mark("|", 5.0, "#D55E00")),
-    "corner": Mark("corner", mark("|", 5.0, "#0072B2")),
-    "zeno": Mark("at rest", mark("o", 3.2, GREY)),
-    "stick": Mark("stick", mark("v", 3.6, GREY)),
-    "slip": Mark("slip", mark("v", 3.6, GREY, "white")),
-    "contact": Mark("contact", mark("s", 3.2, GREY)),
-    "release": Mark("release", mark("s", 3.2, GREY, "white")),
-    "switch": Mark("switch", mark("|", 5.0, GREY)),
-    "rank": Mark("loss of rank", mark("D", 2.8, GREY)),
+    "impact": Mark("impact", marker_pen("|", 5.0, "#D55E00")),
+    "corner": Mark("corner", marker_pen("|", 5.0, "#0072B2")),
+    "zeno": Mark("at rest", marker_pen("o", 3.2, GREY)),
+    "stick": Mark("stick", marker_pen("v", 3.6, GREY)),
+    "slip": Mark("slip", marker_pen("v", 3.6, GREY, "white")),
+    "contact": Mark("contact", marker_pen("s", 3.2, GREY)),
+    "release": Mark("release", marker_pen("s", 3.2, GREY, "white")),
+    "switch": Mark("switch", marker_pen("|", 5.0, GREY)),
+    "rank": Mark("loss of rank", marker_pen("D", 2.8, GREY)),
 }
-OTHERS = Mark("event", mark("|", 5.0, "#888888"))
+OTHERS = Mark("event", marker_pen("|", 5.0, "#888888"))
 # Least distance in points between ticks of one kind, so that thousands do not fill a
 # band; and between other marks, beside their own width.
 TICKS_APART, MARKS_APART = 5.0, 2.0
@@ -383,7 +383,9 @@ def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     linked = np.append(seen[:-1] & seen[1:], False)
     alone = seen & ~linked & ~np.roll(linked, 1)
     if alone.any():
-        line(axes, x[alone], y[alone], mark("o", 2.5, pen["color"]), clip_on=False)
+        line(
+            axes, x[alone], y[alone], marker_pen("o", 2.5, pen["color"]), clip_on=False
+        )
 
 
 def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
@@ -413,7 +415,7 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
 
 
-def band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
+def draw_band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
     """Draw the area between two curves against time, behind the curves."""
     axes.fill_between(
         t, low, high, facecolor=(pen["color"], BAND_OPACITY), linewidth=0.0, zorder=1.7
@@ -506,7 +508,7 @@ def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     y = np.stack((np.zeros_like(t), values, none), axis=1).ravel()
     line(axes, x, y, pen)
     if len(t) <= MOST_DOTS:
-        line(axes, t, values, mark("o", 2.0, pen["color"]), clip_on=False)
+        line(axes, t, values, marker_pen("o", 2.0, pen["color"]), clip_on=False)
 
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
@@ -523,17 +525,17 @@ def ink(x: Array, y: Array) -> float:
     """
     length = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     # A line along an axis spans no area, but has a width.
-    sides = [max(high - low, 0.1) for low, high in (extent(x), extent(y))]
+    sides = [max(high - low, 0.1) for low, high in (finite_range(x), finite_range(y))]
     return length * STROKE / math.prod(sides)
 
 
-def dotted(x: Array, y: Array) -> bool:
+def is_dotted(x: Array, y: Array) -> bool:
     """Whether a path (x, y), in inches, is better drawn by points than by lines.
 
     True where lines would only fill an area, and where points are so far apart that
     chords would be seen instead of the curve.
     """
-    if min(high - low for low, high in (extent(x), extent(y))) < STROKE:
+    if min(high - low for low, high in (finite_range(x), finite_range(y))) < STROKE:
         return False  # along an axis every chord is the curve
     dx, dy = np.diff(x), np.diff(y)
     turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
@@ -594,7 +596,7 @@ def crossed(title: str, x: PlottedColumn, y: PlottedColumn, kind: str) -> Pictur
     """Draw points: the states of a section; `kind` is written after their number."""
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} {kind}")
     axes = found.subplots()
-    axes.plot(x.values, y.values, **mark(".", 3.0, PENS[0]["color"]))
+    axes.plot(x.values, y.values, **marker_pen(".", 3.0, PENS[0]["color"]))
     axes.margins(0.05)
     if x.unit and x.unit == y.unit:
         axes.set_aspect("equal", adjustable="datalim")
@@ -633,7 +635,7 @@ def spectrum_figure(
     unit = f" {up.unit}" if up.unit else ""
     white = {"facecolor": "white", "edgecolor": "none"}
     for number, place in enumerate(peaks, 1):
-        axes.plot(*place, **mark("o", 3.0))
+        axes.plot(*place, **marker_pen("o", 3.0))
         axes.annotate(
             str(number), place, (3.0, 3.0), textcoords="offset points", size=SMALL,
             bbox=white | {"pad": 0.3, "alpha": 0.8},

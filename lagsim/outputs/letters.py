@@ -1,7 +1,7 @@
 """Names in pictures: Greek letters, subscripts and dots instead of underscores.
 
 A subscript for which Unicode has no letters is enclosed by two marks until the text is
-drawn: `mathtext` converts such a text for matplotlib, `plain` for other readers.
+drawn: `mathtext` converts such a text for matplotlib, `plain_letters` for others.
 """
 
 from __future__ import annotations
@@ -144,12 +144,12 @@ def _dotted(found: re.Match[str]) -> str:
     return rf"$\{_COMMANDS[found[2]]}{{\mathrm{{{letters}}}}}$"
 
 
-def plain(text: str) -> str:
+def plain_letters(text: str) -> str:
     """Return a typeset text as plain letters, which may be cut anywhere: λ_c."""
     return text.replace(BELOW, "_").replace(END, "")
 
 
-def shortened(text: str, most: int) -> str:
+def cut_text(text: str, most: int) -> str:
     """Return a text cut to `most` letters, by omission of its middle.
 
     Examples
@@ -160,13 +160,13 @@ def shortened(text: str, most: int) -> str:
     text = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
     if len(text) <= most:
         return text
-    text = plain(text)
+    text = plain_letters(text)
     # Names differ at the end more often than in the middle.
     head = max(1, most // 2)
     return text[:head] + ELLIPSIS + text[len(text) - max(1, most - head - 1) :]
 
 
-def raised(unit: str) -> str:
+def raised_powers(unit: str) -> str:
     """Return a unit with its powers raised: m/s² for `m/s^2`.
 
     Examples

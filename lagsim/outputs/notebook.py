@@ -14,7 +14,7 @@ LINE = 76
 _CELL = "text-align: left; vertical-align: top"
 
 
-def listed(items: Sequence[str], most: int = LINE - 13) -> str:
+def short_list(items: Sequence[str], most: int = LINE - 13) -> str:
     """Return `a, b, c`, or as many as fit: `a, b and 12 more`; `none` if empty.
 
     Examples
@@ -37,7 +37,7 @@ def short(text: str, most: int = LINE) -> str:
     return line if len(line) <= most else f"{line[: most - 3].rstrip()}..."
 
 
-def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
+def text_block(head: str, rows: Iterable[tuple[str, str]]) -> str:
     """Return a text for `repr`: a head, and a line for each pair (name, text)."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows), default=0)
@@ -45,7 +45,7 @@ def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
     return "\n".join([f"<{short(head)}", *lines]) + ">"
 
 
-def page(*parts: str) -> str:
+def paragraphs(*parts: str) -> str:
     """Return the non-empty parts, each on lines of its own."""
     return "\n".join(part for part in parts if part)
 
@@ -60,7 +60,7 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>" if text else ""
 
 
-def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
+def html_table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
     """Return an HTML table of texts; "" without rows."""
     lines = [_row("td", row) for row in rows]
     if not lines:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from lagsim.language.columns import DEVIATION
-from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.letters import Letters, raised_powers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -66,7 +66,7 @@ class PlotData:
 
     def unit(self, column: str) -> str:
         """Return the unit of a column; "" if it is unknown."""
-        return raised(self.units.get(column, ""))
+        return raised_powers(self.units.get(column, ""))
 
     def named(self, column: str) -> tuple[str, str]:
         """Return the typeset name of a column, and its unit."""

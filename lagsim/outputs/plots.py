@@ -40,14 +40,14 @@ from lagsim.outputs.figure import (
     WIDTH,
     Mark,
     Picture,
-    band,
-    content,
-    dotted,
+    draw_band,
+    encoded_figure,
     frame,
     in_house_style,
     inches,
+    is_dotted,
     legend_above,
-    mark,
+    marker_pen,
     marks,
     path,
     series,
@@ -58,7 +58,7 @@ from lagsim.outputs.figure import (
 from lagsim.outputs.letters import Letters, mathtext
 from lagsim.outputs.scale import (
     Scale,
-    extent,
+    finite_range,
     greatest,
     log_scale,
     noise_scale,
@@ -139,7 +139,7 @@ def mark_events(data: PlotData, axes: Axes) -> None:
         marks(axes, times, look)
 
 
-def time_of(data: PlotData) -> Scale:
+def time_axis(data: PlotData) -> Scale:
     """Return the scale of time, from the first row to the last."""
     return time_scale(np.array([data.rows.first("t"), data.rows.last("t")]))
 
@@ -218,7 +218,7 @@ def _is_pair(one: str, other: str) -> bool:
     return len(one) == len(other) and differ in ([("x", "y")], [("X", "Y")])
 
 
-def chosen(names: Sequence[str], most: int) -> list[str]:
+def evenly_spaced(names: Sequence[str], most: int) -> list[str]:
     """Return at most `most` of the names, evenly spaced, first and last included.
 
     Examples
@@ -271,7 +271,7 @@ class Panels:
                 columns = [values for _, values in drawn]
                 scale, draw = value_scale(*columns, size=sizes[unit]), stems
             frame(
-                axes, time_of(data), scale, up=(", ".join(written), unit),
+                axes, time_axis(data), scale, up=(", ".join(written), unit),
                 below=NOTHING if follows else data.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
@@ -302,7 +302,7 @@ def bands_around(axes: Axes, bands: Iterable[Band | None], pens: Iterable[Pen]) 
     """Draw bands behind their curves."""
     for found, pen in zip(bands, pens, strict=False):
         if found is not None:
-            band(axes, *found, pen)
+            draw_band(axes, *found, pen)
 
 
 def against_time(
@@ -379,7 +379,7 @@ def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
         name: data.band(curves[name].text.strip(), *drawn[name]) if timed else None
         for name in names
     }
-    scales = {"x": time_of(data) if timed else value_scale(*_xs(drawn), margin=0.03)}
+    scales = {"x": time_axis(data) if timed else value_scale(*_xs(drawn), margin=0.03)}
     if "x" in wanted.log:
         scales["x"] = log_scale(*_xs(drawn), margin=0.0, least=0.0)
     sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
@@ -470,7 +470,7 @@ def _are_directions(
     is_known = units != {""} and len(units) == 1
     is_known |= all(curve.node in components for curve in curves.values())
     is_known |= all(curve.text in DIRECTIONS for curve in curves.values())
-    ends = [extent(*x) for x in zip(*drawn.values(), strict=True)]
+    ends = [finite_range(*x) for x in zip(*drawn.values(), strict=True)]
     spans = [high - low for low, high in ends]
     return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
 
@@ -483,8 +483,8 @@ def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float
 
 
 def _path(data: PlotData, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
-    dots = mark(".", 1.2, pen["color"])
-    pen = dots if dotted(*inches(axes, x, y)) else pen
+    dots = marker_pen(".", 1.2, pen["color"])
+    pen = dots if is_dotted(*inches(axes, x, y)) else pen
     path(axes, x, y, pen, data.trusted())
 
 
@@ -529,7 +529,7 @@ def energy(data: PlotData) -> Picture:
         t, energies = data.rows.series(name)
         drawn[name] = t, energies - starts[name]
     values = spread_scale(*drawn.values())
-    frame(axes, time_of(data), values, up=("energy", unit))
+    frame(axes, time_axis(data), values, up=("energy", unit))
     looks = [pens[name] for name in drawn]
     picture.when_placed(against_time, data, axes, drawn.values(), looks)
     label_greatest(axes, values, list(drawn.values()))
@@ -545,7 +545,7 @@ def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
     It is 0 for an energy near 0. Constants of T and V are also subtracted from T + V.
     """
     series = {name: data.rows.series(name)[1] for name in names}
-    ends = {name: extent(values) for name, values in series.items()}
+    ends = {name: finite_range(values) for name, values in series.items()}
     moving = max((high - low for low, high in ends.values()), default=0.0)
     starts = dict.fromkeys(names, 0.0)
     for name in names:
@@ -564,7 +564,7 @@ def _drift(picture: Picture, axes: Axes, data: PlotData) -> None:
     size = max(size_of_column(data, "energy"), greatest(values))
     unit = data.unit("energy")
     scale = noise_scale(drift, size)
-    frame(axes, time_of(data), scale, below=data.named("t"), up=("drift", unit))
+    frame(axes, time_axis(data), scale, below=data.named("t"), up=("drift", unit))
     picture.when_placed(against_time, data, axes, [(t, drift)], [BLACK])
     what = "energy − work" if balance == DRIFT else "energy"
     worst = greatest(drift)
@@ -592,7 +592,7 @@ def trajectory(
     model : Model, optional
         Source of the scene's shapes, which are drawn if given.
     """
-    shown = chosen(names, MOST_PANELS)
+    shown = evenly_spaced(names, MOST_PANELS)
     panels = Panels(data, grouped(data, shown))
     views = Views(data, scene, model)
     subject = _counted(subject, len(shown), len(names))
@@ -630,7 +630,7 @@ def constraint_forces(
     most = largest(data, sizes)
     acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[data.unit(n)]]
     acting = acting or forces[:1]
-    shown = chosen(acting, MOST_PANELS)
+    shown = evenly_spaced(acting, MOST_PANELS)
     subject = "constraint forces Qc and multipliers λ"
     if any(name in impulses for name in acting):
         subject = "constraint forces and impulses"
@@ -675,7 +675,7 @@ def pictures(data: PlotData, model: Model) -> Iterator[Made]:
 
 
 def _file(draw: Callable[[], Picture], form: str) -> bytes:
-    return content(draw(), form)
+    return encoded_figure(draw(), form)
 
 
 # --- One picture of several runs

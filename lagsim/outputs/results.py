@@ -396,7 +396,7 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
         os.close(handle)
 
 
-def put(path: Path, content: bytes, *, held: bool = False) -> None:
+def write_atomically(path: Path, content: bytes, *, held: bool = False) -> None:
     """Write one file atomically.
 
     A symbolic link in its place is replaced, not followed; pipes and terminals receive
@@ -481,9 +481,10 @@ def refuse_without_room(
     free = _free(folder)
     if needed <= free:
         return ""
+    room = limits.bytes_text(int(needed))
     about = (
-        f"{rows:,} rows of {columns} columns need about {limits.size(int(needed))}, "
-        f"and the disk of {folder} has {limits.size(free)} free"
+        f"{rows:,} rows of {columns} columns need about {room}, "
+        f"and the disk of {folder} has {limits.bytes_text(free)} free"
     )
     if ends or LEAST * needed <= free:
         return f"the disk may fill up: {about}"

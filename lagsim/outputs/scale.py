@@ -19,7 +19,7 @@ from matplotlib.ticker import (
     SymmetricalLogLocator,
 )
 
-from lagsim.outputs.letters import SUPERSCRIPTS, mathtext, shortened
+from lagsim.outputs.letters import SUPERSCRIPTS, cut_text, mathtext
 from lagsim.run.observers.thinning import FAINT
 from lagsim.tolerances import COMPUTED_ZERO, OVERFLOW, ZERO_BESIDE
 
@@ -166,7 +166,7 @@ class Label:
             inside = f" ({inside})"
         rest = offset + inside
         most = max(self._most - len(rest), LEAST_NAME)
-        self._text.set_text(mathtext(shortened(name, most) + rest))
+        self._text.set_text(mathtext(cut_text(name, most) + rest))
 
 
 class Counting(ScalarFormatter):
@@ -225,7 +225,7 @@ def power_of_ten(exponent: int) -> str:
     return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
-def extent(
+def finite_range(
     *series: Array, empty: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, float]:
     """Return the least and the greatest finite value of arrays; `empty` without any."""
@@ -238,7 +238,7 @@ def extent(
 
 def greatest(values: Array) -> float:
     """Return the greatest absolute value among finite values; 0 without any."""
-    return max(map(abs, extent(values)))
+    return max(map(abs, finite_range(values)))
 
 
 def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scale:
@@ -253,7 +253,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
         Size of other values in the unit; values that are rounding errors beside it are
         0.
     """
-    low, high = extent(*series, empty=(0.0, 1.0))
+    low, high = finite_range(*series, empty=(0.0, 1.0))
     if max(abs(low), abs(high)) <= ZERO_BESIDE * size:
         low = high = 0.0
     else:
@@ -269,13 +269,13 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
 
 def is_level(*series: Array) -> bool:
     """Whether values are constant up to rounding errors."""
-    low, high = extent(*series)
+    low, high = finite_range(*series)
     return high - low <= COMPUTED_ZERO * max(abs(low), abs(high))
 
 
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
-    low, high = extent(t, empty=(0.0, 1.0))
+    low, high = finite_range(t, empty=(0.0, 1.0))
     if high - low <= FAINT + 1e-14 * abs(high):
         half = 0.5 * abs(low) or 0.5
         low, high = low - half, high + half
@@ -284,7 +284,7 @@ def time_scale(t: Array) -> Scale:
 
 def noise_scale(values: Array, size: float) -> Scale:
     """Return a scale for residuals of a quantity that has the given size."""
-    low, high = extent(values)
+    low, high = finite_range(values)
     low, high = min(low, 0.0), max(high, 0.0)
     if high - low < FAINT:
         high = max(abs(size) * np.finfo(float).eps, FAINT)
@@ -298,7 +298,7 @@ def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale
 
     The room is `margin` times the decades of the values, plus `least` decades.
     """
-    low, high = extent(*(s[s > 0.0] for s in series), empty=(1.0, 10.0))
+    low, high = finite_range(*(s[s > 0.0] for s in series), empty=(1.0, 10.0))
     low = max(low, FAINT)
     high = max(low, high)
     free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)

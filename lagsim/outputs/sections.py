@@ -8,7 +8,7 @@ import numpy as np
 
 from lagsim.language.columns import OF_CONSTRAINTS, made
 from lagsim.outputs import ENERGIES
-from lagsim.outputs.letters import letters_of, raised
+from lagsim.outputs.letters import letters_of, raised_powers
 from lagsim.outputs.table import table_of
 from lagsim.outputs.units import units
 
@@ -59,7 +59,7 @@ def pictures(
     form : str
         png, svg or pdf.
     """
-    from lagsim.outputs.figure import PlottedColumn, content, crossed
+    from lagsim.outputs.figure import PlottedColumn, crossed, encoded_figure
 
     names = found.columns
     letters, known = letters_of(equations.model), units(equations, names)
@@ -67,14 +67,16 @@ def pictures(
         rows = found.rows[section.name]
         x, y = (
             PlottedColumn(
-                letters.name(n), raised(known.get(n, "")), drawn(n, names, rows, ranges)
+                letters.name(n),
+                raised_powers(known.get(n, "")),
+                without_noise(n, names, rows, ranges),
             )
-            for n in section.plot or shown(names, rows, ranges)
+            for n in section.plot or section_columns(names, rows, ranges)
         )
         title = f"{equations.model.name}: {section.name}"
         kind = "periods" if section.at is None else "crossings"
         picture = crossed(title, x, y, kind)
-        yield f"section_{section.name}.{form}", content(picture, form)
+        yield f"section_{section.name}.{form}", encoded_figure(picture, form)
 
 
 def least_variations(ranges: Floats) -> Floats:
@@ -90,7 +92,9 @@ def least_variations(ranges: Floats) -> Floats:
     return np.asarray(np.maximum(FIXED * (high - low), rounding))
 
 
-def drawn(name: str, names: Sequence[str], rows: Floats, ranges: Floats) -> Floats:
+def without_noise(
+    name: str, names: Sequence[str], rows: Floats, ranges: Floats
+) -> Floats:
     """Return the values of a column to draw (k,), without rounding noise.
 
     A column that varies by less than `least_variations` is drawn as its median.
@@ -113,12 +117,12 @@ def drawn(name: str, names: Sequence[str], rows: Floats, ranges: Floats) -> Floa
     return np.full(len(values), 0.0 if abs(value) <= least else value)
 
 
-def shown(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
+def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     """Return the two columns that the picture of a section shows.
 
     The first two columns that vary on the section; with fewer, time comes first.
     Energies and columns of constraints are not considered. Arguments are as for
-    `drawn`.
+    `without_noise`.
     """
     motion = [
         n for n in names[1:] if n not in ENERGIES and not made(n, *OF_CONSTRAINTS)

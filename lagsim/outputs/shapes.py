@@ -92,7 +92,7 @@ def needed(model: Model) -> frozenset[str]:
     return moving(model, [n for shape in model.scene.shapes for n in shape.nodes])
 
 
-def words(model: Model) -> int:
+def values_per_row(model: Model) -> int:
     """Return the number of values per row that are stored for the shapes."""
     d, found = model.scene.dimension, 0
     for shape in model.scene.shapes:
@@ -311,7 +311,7 @@ class ProjectedBody(NamedTuple):
     depth: float
 
 
-def seen(body: Body, row: int, view: Floats) -> ProjectedBody | None:
+def projected(body: Body, row: int, view: Floats) -> ProjectedBody | None:
     """Return the projection of a body in one row; None if its place is not finite.
 
     Parameters

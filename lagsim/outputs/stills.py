@@ -24,12 +24,12 @@ from lagsim.outputs.figure import (
     Picture,
     in_house_style,
     line,
-    mark,
+    marker_pen,
     point,
 )
 from lagsim.outputs.letters import mathtext
-from lagsim.outputs.scale import extent, per_inch, put_around
-from lagsim.outputs.shapes import bodies, needed, reached, seen, string_lengths
+from lagsim.outputs.scale import finite_range, per_inch, put_around
+from lagsim.outputs.shapes import bodies, needed, projected, reached, string_lengths
 from lagsim.outputs.views import LOOKS, OBLIQUE, edges, inch_of, plane
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -198,7 +198,9 @@ def stills(
     films = [still.film for still in shown if still.film is not None]
     view = OBLIQUE if films and films[0].dimension == 3 else np.eye(2)
     ends = [_ends(film, view) for film in films]
-    whole = [extent(np.array([e[k] for e in ends])) for k in (0, 1)] if ends else []
+    whole = (
+        [finite_range(np.array([e[k] for e in ends])) for k in (0, 1)] if ends else []
+    )
     width = WIDTH / max(columns, 1) - APART
     across, up = (high - low for low, high in whole)
     each = min(TALLEST, max(LOWEST, width * up / across if across else TALLEST))
@@ -220,7 +222,7 @@ def stills(
 def _ends(film: Film, view: Floats) -> list[tuple[float, float]]:
     places = [track.place for track in film.tracks.values()]
     flat = reached(places, film.shapes) @ view.T
-    return [extent(flat[:, k]) for k in (0, 1)]
+    return [finite_range(flat[:, k]) for k in (0, 1)]
 
 
 def _put(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
@@ -234,7 +236,7 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
     film = still.film
     assert film is not None
     looks = film.looks or ("",) * len(film.links)
-    extents = [extent(_places(film)[..., k]) for k in range(film.dimension)]
+    extents = [finite_range(_places(film)[..., k]) for k in range(film.dimension)]
     for row, pen in enumerate(still.pens):
         first = row == 0
         for body in film.shapes:
@@ -243,7 +245,7 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
             look = pen | ({"color": DIM, "linewidth": 0.7} if not body.moves else {})
             if body.height is not None:
                 plane(axes, view, body.height, extents)
-            elif (found := seen(body, row, view)) is not None:
+            elif (found := projected(body, row, view)) is not None:
                 for face, _ in found.faces if first and body.moves else ():
                     patch = Polygon(face, facecolor=look["color"], alpha=0.12)
                     axes.add_artist(patch)
@@ -259,7 +261,11 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
             still_there = (
                 len(film.t) > 1 and not np.ptp(film.tracks[name].place, axis=0).any()
             )
-            look = mark("s", 2.2) if still_there else mark("o", 2.6, pen["color"])
+            look = (
+                marker_pen("s", 2.2)
+                if still_there
+                else marker_pen("o", 2.6, pen["color"])
+            )
             point(axes, place[0], place[1], look)
 
 
@@ -277,7 +283,7 @@ def bars(title: str, subject: str, panels: Sequence[tuple[str, Floats]]) -> Pict
         axes.set_title(mathtext(name), size=SMALL)
         places = np.arange(1, len(values) + 1)
         axes.axhline(0.0, color=INK, linewidth=0.5)
-        look = mark("o", 3.0 if len(values) < 30 else 1.5, PENS[0]["color"])
+        look = marker_pen("o", 3.0 if len(values) < 30 else 1.5, PENS[0]["color"])
         axes.plot(places, values, **look | {"linestyle": "-", "linewidth": 0.7})
         axes.set_ylim(-1.15, 1.15)
         axes.set_xticks(places if len(values) < 12 else [1, len(values)])

@@ -22,16 +22,16 @@ from lagsim.outputs.figure import (
     SMALL,
     WIDTH,
     curve,
-    dotted,
     header,
     in_columns,
+    is_dotted,
     line,
-    mark,
+    marker_pen,
     path,
     point,
 )
-from lagsim.outputs.scale import extent, name_axis, per_inch, put_around, size_of
-from lagsim.outputs.shapes import bodies, needed, reached, seen, string_lengths
+from lagsim.outputs.scale import finite_range, name_axis, per_inch, put_around, size_of
+from lagsim.outputs.shapes import bodies, needed, projected, reached, string_lengths
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ STRING, TAUT, SAG = 25, 1e-3, 3.0**0.5 / 4.0
 
 START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
 END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
-FIXED_MARK = mark("s", 3.4)
+FIXED_MARK = marker_pen("s", 3.4)
 
 # First and last colour of a chain with more points than pens.
 LIGHT, DARK = np.array((0.55, 0.76, 0.93)), np.array((0.0, 0.13, 0.35))
@@ -137,7 +137,7 @@ class Views:
         self._hanging = self._bottoms()
         for own, further in zip(ends, self._hanging, strict=False):
             own.append(further)
-        self._extents = [extent(*own) for own in ends]
+        self._extents = [finite_range(*own) for own in ends]
         # A scene at rest has no size of its own.
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
@@ -154,7 +154,7 @@ class Views:
         paths = {}
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
-            spans = [high - low for low, high in map(extent, position)]
+            spans = [high - low for low, high in map(finite_range, position)]
             if any(span > COMPUTED_ZERO * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] * (HIGHEST / whole)
@@ -164,7 +164,7 @@ class Views:
         if len(paths) <= len(PENS):
             pens = list(PENS[: len(paths)])
         return {
-            name: mark(".", 6.0, pen["color"]) if dotted(x, y) else pen
+            name: marker_pen(".", 6.0, pen["color"]) if is_dotted(x, y) else pen
             for (name, (x, y)), pen in zip(paths.items(), pens, strict=True)
         }
 
@@ -186,8 +186,8 @@ class Views:
         if fixed := [name for name in self._positions if name not in self._pens]:
             yield ", ".join(map(written, fixed)), FIXED_MARK
         if self._pens:
-            yield "start", mark("o", 4.6, fill="white")
-            yield "end", mark("o", 2.6)
+            yield "start", marker_pen("o", 4.6, fill="white")
+            yield "end", marker_pen("o", 2.6)
         if self._links:
             yield "links at the start", START_LINK
             yield "links at the end", END_LINK
@@ -235,7 +235,7 @@ class Views:
             shown.append(OBLIQUE @ self._hanging)
         if self._bodies:
             shown.append(OBLIQUE @ reached([], self._bodies).T)
-        return [extent(*c) for c in zip(*shown, strict=True)]
+        return [finite_range(*c) for c in zip(*shown, strict=True)]
 
     def _fill(self, panels: Sequence[tuple[Axes, View]]) -> None:
         """Draw shapes, paths and links; in the oblique view also the axes."""
@@ -287,7 +287,7 @@ class Views:
         small = 0.6 if len(self._pens) > MOST_NAMES else 1.0
         for row, size, fill, edge in ((0, 4.6, "white", ""), (-1, 3.4, "", "white")):
             for name, pen in self._pens.items():
-                look = mark("o", small * size, pen["color"], fill)
+                look = marker_pen("o", small * size, pen["color"], fill)
                 look["markeredgecolor"] = edge or pen["color"]
                 x, y = shown[name][:, row]
                 point(axes, x, y, look)
@@ -340,7 +340,7 @@ class Views:
                     continue
                 if body.height is not None:
                     plane(axes, view, body.height, self._extents)
-                elif (shown := seen(body, row, view)) is not None:
+                elif (shown := projected(body, row, view)) is not None:
                     found.append((shown, body, colour))
             for shown, body, colour in sorted(found, key=lambda one: one[0].depth):
                 look = pen | {"color": colour, "zorder": 1.8 + 0.1 * level}
@@ -387,7 +387,7 @@ def inch_of(axes: Axes) -> float:
 
 
 def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
-    """Draw the visible and the hidden edges (n, 2) of a body, as `seen` has them."""
+    """Draw the visible and the hidden edges (n, 2) of a body, see `projected`."""
     inch, kind = inch_of(axes), body.shape.kind
     if kind == "ground":
         lines = _hatched(lines, inch)

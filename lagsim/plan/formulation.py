@@ -33,7 +33,7 @@ from lagsim.mechanics.equations import (
     Instant,
     may_strike,
 )
-from lagsim.mechanics.ldl import dense_operations, eliminated
+from lagsim.mechanics.ldl import dense_operations, elimination_of
 from lagsim.mechanics.reduction import Reduction
 from lagsim.model.model import RETIRED_FORMULATIONS
 from lagsim.notes import Choice
@@ -367,7 +367,7 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
 def step_cost(equations: Equations) -> float:
     """Return the number of operations of one step of order 8, with its projection."""
-    solved = eliminated(equations)
+    solved = elimination_of(equations)
     if solved is not None:
         return sum(step_parts(equations, solved))
     nodes = [*equations.mass_nodes, *equations.f, *_rates(equations)]

@@ -19,8 +19,8 @@ from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
 from lagsim.mechanics.corners import corners, with_pushes
 from lagsim.mechanics.equations import OF_ELEMENTS, memoized_by_motion
-from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
-from lagsim.mechanics.linearisation import newton
+from lagsim.mechanics.ldl import BUDGET, dense_operations, elimination_of
+from lagsim.mechanics.linearisation import newton_matrix
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.reduction import augmented, with_lengths
 from lagsim.mechanics.switches import model_switches
@@ -53,7 +53,7 @@ def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """
     if not hasattr(method(name), "SPARSE"):
         return None
-    return newton(equations)
+    return newton_matrix(equations)
 
 
 # The method that handles everything.
@@ -492,7 +492,7 @@ def eliminate(
     if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
-    elimination = eliminated(equations)
+    elimination = elimination_of(equations)
     if elimination is None:
         text = f"elimination saves too little of their {dense} multiplications"
         choices.append(Choice("solve: loops", text))
@@ -568,7 +568,7 @@ def singular_value_of(
     )
 
 
-def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
+def implied_rows(equations: Equations, start: Start) -> tuple[bool, ...]:
     """Return a mark for each row (m,): whether other rows imply it in every state."""
     redundant = {d.name for d in start.ranks.dependences if d.everywhere is not False}
     return tuple(row.name in redundant for row in equations.rows)
@@ -668,7 +668,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         tape=tape,
         rank=start.ranks.generic_rank,
         smallest_singular_value=smallest,
-        set_aside=set_aside(equations, start),
+        set_aside=implied_rows(equations, start),
         lengths=lengths,
         constant=known,
         augmented=start.augmented,

@@ -404,7 +404,7 @@ def hold(p: Parameters) -> None:
     p.factored = min(p.constant, 1.0)
 
 
-def begun(t: float, p: Parameters, k: int) -> float:
+def elapsed_part(t: float, p: Parameters, k: int) -> float:
     """Return (t - t0) / T for slip k, whose transition begins at t0 and lasts T."""
     return float((t - p.law_begun[k]) / p.law_lasts[k])
 
@@ -412,9 +412,9 @@ def begun(t: float, p: Parameters, k: int) -> float:
 def way(t: float, p: Parameters, k: int) -> float:
     """Return component k of the direction of a slip on a disc during its transition.
 
-    The direction at the beginning plus a polynomial in `begun`.
+    The direction at the beginning plus a polynomial in `elapsed_part`.
     """
-    x = begun(t, p, k)
+    x = elapsed_part(t, p, k)
     turn = 0.0
     for j in range(TURNS):
         turn = (turn + p.law_turn[(k + 1) * TURNS - 1 - j]) * x
@@ -548,7 +548,7 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     if p.law_floor[k] > 0.0:
         left = BEGUN * p.law_floor[k]
         # Ends by its band, half a floor, before the end of the polynomial's range.
-        in_time = left * (1.0 - begun(t, p, k)) - 0.5 * p.law_floor[k]
+        in_time = left * (1.0 - elapsed_part(t, p, k)) - 0.5 * p.law_floor[k]
         return float(min(left - speed, in_time, ahead))
     if ahead < 0.0:
         return float(-speed)

@@ -22,13 +22,13 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import largest_shift
-from lagsim.run.events.conditions import located_within, wait
+from lagsim.run.events.conditions import is_postponed, located_within
 from lagsim.run.events.constraints import (
     NearDependence,
     RankLosses,
     at_start,
     before_event,
-    impact,
+    inelastic_impact,
     singularity_caution,
 )
 from lagsim.run.events.contacts import Contacts, comes_to_rest
@@ -420,7 +420,11 @@ class Run:
         Return the ending if the run ends.
         """
         arc = self.arc
-        if code == at.EVENT_FOUND and len(arc.state.orientation) > 1 and wait(arc):
+        if (
+            code == at.EVENT_FOUND
+            and len(arc.state.orientation) > 1
+            and is_postponed(arc)
+        ):
             return None
         if code in LOCATED:
             self._meet(code)
@@ -637,7 +641,7 @@ class Run:
         """Apply the impact on constraints whose rates jump at the current time."""
         if before is None:
             return None
-        struck = impact(self.arc, before, self.switching)
+        struck = inelastic_impact(self.arc, before, self.switching)
         self._take(struck)
         moved = struck.ending is None and struck.y is not None
         if moved and self.switching is not None:

@@ -318,14 +318,14 @@ def suited(model: Model, settings: Settings) -> Model:
 
 def _examined(equations: Equations, settings: Settings, clock: Stopwatch) -> Case:
     clock.lap("import")
-    equations, examined = begun(equations, settings)
+    equations, examined = after_start_events(equations, settings)
     clock.lap("derive")
     if not examined.admissible:
         raise StartError(equations, examined)
     return Case(equations, examined, settings)
 
 
-def begun(
+def after_start_events(
     equations: Equations, settings: Settings, *, classify: bool = False
 ) -> tuple[Equations, StartReport]:
     """Return the equations with the modes set by events at the start, and its report.
@@ -389,7 +389,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
     equations = equations_of_motion(suited(model, settings), gathers=True)
-    equations, examined = begun(equations, settings, classify=True)
+    equations, examined = after_start_events(equations, settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

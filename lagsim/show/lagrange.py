@@ -37,7 +37,7 @@ from lagsim.show.conserved import conserved_quantities, evident
 from lagsim.show.names import PrintedName
 from lagsim.show.separation import Separation, is_long, refuse_long, words_of
 from lagsim.show.symbols import Translation, number, symbol, to_sympy
-from lagsim.show.tidy import MOST_PRODUCTS, cost
+from lagsim.show.tidy import MOST_PRODUCTS, written_size
 from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
@@ -247,7 +247,7 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def _readable(parts: Sequence[Any]) -> bool:
-    return all(cost(e) <= READABLE for e in parts)
+    return all(written_size(e) <= READABLE for e in parts)
 
 
 def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
@@ -264,7 +264,7 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
     steps: dict[str, Any] = {}
     for n in (n for n in cone if uses[n] > 1):
         (value,) = to_sympy(g, [n], known=known)
-        if cost(value) > 2:
+        if written_size(value) > 2:
             name = f"{prefix}{len(steps) + 1}"
             s = x.add(symbol(name), PrintedName(name), (1, len(x.rank)))
             steps[name], known[n] = value, s
@@ -304,7 +304,7 @@ def without_inertia(e: Equations) -> str | None:
     return e.q[int(np.argmin(diagonal))]
 
 
-def content(
+def derived(
     equations: Equations,
     *,
     substitute: bool = False,

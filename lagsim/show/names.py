@@ -48,7 +48,7 @@ _MEMBER = re.compile(r"([0-9]+|[ijkmn]([+-][0-9]+)?)\Z")
 _ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
 
 
-def called(name: str) -> str:
+def indexed(name: str) -> str:
     """Return a name with index letter as in files: `tip(i-1).x` for `tip.i-1.x`."""
     return _ANY_MEMBER.sub(r"(\1)", name)
 
@@ -107,7 +107,7 @@ class ModelNames:
     def show(self, name: PrintedName) -> str:
         """Return `name` typeset."""
         if name.kind == "multiplier":
-            return called(self.of_multiplier.format(self.verbatim(name.base)[0]))
+            return indexed(self.of_multiplier.format(self.verbatim(name.base)[0]))
         if name.kind:
             below = self.below.format(self.show(PrintedName(name.base)))
             letters = self.letters[name.kind]
@@ -127,7 +127,7 @@ class ModelNames:
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Return a name made of its letter, subscript and order of the derivative."""
-        return called(rate_of(f"{base}{below}", order))
+        return indexed(rate_of(f"{base}{below}", order))
 
 
 class UnicodeNames(ModelNames):

@@ -29,7 +29,7 @@ from lagsim.show.names import (
     ModelNames,
     PrintedName,
     UnicodeNames,
-    called,
+    indexed,
 )
 from lagsim.show.printers import ModelPrinter, TextPrinter
 from lagsim.show.symbols import symbol
@@ -346,7 +346,7 @@ class Outline:
             for row in self.families.rows(rows):
                 multiplier, *values = row.parts
                 k = first | dict(zip(keys, values, strict=False))
-                k |= {"name": called(row.name.base), "slip": values[len(keys) :]}
+                k |= {"name": indexed(row.name.base), "slip": values[len(keys) :]}
                 self._constraint(k, multiplier, self._range(row))
 
     def _constraint(self, k: Part, multiplier: Any, members: str = "") -> None:

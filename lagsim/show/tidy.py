@@ -250,7 +250,7 @@ class Tidier:
         return e if found is None else self._factored(*found[:2])
 
     def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
-        forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
+        forms = [((1.0 if written else AS_IT_COMES) * written_size(e), e)]
         for whole in (self._still, self._plain, lambda _: False):
             found = self._terms(e, whole)
             if found is None:
@@ -261,7 +261,7 @@ class Tidier:
             if factored or any(b.is_Add and k < 0 for b, k in bases):
                 made.append(self._factored(sums, terms))
             weight = DRAWN_TOGETHER if joined else 1.0
-            forms += [(weight * cost(form), form) for form in made]
+            forms += [(weight * written_size(form), form) for form in made]
             if not sums.kept:
                 break  # the others are the same
         return min(forms, key=lambda form: form[0])[1]  # the first of equals
@@ -337,7 +337,7 @@ class Tidier:
         if common or number != 1:  # what is left may be shorter written out
             inner = self(inner)
         drawn = _product(sums.expression(outer + common, number), inner)
-        return min(direct, drawn, key=cost)
+        return min(direct, drawn, key=written_size)
 
     def _sum(self, sums: Sums, terms: Terms) -> Any:
         """Return the sum of `terms`, grouped by factors other than parameters."""
@@ -428,7 +428,7 @@ def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
     return common, number, {m - common: x / number for m, x in terms.items()}
 
 
-def cost(e: Any) -> int:
+def written_size(e: Any) -> int:
     """Return the number of symbols, functions and operations in an expression.
 
     Signs are not counted: they are part of the sum.

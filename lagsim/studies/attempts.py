@@ -263,7 +263,7 @@ LEAST_ROWS = 64
 ALIKE = 1e-4
 
 
-def cost(system: System, method: str) -> float:
+def evaluation_cost(system: System, method: str) -> float:
     """Return the cost of an evaluation, in operations."""
     operations = float(system.operations)
     if system.plan.method == SERIES and method != SERIES:
@@ -273,7 +273,9 @@ def cost(system: System, method: str) -> float:
 
 def own_cost(system: System, trajectory: Trajectory) -> float:
     """Return the cost of the evaluations of a run, in operations."""
-    return trajectory.statistics.evaluations * cost(system, system.plan.method)
+    return trajectory.statistics.evaluations * evaluation_cost(
+        system, system.plan.method
+    )
 
 
 class Repeat(NamedTuple):
@@ -285,7 +287,7 @@ class Repeat(NamedTuple):
     @property
     def evaluation(self) -> float:
         """The cost of an evaluation, in operations."""
-        return cost(self.session.system, self.session.plan.method)
+        return evaluation_cost(self.session.system, self.session.plan.method)
 
     @property
     def step(self) -> float:
@@ -325,7 +327,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
         """Return a session whose longest step keeps the cost within the budget."""
         own = own_cost(session.system, trajectory)
         most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
-        price = PER_STEP * cost(session.system, plan.method)
+        price = PER_STEP * evaluation_cost(session.system, plan.method)
         longest = max(longest, span * price / most)
         return session._replace(plan=plan, longest_step=longest)
 

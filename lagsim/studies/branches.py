@@ -28,9 +28,9 @@ from lagsim.errors import did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.linearisation import Linearisation, spectrum
+from lagsim.mechanics.linearisation import Linearisation, eigenvalues_of
 from lagsim.outputs.table import table_of
-from lagsim.studies.rest import NoRestError, Search, Steady, setting_of, stability
+from lagsim.studies.rest import NoRestError, Search, Steady, setting_of, stability_of
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
@@ -239,7 +239,7 @@ class RestCurve:
         tangent = V[-1] * (1.0 if V[-1] @ along >= 0.0 else -1.0)
         sign, _ = np.linalg.slogdet(np.vstack([J, tangent]))
         steady = self._steady(y)
-        return BranchPoint(y, tangent, float(sign), steady, stability(steady)[0])
+        return BranchPoint(y, tangent, float(sign), steady, stability_of(steady)[0])
 
     def aside(self, place: BranchPoint) -> Floats:
         """Return the direction (k + 1,) of the other branch at a branch point."""
@@ -286,7 +286,7 @@ class RestCurve:
             state,
             linear,
             found,
-            spectrum(found.R),
+            eigenvalues_of(found.R),
             x.values,
             tuple(free),
             sticks,

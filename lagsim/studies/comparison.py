@@ -28,7 +28,7 @@ from lagsim.language.columns import (
 )
 from lagsim.language.names import rate_of, rated
 from lagsim.outputs import ENERGIES
-from lagsim.run.observers.monitors import numbers
+from lagsim.run.observers.monitors import grid_numbers
 from lagsim.tolerances import COMPUTED_ZERO, SAME_ROW
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def on_grid(rows: Floats, settings: Settings) -> Floats:
 
     At the time of an impact the row is the one after the impact.
     """
-    places = numbers(rows[:, 0], settings.start, settings.output_step)
+    places = grid_numbers(rows[:, 0], settings.start, settings.output_step)
     kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
     kept[-1:] = True
     return np.asarray(rows[kept])
@@ -97,12 +97,12 @@ def partners(mine: Floats, theirs: Floats) -> Floats:
     """
     if not (len(mine) and len(theirs)):
         return np.empty((0, 2))
-    there, back = nearest(mine, theirs), nearest(theirs, mine)
+    there, back = nearest_times(mine, theirs), nearest_times(theirs, mine)
     mutual = back[there] == np.arange(len(mine))
     return np.column_stack([mine[mutual], theirs[there[mutual]]])
 
 
-def nearest(times: Floats, among: Floats) -> Floats:
+def nearest_times(times: Floats, among: Floats) -> Floats:
     """Return the index of the nearest time in `among` for each time, shape (k,)."""
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))
@@ -408,7 +408,7 @@ class Verdict:
         return min(failed, key=lambda d: (d.first, -d.ratio), default=None)
 
 
-def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
+def sorted_deviations(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
     """Sort deviations: failures first, each part by falling ratio."""
     return tuple(sorted(found, key=lambda d: (d.passed, -d.ratio)))
 
@@ -446,7 +446,7 @@ def compare(
 
     exact = rtol == 0.0 and absolute == 0.0
     return Verdict(
-        worst=ordered(
+        worst=sorted_deviations(
             of(c).deviation(c, sizes[c] if rtol is None else None, exact=exact)
             for c in golden.columns
             if c in new.columns

@@ -16,15 +16,15 @@ from lagsim.outputs.figure import (
     PENS,
     Pen,
     Picture,
-    content,
+    encoded_figure,
     frame,
     in_house_style,
-    mark,
+    marker_pen,
     point,
     series,
     stack_height,
 )
-from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.letters import Letters, raised_powers
 from lagsim.outputs.scale import log_scale, time_scale, value_scale
 from lagsim.studies.tables import thinned
 
@@ -44,10 +44,10 @@ LEAST = 1e-12
 GOLDEN: Pen = {"color": PENS[1]["color"], "linewidth": 2.2}
 NEW, DIFFERENCE = PENS[0], BLACK
 BAND: Pen = {"color": "#009E73", "linewidth": 5.0}
-PLACE = mark("o", 4.0, PENS[2]["color"], "none")
+PLACE = marker_pen("o", 4.0, PENS[2]["color"], "none")
 
 
-def summary(verdict: Verdict, letters: Letters) -> list[str]:
+def summary_texts(verdict: Verdict, letters: Letters) -> list[str]:
     """Return the texts on how many columns differ, and on the first in time."""
     first = verdict.first
     if first is None:
@@ -58,7 +58,7 @@ def summary(verdict: Verdict, letters: Letters) -> list[str]:
     ]
 
 
-def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
+def drawn_deviations(worst: Sequence[Deviation]) -> Sequence[Deviation]:
     """Return the deviations to draw, without the time unless it is the only column."""
     return [d for d in worst if d.column != "t"][:MOST] or worst[:1]
 
@@ -81,7 +81,7 @@ def picture(
     units : mapping
         Units of the columns.
     """
-    columns = shown(verdict.worst)
+    columns = drawn_deviations(verdict.worst)
     legend = [
         ("golden", GOLDEN), ("new", NEW), ("difference", DIFFERENCE), ("bound", BAND),
         ("worst", PLACE),
@@ -92,7 +92,7 @@ def picture(
     for worst, (both, off) in zip(columns, panels, strict=True):
         # An invariant is called after its column.
         name, blank, more = worst.column.partition(" ")
-        unit = raised(units.get(name, ""))
+        unit = raised_powers(units.get(name, ""))
         t, g, n, bound = verdict.of(worst.column)
         time, below = time_scale(t), ("t", "s") if both is panels[-1][0] else NOTHING
         up = f"{letters.name(name)}{blank}{more}", unit
@@ -114,7 +114,7 @@ def picture(
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
     found.align_ylabels()
-    return content(found)
+    return encoded_figure(found)
 
 
 def _thinned(t: Floats, values: Floats) -> tuple[Floats, Floats]:

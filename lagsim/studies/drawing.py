@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Draw: TypeAlias = "Callable[[PlotData, Model], Iterator[Made]]"
 
 
-def events(made: Attempt) -> Iterator[Made]:
+def event_tables(made: Attempt) -> Iterator[Made]:
     """Yield name and content of the tables of events and sections, if there are any."""
     if made.session.lists_events:
         named = bool(made.session.case.model.events)
@@ -70,7 +70,7 @@ def drawings(
     if isinstance(data, Caution):
         yield "pictures", data
     else:
-        yield from (draw or drawn)(data, model)
+        yield from (draw or drawn_here)(data, model)
     if made.extremes is not None:
         from lagsim.outputs.sections import RecordedSections, pictures
 
@@ -79,9 +79,9 @@ def drawings(
         yield from pictures(made.session.equations, found, ranges, form)
 
 
-def beside(made: Attempt) -> Iterator[Made]:
+def other_files(made: Attempt) -> Iterator[Made]:
     """Yield name and content of all files of a run other than its table."""
-    yield from events(made)
+    yield from event_tables(made)
     yield from drawings(made)
 
 
@@ -127,7 +127,7 @@ def _horizon(made: Attempt) -> float:
     return math.inf if horizon is None else horizon
 
 
-def drawn(data: PlotData, model: Model) -> Iterator[Made]:
+def drawn_here(data: PlotData, model: Model) -> Iterator[Made]:
     """Draw in this process, and yield the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
 
@@ -153,7 +153,7 @@ def artist(model: Model) -> Iterator[Draw]:
             yield name.decode(), file
         if helper is None or not helper.done:
             _ready()
-            yield from (x for x in drawn(data, model) if x[0] not in brought)
+            yield from (x for x in drawn_here(data, model) if x[0] not in brought)
 
     try:
         yield draw
@@ -180,7 +180,7 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     gc.freeze()  # what is loaded stays
     data: PlotData = pickle.loads(content)
     with ahead.helped():
-        for name, picture in drawn(data, model):
+        for name, picture in drawn_here(data, model):
             if isinstance(picture, Caution):
                 # The first draws it again, and reports it.
                 raise RuntimeError(picture.text)  # noqa: TRY004

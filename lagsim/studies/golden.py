@@ -37,14 +37,14 @@ from lagsim.studies.comparison import (
     Deviation,
     Verdict,
     kind,
-    ordered,
     scales,
+    sorted_deviations,
 )
 from lagsim.studies.motions import (
     SampledMotion,
     at_impacts,
     before_impacts,
-    jumps,
+    column_jumps,
     kept_rows,
     motion_of,
     variants,
@@ -167,7 +167,7 @@ class Golden:
         return np.asarray(bounds[np.maximum(place, 0)])
 
 
-def measure(
+def new_golden(
     case: Case, compiled: Compiled | None = None
 ) -> tuple[Golden, SampledMotion]:
     """Return the golden of a case, and the motion that the golden was made from.
@@ -200,7 +200,7 @@ def _measured(
     others = [*variants(case, base, stride, compiled)]
     periodic = [x.name for x in case.model.events if x.at is None]
     near = kept_rows(base, others, case.settings, periodic)
-    rows, wide = base.rows[near.rows], jumps(case, base, near, compiled)
+    rows, wide = base.rows[near.rows], column_jumps(case, base, near, compiled)
     alike = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
         same = SAME_ROW * spacing
@@ -667,7 +667,7 @@ def judge(case: Case, motion: SampledMotion, golden: Golden) -> Verdict:
     pairs = dict(_pairs(case, motion, golden))
     known = about.get("columns", golden.columns)
     changed, places = _changed(model, about)
-    worst = ordered(pair.deviation(name) for name, pair in pairs.items())
+    worst = sorted_deviations(pair.deviation(name) for name, pair in pairs.items())
     places += _places_of(model, worst)
     return Verdict(
         worst=worst,
@@ -787,7 +787,7 @@ def picture(case: Case, verdict: Verdict) -> bytes:
     model = case.model
     columns = [d.column.partition(" ")[0] for d in verdict.worst]
     letters, units = letters_of(model), of_table(case.equations, columns)
-    subject = ", ".join(comparison_chart.summary(verdict, letters))
+    subject = ", ".join(comparison_chart.summary_texts(verdict, letters))
     title = f"{model.name} differs from its golden"
     return comparison_chart.picture(
         title, subject, verdict, letters, units, verdict.changed

@@ -17,10 +17,10 @@ from lagsim.outputs.figure import (
     PENS,
     SMALL,
     Picture,
-    content,
+    encoded_figure,
     in_house_style,
     line,
-    mark,
+    marker_pen,
     stack_height,
 )
 from lagsim.outputs.letters import letters_of, mathtext
@@ -104,16 +104,16 @@ def picture(small: Small, form: str = "png") -> bytes:
         ]
         names = letters_of(model)
         listed = ", ".join(map(names.name, e.q[:6])) + (", …" if len(e.q) > 6 else "")
-        return content(bars(model.name, f"{subject}, by {listed}", curves), form)
+        return encoded_figure(bars(model.name, f"{subject}, by {listed}", curves), form)
     legend = [("one extreme", EXTREMES[0]), ("the other", EXTREMES[1])]
     found = stills(model.name, subject, panels, [*legend, ("at rest", MIDDLE)])
-    return content(found, form)
+    return encoded_figure(found, form)
 
 
 def bode(small: Small, response: FrequencyResponse, form: str = "png") -> bytes:
     """Return the picture of amplitudes and phases against frequency: response.png."""
     modes = [x.frequency for x in small.modes if abs(x.damping_ratio) < UNDAMPED]
-    return content(_bode(small.setting.model.name, response, modes), form)
+    return encoded_figure(_bode(small.setting.model.name, response, modes), form)
 
 
 @in_house_style
@@ -157,7 +157,7 @@ def _label_peaks(
         tops = (np.flatnonzero(inner) + 1).tolist()
         deep = [k for k in tops if _stands_out(values, k) > np.log(LEAST_PEAK)]
         for k in sorted(deep, key=lambda k: -values[k])[:MOST_PEAKS]:
-            axes.plot(f[k], amplitude[k], **mark("o", 2.6, INK))
+            axes.plot(f[k], amplitude[k], **marker_pen("o", 2.6, INK))
             own = (x for x in undamped if f[k - 1] <= x <= f[k + 1] and not below)
             label = f"{read_off(next(own, float(f[k])))} Hz"
             axes.annotate(

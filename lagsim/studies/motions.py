@@ -19,8 +19,8 @@ from lagsim.errors import InputError
 from lagsim.language.columns import RESIDUAL
 from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.run.observers.monitors import ResidualMonitor, numbers
-from lagsim.studies.comparison import moved, nearest, partners
+from lagsim.run.observers.monitors import ResidualMonitor, grid_numbers
+from lagsim.studies.comparison import moved, nearest_times, partners
 from lagsim.studies.trials import NO_ROWS, Compiled, tried
 from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 
@@ -89,7 +89,7 @@ class SampledMotion:
         found[same] = self.rows[place[same]]
         asked, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
         if len(asked) and len(first):
-            place = first[nearest(times[asked], t[first])]
+            place = first[nearest_times(times[asked], t[first])]
             found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
             same[asked] = same[asked + 1] = True
         if ends and len(times) and not same[-1]:
@@ -165,7 +165,7 @@ def motion_of(
     columns = session.columns
     rows = np.ascontiguousarray(trial.rows[:, : columns.table])
     t = rows[:, 0]
-    places = numbers(t, settings.start, settings.output_step)
+    places = grid_numbers(t, settings.start, settings.output_step)
     wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
     sizes = {RESIDUAL.of(name): scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
@@ -273,7 +273,7 @@ def kept_rows(
     same = np.full(len(times), SAME_STEP * spacing)
     crowd = _count_within(t, times, ALONE * reach) - _count_within(t, times, same)
     alone = before_impacts(t) & np.isin(t, common) & (crowd == 0)
-    on_grid = alone & (numbers(t, settings.start, spacing) >= 0)
+    on_grid = alone & (grid_numbers(t, settings.start, spacing) >= 0)
     first = np.flatnonzero(alone & ~on_grid)
     some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
     for k in (*first[np.rint(some).astype(int)], *np.flatnonzero(on_grid)):
@@ -328,7 +328,9 @@ def pairs_within(
     return first[events] + within, events
 
 
-def jumps(case: Case, base: SampledMotion, near: Near, compiled: Compiled) -> Floats:
+def column_jumps(
+    case: Case, base: SampledMotion, near: Near, compiled: Compiled
+) -> Floats:
     """Return the jumps of all columns near each stored row, shape (rows, columns).
 
     A jump is the difference across an event, less the change that the slopes on both

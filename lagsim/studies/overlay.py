@@ -19,7 +19,7 @@ from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
-from lagsim.outputs.letters import raised
+from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.results import MANIFEST
 from lagsim.studies.tables import StoredTable, of_another_run, read_results, thinned
 
@@ -162,12 +162,12 @@ def _order(runs: Sequence[OverlaidRun]) -> tuple[str, list[float]]:
     }
     told = [name for name, values in starts.items() if len(set(values)) > 1]
     if not differ and len(told) == 1 and np.isfinite(starts[told[0]]).all():
-        unit = raised(runs[0].table.units.get(told[0], ""))
+        unit = raised_powers(runs[0].table.units.get(told[0], ""))
         return f"{told[0]} at the start" + f" ({unit})" * bool(unit), starts[told[0]]
     return "run", [float(k + 1) for k in range(len(runs))]
 
 
-def chosen(
+def shown_columns(
     runs: Sequence[OverlaidRun], names: Sequence[str] | None = None
 ) -> list[str]:
     """Return the columns to show: named ones, or the coordinates that all runs have.
@@ -205,7 +205,7 @@ def picture(
     runs: Sequence[OverlaidRun], columns: Sequence[str], form: str = "png"
 ) -> bytes:
     """Draw columns of all runs on common axes; return a PNG, SVG or PDF."""
-    from lagsim.outputs.figure import content
+    from lagsim.outputs.figure import encoded_figure
     from lagsim.outputs.plots import overlay
 
     names = ("t", *columns)
@@ -217,7 +217,7 @@ def picture(
     remarks = [remark for run in runs for remark in run.table.remarks]
     bands = {run.label: _bands(run.table, columns, rows[run.label]) for run in runs}
     drawn = overlay(title(runs), rows, units, remarks, _order(runs), bands)
-    return content(drawn, form)
+    return encoded_figure(drawn, form)
 
 
 def _bands(

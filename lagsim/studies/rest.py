@@ -16,7 +16,7 @@ import numpy as np
 
 from lagsim.admissibility.kinks import CORNER, Kinks
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import AtRest, Corner, Rest, Way, find_rest
+from lagsim.admissibility.rest import AtRest, Rest, RestCorner, Way, find_rest
 from lagsim.admissibility.verdict import (
     RelationResiduals,
     acting,
@@ -36,14 +36,14 @@ from lagsim.mechanics.linearisation import (
     BoundedEigenvalues,
     Linear,
     Linearisation,
-    spectrum,
+    eigenvalues_of,
 )
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
-from lagsim.run.session import StartError, begun
+from lagsim.run.session import StartError, after_start_events
 from lagsim.studies.continuum import Continuum
 from lagsim.tolerances import (
     COMPUTED_ZERO,
@@ -134,7 +134,7 @@ def setting_of(model: Model) -> Setting:
     """
     settings, model = model.settings(), model.written_out()
     still = _standing(model, settings.start)
-    equations, report = begun(equations_of_motion(still), settings)
+    equations, report = after_start_events(equations_of_motion(still), settings)
     off = out_of_force(equations, settings.start)
     return Setting(model, with_timed(equations, off), report, off)
 
@@ -212,7 +212,7 @@ def _steady(
     free: Sequence[str] = (),
     *,
     sticks: bool = False,
-    corner: Corner | None = None,
+    corner: RestCorner | None = None,
 ) -> Steady:
     """Return a state with the motion linearised about it.
 
@@ -225,7 +225,7 @@ def _steady(
     errors = Point(e, state).solved_errors((setting.point.q, setting.start.v))
     linear = linearisation.linear(x, linearisation.noise(x, errors))
     return Steady(
-        e, state, linearisation, linear, spectrum(linear.R), x.values,
+        e, state, linearisation, linear, eigenvalues_of(linear.R), x.values,
         tuple(free), sticks, bool(edges),
     )  # fmt: skip
 
@@ -513,7 +513,7 @@ class Search:
         found = found._replace(point=moved)
         try:
             steady = self.steady(found)
-            verdict = stability(steady)
+            verdict = stability_of(steady)
         except (ValueError, np.linalg.LinAlgError):
             return None
         far = self.distance(steady.state.q)
@@ -571,7 +571,7 @@ class Search:
         if steady is None:
             return None
         far = self.distance(steady.state.q)
-        return Equilibrium(steady, far, False, *stability(steady))
+        return Equilibrium(steady, far, False, *stability_of(steady))
 
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
@@ -628,7 +628,7 @@ class Search:
         if steady is one.steady:
             return one
         far = self.distance(steady.state.q)
-        return Equilibrium(steady, far, one.from_start, *stability(steady))
+        return Equilibrium(steady, far, one.from_start, *stability_of(steady))
 
     def _each(self, starts: int) -> Iterator[AtRest | None]:
         yield self.nearby()
@@ -679,7 +679,7 @@ class Search:
 # --- Stability
 
 
-def stability(x: Steady) -> tuple[bool | None, str]:
+def stability_of(x: Steady) -> tuple[bool | None, str]:
     """Return whether a rest is stable, None where that is not decided, and why.
 
     Where eigenvalues lie on the imaginary axis, the second variation of the energy on
@@ -756,7 +756,7 @@ def tables(found: Sequence[Equilibrium]) -> dict[str, bytes]:
     return {"equilibrium.csv": table_of(tuple(rows[0]), cells)}
 
 
-def written(
+def with_start(
     setting: Setting, found: Sequence[Equilibrium], given: Mapping[str, Any]
 ) -> str:
     """Return the model file with the nearest stable rest as its start.

@@ -15,12 +15,12 @@ from lagsim.outputs.figure import (
     PENS,
     SMALL,
     Picture,
-    content,
+    encoded_figure,
     in_house_style,
-    mark,
+    marker_pen,
     stack_height,
 )
-from lagsim.outputs.letters import letters_of, mathtext, raised
+from lagsim.outputs.letters import letters_of, mathtext, raised_powers
 from lagsim.outputs.scale import name_axis, read_off
 from lagsim.outputs.stills import Still, bars, film_at, stills
 
@@ -56,9 +56,9 @@ def picture(name: str, found: Sequence[Equilibrium], form: str = "png") -> bytes
             (still.title, np.asarray(one.steady.state.q))
             for still, one in zip(panels, found, strict=True)
         ]
-        return content(bars(name, f"{subject}, by coordinates", curves), form)
+        return encoded_figure(bars(name, f"{subject}, by coordinates", curves), form)
     used = dict.fromkeys(one.stable for one in found)
-    return content(stills(name, subject, panels, [LOOKS[x] for x in used]), form)
+    return encoded_figure(stills(name, subject, panels, [LOOKS[x] for x in used]), form)
 
 
 # Dashes of branches by the verdict on stability.
@@ -74,7 +74,7 @@ def diagram(
     model: Model, record: dict[str, Any], shown: str | None = None, form: str = "png"
 ) -> bytes:
     """Return the picture of branches: a coordinate against the varied name."""
-    return content(_diagram(model, record, shown), form)
+    return encoded_figure(_diagram(model, record, shown), form)
 
 
 @in_house_style
@@ -90,7 +90,7 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
     verdicts = dict.fromkeys(x["stable"] for x in every)
     legend = [(LOOKS[x][0], DASHES[x] | {"color": INK}) for x in verdicts]
     kinds = dict.fromkeys(x["kind"] for x in record["points"])
-    legend += [(kind, mark(MARKERS[kind], 4.0, INK, "white")) for kind in kinds]
+    legend += [(kind, marker_pen(MARKERS[kind], 4.0, INK, "white")) for kind in kinds]
     picture = Picture(
         stack_height(1, HIGH), model.name, "branches of rest", legend=legend
     )
@@ -105,7 +105,9 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
             axes.plot(x, y, color=colour, **DASHES[verdict])
     for point in record["points"]:
         at = point["value"], point["coordinates"][up]
-        axes.plot(*at, **mark(MARKERS[point["kind"]], 4.0, INK, "white"), zorder=4.0)
+        axes.plot(
+            *at, **marker_pen(MARKERS[point["kind"]], 4.0, INK, "white"), zorder=4.0
+        )
         axes.annotate(
             mathtext(read_off(at[0])), at, (4.0, 4.0), textcoords="offset points",
             size=SMALL,
@@ -114,8 +116,8 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
     axes.margins(y=0.08)
     units = {p.name: p.unit for p in model.parameters}
     units |= {c.name: c.unit for c in model.coordinates}
-    name_axis(axes.xaxis, letters.name(name), raised(units.get(name, "")))
-    name_axis(axes.yaxis, letters.name(up), raised(units.get(up, "")))
+    name_axis(axes.xaxis, letters.name(name), raised_powers(units.get(name, "")))
+    name_axis(axes.yaxis, letters.name(up), raised_powers(units.get(up, "")))
     return picture
 
 

@@ -38,7 +38,7 @@ from lagsim.methods import method, names
 from lagsim.native.layout import Memory
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
-from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
+from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, write_atomically
 from lagsim.program.system import Runner, System
 from lagsim.version import __version__
 
@@ -215,7 +215,9 @@ class Restart:
         self._hashed = size
         place = [writer.rows, writer.last, size, self._hash.hexdigest()]
         rest = json.dumps([self.identity, place]).encode() + b"\n" + kept
-        put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest, held=True)
+        write_atomically(
+            self.folder / RESTART, _seal(key, rest) + b"\n" + rest, held=True
+        )
         with contextlib.suppress(OSError):
             (self.folder / RESTART_ROWS).unlink()
 

@@ -350,7 +350,7 @@ class Sensitivities:
         Parameters
         ----------
         scale : float, optional
-            Size of the name to which steps are relative, by default see `scale_of`.
+            Size of the name to which steps are relative, by default `difference_scale`.
         first : float
             The first step relative to the scale.
         spare : int
@@ -407,7 +407,7 @@ class Sensitivities:
     ) -> _Search:  # fmt: skip
         """Return the search for the step of differences by a name; arguments: `by`."""
         value = self.value_of(name)
-        size = scale if scale is not None else scale_of(self.model, name, value)
+        size = scale if scale is not None else difference_scale(self.model, name, value)
         runs = _Runs(self, name, value, first * size, order=order)
         sides = runs.usable(1), runs.usable(-1)
         if not any(sides) and self._determined(runs):
@@ -550,7 +550,7 @@ def motion_columns(model: Model) -> list[str]:
     return [*own, *rates, *(x.name for x in model.states), *model.output.columns]
 
 
-def scale_of(model: Model, name: str, value: float) -> float:
+def difference_scale(model: Model, name: str, value: float) -> float:
     """Return the size of a name to which steps of differences are relative.
 
     The absolute value, or, for 0, the largest absolute value of parameters and start

@@ -72,12 +72,12 @@ class Spectrum(NamedTuple):
     model: str = ""
 
     def __repr__(self) -> str:
-        from lagsim.outputs.notebook import block
+        from lagsim.outputs.notebook import text_block
 
-        return block(f"Spectrum of {self.column}", self._summary())
+        return text_block(f"Spectrum of {self.column}", self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
-        from lagsim.outputs.notebook import listed
+        from lagsim.outputs.notebook import short_list
 
         unit = f" {self.unit}" if self.unit else ""
         peaks = [f"{f:.4g} Hz ({a:.3g}{unit})" for f, a in self.peaks]
@@ -85,16 +85,16 @@ class Spectrum(NamedTuple):
             ("rows", f"{self.rows}, every {self.step:.4g} s"),
             ("mean", f"{self.mean:.4g}{unit}"),
             ("resolution", f"{self.resolution:.3g} Hz"),
-            ("peaks", listed(peaks)),
+            ("peaks", short_list(peaks)),
         ]
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.figure import content
-        from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.outputs.figure import encoded_figure
+        from lagsim.outputs.notebook import heading, html_table, picture
 
         title = f"Spectrum of {self.column}"
-        drawn = picture(content(self.plot()), title)
-        return "\n".join([heading(title), table(self._summary()), drawn])
+        drawn = picture(encoded_figure(self.plot()), title)
+        return "\n".join([heading(title), html_table(self._summary()), drawn])
 
     @property
     def window(self) -> str:
@@ -129,11 +129,13 @@ class Spectrum(NamedTuple):
             The text before the name of the column; by default the name of the model.
         """
         from lagsim.outputs.figure import PlottedColumn, spectrum_figure
-        from lagsim.outputs.letters import Letters, raised
+        from lagsim.outputs.letters import Letters, raised_powers
 
         across = PlottedColumn("frequency", "Hz", self.frequency)
         name = Letters().name(self.column)
-        up = PlottedColumn(f"amplitude of {name}", raised(self.unit), self.amplitude)
+        up = PlottedColumn(
+            f"amplitude of {name}", raised_powers(self.unit), self.amplitude
+        )
         return spectrum_figure(title or self.model, across, up, self.peaks)
 
 

@@ -66,7 +66,7 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
     return not found <= allowed * (1.0 + SAME_RESULT)
 
 
-def limit(
+def stability_limit(
     amplification: Amplification, direction: complex, most: float, factor: float = FINE
 ) -> float:
     """Return the smallest unstable |z| in a direction; inf if none is below `most`.
@@ -129,7 +129,7 @@ def predicted(
         if key not in found:
             most = min(LARGEST, best * size)
             factor = FINE if len(found) < MOST_FINE else COARSE
-            reach = limit(amplification, direction, most, factor)
+            reach = stability_limit(amplification, direction, most, factor)
             if math.isfinite(reach) or most == LARGEST:
                 found[key] = reach
         best = min(best, found.get(key, math.inf) / size)

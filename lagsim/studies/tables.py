@@ -158,8 +158,8 @@ def read_table(path: Path) -> StoredTable:
 
 def _refuse_large(size: int) -> None:
     if size > limits.TABLE_BYTES:
-        amount = f"{limits.size(size)} of numbers, more than the limit"
-        raise _FaultError(f"it has {amount} of {limits.size(limits.TABLE_BYTES)}")
+        amount = f"{limits.bytes_text(size)} of numbers, more than the limit"
+        raise _FaultError(f"it has {amount} of {limits.bytes_text(limits.TABLE_BYTES)}")
 
 
 def _read(file: BinaryIO) -> StoredTable:
@@ -225,7 +225,7 @@ def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
         if not line:
             return
         if len(line) > LONGEST_LINE:
-            most = limits.size(LONGEST_LINE)
+            most = limits.bytes_text(LONGEST_LINE)
             raise _FaultError(f"a line has more than {most}, which is the limit")
         try:
             yield line.decode()

@@ -47,7 +47,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep, Moments
 from lagsim.run.session import StartError, examined, suited, wanted
 from lagsim.run.trajectory import Outcome, Statistics
-from lagsim.studies.workers import Died, cores, processes, shared
+from lagsim.studies.workers import Died, cores, in_batches, processes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -270,7 +270,7 @@ def tried(
     )  # fmt: skip
 
 
-def refused(error: LagsimError) -> Trial:
+def refused_trial(error: LagsimError) -> Trial:
     """Return the result of a run that cannot begin."""
     if isinstance(error, StartError):
         return Trial(INADMISSIBLE, str(error), error.code)
@@ -336,7 +336,7 @@ class Form:
     def __init__(
         self, model: Model, texts: Texts, options: Mapping[str, float | str], who: str
     ) -> None:
-        self.structure = structure(model, texts)
+        self.structure = structural_values(model, texts)
         model = model.bind(**self.structure) if self.structure else model
         self.model = suited(model, wanted(model, who, options))
         self.equations = equations_of_motion(self.model, gathers=True)
@@ -354,7 +354,7 @@ class Form:
         InputError, StartError
             If a value cannot be used, or the start is not admissible.
         """
-        if structure(self.model, texts) != self.structure:
+        if structural_values(self.model, texts) != self.structure:
             return None
         model = self.model.bind(**texts)
         if guesses:
@@ -372,7 +372,7 @@ class Form:
         return found
 
 
-def structure(model: Model, texts: Texts) -> dict[str, str]:
+def structural_values(model: Model, texts: Texts) -> dict[str, str]:
     """Return the values on which ranges and subscripts of the file depend."""
     names = model.stated.structural()
     return {name: text for name, text in texts.items() if name in names}
@@ -489,7 +489,7 @@ class Trials:
         try:
             session = self.session(variant)
         except LagsimError as error:
-            return refused(error)
+            return refused_trial(error)
         return tried(
             session, variant.times, interrupt=interrupt, patience=patience,
             progress=progress,
@@ -521,7 +521,7 @@ class Trials:
         """
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0
-        for found in shared(
+        for found in in_batches(
             self._made, items, jobs or cores(), interrupt, wanted=jobs is not None,
             hired=hired,
         ):  # fmt: skip

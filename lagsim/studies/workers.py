@@ -196,7 +196,7 @@ def _done(work: Callable[[Piece, Interrupt], Found], piece: Piece) -> Found:
     return work(piece, _ASKED)
 
 
-def spread(
+def completed_pieces(
     work: Callable[[Piece, Interrupt], Found],
     pieces: Iterable[Piece],
     most: int,
@@ -255,7 +255,7 @@ def spread(
 Made: TypeAlias = "Callable[[Sequence[Piece], Interrupt], Iterator[Sequence[Found]]]"
 
 
-def shared(
+def in_batches(
     made: Made[Piece, Found],
     items: Sequence[Piece],
     most: int,
@@ -312,7 +312,9 @@ def _by_others(
     """Yield the results of workers, in pieces of `size` items."""
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []
-    for k, results in spread(partial(_listed, made), parts, most, interrupt, hired):
+    for k, results in completed_pieces(
+        partial(_listed, made), parts, most, interrupt, hired
+    ):
         if isinstance(results, Died):
             lost += parts[k]
         else:

@@ -7,7 +7,7 @@ import pytest
 
 import lagsim
 from lagsim.outputs.figure import PlottedColumn, map_figure
-from lagsim.outputs.notebook import listed
+from lagsim.outputs.notebook import short_list
 from tests.api.test_notebooks import SWING, Texts
 
 # A chain with many names, each long.
@@ -121,12 +121,12 @@ simulation: {duration: 1}
 def test_what_is_listed_fits():
     names = [f"n{k}" for k in range(1000)]
     for most in (30, 63):
-        text = listed(names, most)
+        text = short_list(names, most)
         assert len(text) <= most
         shown, rest = re.fullmatch(r"(.*) and (\d+) more", text).groups()
         assert len(shown.split(", ")) + int(rest) == 1000
-    assert listed([]) == "none"
-    assert listed(["a", "b"]) == "a, b"
+    assert short_list([]) == "none"
+    assert short_list(["a", "b"]) == "a, b"
 
 
 PICTURED = {"result", "error", "spectrum", "sweep"}

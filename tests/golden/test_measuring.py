@@ -12,7 +12,7 @@ from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.run.session import open_case
-from lagsim.studies.golden import certain, document, judge, measure, run
+from lagsim.studies.golden import certain, document, judge, new_golden, run
 from lagsim.studies.motions import (
     _asked,
     at_impacts,
@@ -62,7 +62,7 @@ def measured(pendulum, monkeypatch):
                 yield replaced(base, column, values)
 
         monkeypatch.setattr("lagsim.studies.golden.variants", variants)
-        return measure(pendulum)
+        return new_golden(pendulum)
 
     return measured
 
@@ -130,7 +130,7 @@ def test_momenta_and_residuals_are_bounded_too(monkeypatch):
         ("forced-oscillator", {"energy - work"}),
     ):
         monkeypatch.setattr("lagsim.studies.golden.variants", lambda *_: [])
-        golden, base = measure(scene(name))
+        golden, base = new_golden(scene(name))
         assert set(golden.invariants) == keeps
         for kept, invariant in golden.invariants.items():
             assert 0.0 < invariant.bound < 1e-8
@@ -195,7 +195,7 @@ simulation: {duration: 4, output_step: 0.02}
 @pytest.mark.parametrize("text", [STEP, STEP.replace("t < 1", "x < 1.5")])
 def test_rows_beside_a_jump_may_lie_on_either_side(text):
     case = open_case(read(text, "step.yaml"))
-    golden, base = measure(case)
+    golden, base = new_golden(case)
     assert len(golden.rows) == 101
     (k,) = np.flatnonzero(np.abs(golden.rows[:, 0] - 1.0) < 1e-9)
     for column, jump in (("x_ddot", 3.0), ("side", 1.0), ("kink", 0.0), ("x", 0.0)):
@@ -212,7 +212,7 @@ def test_rows_beside_a_jump_may_lie_on_either_side(text):
 
 
 def test_an_impact_at_the_time_of_a_row_is_kept():
-    golden, _ = measure(open_case(read(DROP, "drop.yaml")))
+    golden, _ = new_golden(open_case(read(DROP, "drop.yaml")))
     t, speed = golden.rows[:, 0], golden.rows[:, golden.columns.index("x_dot")]
     assert len(golden.rows) == 97 + 1
     (first,) = np.flatnonzero(before_impacts(t))
@@ -222,7 +222,7 @@ def test_an_impact_at_the_time_of_a_row_is_kept():
 
 
 def test_jumps_at_every_row_that_is_kept_cost_none():
-    golden, _ = measure(open_case(read(SAW, "saw.yaml")))
+    golden, _ = new_golden(open_case(read(SAW, "saw.yaml")))
     assert len(golden.rows) == 101
     # Where a tooth of height 2 ends the acceleration may be 2 or 0.
     assert np.all(golden.bounds("x_ddot")[1:-1] == pytest.approx(2.1, rel=0.05))
@@ -232,7 +232,7 @@ def test_jumps_at_every_row_that_is_kept_cost_none():
 @pytest.mark.parametrize(("rows", "kept"), [(40, 41), (1000, 168)])
 def test_a_golden_has_fifty_rows_or_all(rows, kept):
     text = PENDULUM.replace("output_step: 0.1", f"output_step: {10 / rows}")
-    golden, _ = measure(open_case(read(text, "pendulum.yaml")))
+    golden, _ = new_golden(open_case(read(text, "pendulum.yaml")))
     assert len(golden.rows) == kept
 
 
@@ -306,7 +306,7 @@ initial: {x: 3}
 simulation: {duration: 2, output_step: 0.1}
 """
     case = open_case(read(text, "still.yaml"))
-    golden, _ = measure(case)
+    golden, _ = new_golden(case)
     kept = orjson.loads(document(golden))
     assert kept["bounds"].keys() == set(golden.columns)
     assert all(bound == 0.0 for _, bound in kept["bounds"]["kinetic"])
@@ -325,7 +325,7 @@ initial: {{x: -1, x_dot: 1}}
 simulation: {{duration: 2, output_step: 0.25}}
 """
     with pytest.raises(InputError) as refused:
-        measure(open_case(read(text, "m.yaml")))
+        new_golden(open_case(read(text, "m.yaml")))
     assert [p.text.split()[0] for p in refused.value.problems] == ["`odd`"]
     assert refused.value.problems[0].text.endswith(f"t = {since}")
 
@@ -394,7 +394,7 @@ def test_the_time_of_an_impact_is_judged_and_one_that_is_gone_is_missed():
 @pytest.mark.parametrize("text", [scenes.sphere(50), scenes.dry(as_limit=True)])
 def test_laws_of_every_kind_are_the_same_again(text):
     case = open_case(read(text, "m.yaml"))
-    golden, base = measure(case)
+    golden, base = new_golden(case)
     assert golden.horizon is None
     about = {"output_step": case.settings.output_step, "end": base.trial.end}
     found = judge(case, base, replace(golden, about=about))
@@ -450,7 +450,7 @@ def test_rows_of_a_motion_at_rest_are_kept(name):
         return open_case(read(f"parameters: {{p: {p}}}\n{RESTS[name]}", "rest.yaml"))
 
     case = opened(1)
-    golden, _ = measure(case)
+    golden, _ = new_golden(case)
     assert golden.horizon is None
     assert len(golden.rows) >= 50
     assert judge(case, run(case, golden), golden).passed

@@ -14,7 +14,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
-from lagsim.studies.golden import judge, measure, run
+from lagsim.studies.golden import judge, new_golden, run
 from lagsim.studies.motions import METHODS, motion_of, perturbed
 from tests.choosing import share, tonight
 from tests.golden.scenes import judged, replaced, scene, stored, told
@@ -343,7 +343,7 @@ def test_other_processors(target, monkeypatch):
 def test_the_horizon_of_chaos(monkeypatch, request):
     monkeypatch.delenv("LAGSIM_CPU", raising=False)
     long = scene("double-pendulum").asking(end=60.0)
-    golden, base = measure(long)
+    golden, base = new_golden(long)
     # Errors grow tenfold in 2 s (the header): 1e-11 becomes 1 in about 22 s, and
     # a run at a hundred times that, which passes ten times over, 6 s earlier.
     assert 14.0 < golden.horizon < 20.0

@@ -14,7 +14,7 @@ from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate
 from lagsim.model.reader import read, read_file
 from lagsim.run.session import open_case
-from lagsim.studies.golden import CHANGES, judge, measure, run, summary
+from lagsim.studies.golden import CHANGES, judge, new_golden, run, summary
 from lagsim.studies.responses import OF_TABLE, _evenly, responses
 from tests.golden.scenes import GOLDENS, scene, stored
 from tests.support import MODELS, SHIPPED
@@ -23,7 +23,7 @@ from tests.support import MODELS, SHIPPED
 def measured(text, name="model.yaml"):
     """Give a golden with its changes, and its case."""
     case = open_case(read(text, name))
-    golden, base = measure(case)
+    golden, base = new_golden(case)
     golden.about[CHANGES] = responses(case, golden, base)
     return golden, case
 

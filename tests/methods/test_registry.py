@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.equations import derive
-from lagsim.methods import method, names, options, options_of, page
+from lagsim.methods import method, method_page, names, options, options_of
 from lagsim.model.reader import read
 from lagsim.plan.plan import structure
 from tests.small_scenes import held_pendulum
@@ -51,7 +51,7 @@ def test_options_are_told_apart_by_their_names():
     assert len(set(told)) == len(told) == len(options())
     for name, x in options().values():
         assert x.least <= x.default <= x.most
-        assert x.about in " ".join(page(name).split())
+        assert x.about in " ".join(method_page(name).split())
 
 
 @pytest.mark.parametrize("name", names())

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from lagsim.mechanics import linearisation as module
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.linearisation import Entry, factored, newton
+from lagsim.mechanics.linearisation import Entry, factored, newton_matrix
 from lagsim.methods.parts import newton as lu
 from lagsim.methods.parts.newton import SparseNewton, decompose_sparse
 from lagsim.model.reader import read
@@ -61,7 +61,7 @@ def test_operations_grow_with_the_chain():
     sizes = 25, 100
     counts = []
     for n in sizes:
-        found = newton(derive(read(stiff_chain(n), "m.yaml")))
+        found = newton_matrix(derive(read(stiff_chain(n), "m.yaml")))
         counts.append(found.operations)
         # A band of three entries a row, and the row of work: nothing is filled in.
         assert len(found.columns) == 3 * n - 2 + n + 1
@@ -69,7 +69,7 @@ def test_operations_grow_with_the_chain():
 
 
 def test_few_coordinates_have_full_matrices():
-    assert newton(derive(read(stiff_chain(3), "m.yaml"))) is None
+    assert newton_matrix(derive(read(stiff_chain(3), "m.yaml"))) is None
 
 
 CONSTRAINED = """

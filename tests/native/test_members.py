@@ -11,8 +11,8 @@ from lagsim.language.elements import (
     EACH,
     SHARED,
     TOTAL,
+    ElementOutput,
     Elements,
-    Output,
     Slot,
     part,
     sums,
@@ -45,7 +45,7 @@ def pair_terms() -> Elements:
         Slot(c, 2, empty, np.linspace(1.0, 2.0, N * N)),
     ]
     table = np.array(rows, np.int32)
-    return Elements(g, slots, [Output(term, TOTAL)], table, 2 * N + 1, 1)
+    return Elements(g, slots, [ElementOutput(term, TOTAL)], table, 2 * N + 1, 1)
 
 
 def test_loops_have_the_values_of_the_terms() -> None:

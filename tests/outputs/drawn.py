@@ -25,7 +25,7 @@ from PIL import Image
 
 from lagsim.model.model import DrawnExpression, Plot, Scene
 from lagsim.outputs import plots
-from lagsim.outputs.figure import DPI, Picture, content
+from lagsim.outputs.figure import DPI, Picture, encoded_figure
 from lagsim.outputs.plot_data import PlotData
 from lagsim.run.observers.thinning import Thinning
 
@@ -223,7 +223,7 @@ def drawn(draw, *args, **kwargs):
         if isinstance(drawing.sheet, Picture):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr("matplotlib.image.imsave", lambda *_, **__: None)
-                content(drawing.sheet)
+                encoded_figure(drawing.sheet)
     return drawing
 
 
@@ -239,7 +239,9 @@ def plotted(columns, wanted, scene=NOWHERE, **fields):
 
 def pixels(picture):
     """The picture as it is seen: (height, width, 3)."""
-    return np.asarray(Image.open(io.BytesIO(content(picture))))[:, :, :3].astype(int)
+    return np.asarray(Image.open(io.BytesIO(encoded_figure(picture))))[:, :, :3].astype(
+        int
+    )
 
 
 def against(x, *ys, **more):

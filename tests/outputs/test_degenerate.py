@@ -5,7 +5,7 @@ import pytest
 
 from lagsim.model.model import DrawnExpression, Scene
 from lagsim.outputs import plots
-from lagsim.outputs.figure import DPI, WIDTH, content
+from lagsim.outputs.figure import DPI, WIDTH, encoded_figure
 from lagsim.run.observers.thinning import DRIFT
 from tests.outputs.drawn import against, coordinates, record
 
@@ -56,7 +56,7 @@ def draw_all(t, values, **fields):
         wanted = against(x, "a", y2=(DrawnExpression(0, "a"),), log=frozenset(log))
         sheets.append(plots.plot(known, 0, wanted, PLANE))
     for sheet in sheets:
-        assert content(sheet).startswith(b"\x89PNG")
+        assert encoded_figure(sheet).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

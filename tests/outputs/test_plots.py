@@ -14,8 +14,8 @@ from PIL import Image
 
 from lagsim.model.model import Scene
 from lagsim.outputs import figure, plots
-from lagsim.outputs.figure import DPI, content
-from lagsim.outputs.letters import shortened
+from lagsim.outputs.figure import DPI, encoded_figure
+from lagsim.outputs.letters import cut_text
 from lagsim.run.observers.thinning import DRIFT
 from tests.outputs.drawn import (
     NOWHERE,
@@ -100,7 +100,7 @@ def drawings(**fields):
 
 def made_anew(form, count=None):
     few = range(len(PICTURES))[:count]
-    return [content(one_sheet(k, horizon=9.0), form) for k in few]
+    return [encoded_figure(one_sheet(k, horizon=9.0), form) for k in few]
 
 
 made = functools.cache(made_anew)
@@ -117,7 +117,7 @@ def test_a_picture_is_a_png_of_the_drawn_pixels():
 
 def test_an_svg_has_the_size_of_the_sheet_and_is_white():
     sheet = one_sheet(0)
-    root = ET.fromstring(content(sheet, "svg"))
+    root = ET.fromstring(encoded_figure(sheet, "svg"))
     size = pytest.approx(list(72 * sheet.get_size_inches()), abs=1e-3)
     assert [float(root.get(x).removesuffix("pt")) for x in ("width", "height")] == size
     first = next(root.iter("{http://www.w3.org/2000/svg}path"))
@@ -141,7 +141,7 @@ def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
     [("pdf", 2), *(pytest.param(x, 4, marks=pytest.mark.slow) for x in ("pdf", "svg"))],
 )
 def test_files_for_print_are_the_same_again_and_tell_no_date_and_nobody(form, count):
-    first, _ = made(form)[:count], content(one_sheet(0), "png")
+    first, _ = made(form)[:count], encoded_figure(one_sheet(0), "png")
     assert made_anew(form, count) == first
     told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
     assert not any(told.search(file) for file in first)
@@ -152,7 +152,7 @@ def test_a_line_stands_where_it_stands_in_pixels():
     places = []
     for form, dpi in (("png", DPI), ("svg", 72)):
         with noted() as drawing:
-            content(one_sheet(0), form)
+            encoded_figure(one_sheet(0), form)
         box = drawing.panels[0].box
         places.append(np.array([box.x0, box.y0, box.x1, box.y1]) / dpi)
     assert np.allclose(*places, rtol=0, atol=1e-6)
@@ -178,7 +178,7 @@ def test_numbers_of_charts_count_in_the_power_at_their_axis():
         figure.PlottedColumn("x", "m", 1e-10 * t),
     )
     [axes] = (sheet := figure.figure("x", across, [up])).axes
-    content(sheet)
+    encoded_figure(sheet)
     assert axes.get_ylabel() == "x (10⁻¹⁰ m)"
     assert not axes.yaxis.get_offset_text().get_visible()
 
@@ -278,12 +278,12 @@ def test_too_many_coordinates_are_chosen_and_counted():
 
 def test_long_text_is_cut_in_the_middle():
     name = "".join(chr(97 + k % 26) for k in range(300))
-    cut = shortened(name, 30)
+    cut = cut_text(name, 30)
     head, tail = cut.split("…")
     assert name.startswith(head)
     assert name.endswith(tail)
     assert len(cut) == 30
-    assert shortened("a\nb\tc", 30) == "a b c"
+    assert cut_text("a\nb\tc", 30) == "a b c"
 
 
 def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
@@ -445,4 +445,4 @@ def test_gaps_and_single_values_are_drawn():
 def test_runs_that_hardly_began_are_drawn(count):
     run = record(swing(count), note="stopped at the start")
     for draw, *more in PICTURES:
-        content(draw(run, *more))
+        encoded_figure(draw(run, *more))

@@ -92,7 +92,7 @@ def test_a_link_in_the_place_of_a_result_is_replaced(folder):
     for name in ("run.json", "energy.png", "a.xml"):
         (folder / name).symlink_to(outside)
     put(folder, **{"energy.png": b"1"})
-    module.put(folder / "a.xml", b"1")
+    module.write_atomically(folder / "a.xml", b"1")
     assert outside.read_text() == "mine"
     assert not any(path.is_symlink() for path in folder.iterdir())
 
@@ -111,10 +111,10 @@ def test_no_pipe_is_waited_for(folder, name):
 
 @pytest.mark.parametrize("call", ["write", "fsync", "replace"])
 def test_one_file_is_put_whole_or_not_at_all(tmp_path, monkeypatch, call):
-    module.put(tmp_path / "a.xml", b"1")
+    module.write_atomically(tmp_path / "a.xml", b"1")
     monkeypatch.setattr(os, call, full)
     with pytest.raises(OSError, match="No space"):
-        module.put(tmp_path / "a.xml", b"2")
+        module.write_atomically(tmp_path / "a.xml", b"2")
     assert names(tmp_path) == ["a.xml"]
     assert (tmp_path / "a.xml").read_bytes() == b"1"
 

@@ -9,7 +9,7 @@ import pytest
 import lagsim
 from lagsim.outputs import animation, plots
 from lagsim.outputs.animation import ROOM
-from lagsim.outputs.shapes import seen
+from lagsim.outputs.shapes import projected
 from tests.outputs import node as page
 from tests.outputs.drawn import assert_legible, drawn, record
 from tests.outputs.node import Screen, ends, fills, lines, near, needs_node
@@ -118,7 +118,7 @@ def segments(path):
 
 def test_edges_behind_are_hidden():
     cube, cylinder = bodies(SPACE, f"{CUBE}, c: {{cylinder: [1, 2]}}")
-    found = seen(cube, 0, OBLIQUE)
+    found = projected(cube, 0, OBLIQUE)
     # Of a cube that shows a corner, three faces and nine edges are seen.
     assert (len(found.faces), len(segments(found.lines))) == (3, 9)
     far = OBLIQUE @ np.array([0.8, -1.8, -0.2])
@@ -127,7 +127,7 @@ def test_edges_behind_are_hidden():
     assert np.isclose(hidden, far, atol=1e-12).all(axis=2).any(axis=1).all()
     assert sum(turned**2 for _, turned in found.faces) == pytest.approx(1, abs=1e-3)
     # Of a cylinder a cap, half the rim of the other, and two lines along it.
-    found = seen(cylinder, 0, OBLIQUE)
+    found = projected(cylinder, 0, OBLIQUE)
     assert len(segments(found.lines)) == 32 + 16 + 2
     assert len(segments(found.hidden)) == 16
     sides = segments(found.lines)[-2:]
@@ -136,7 +136,7 @@ def test_edges_behind_are_hidden():
 
 def test_the_equator_of_a_sphere_is_seen_in_front():
     [ball] = bodies(SPACE, "ball: {sphere: 0.5, at: hub}")
-    found = seen(ball, 0, OBLIQUE)
+    found = projected(ball, 0, OBLIQUE)
     equator = segments(found.lines)[72:]  # after the outline
     assert len(equator) + len(segments(found.hidden)) == 72
     middle = (OBLIQUE @ np.array([1, -2, 0]))[1]

@@ -13,7 +13,7 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
 from lagsim.show.symbols import symbol
 from tests.support import MODELS, SHIPPED, shipped
@@ -41,12 +41,12 @@ def equations_of(name: str) -> Equations:
 
 @functools.cache
 def content_of(name: str) -> Content:
-    return content(equations_of(name))
+    return derived(equations_of(name))
 
 
 @functools.cache
 def content_with_everything(name: str) -> Content:
-    return content(equations_of(name), with_gauss=True)
+    return derived(equations_of(name), with_gauss=True)
 
 
 @functools.cache
@@ -55,7 +55,7 @@ def document_of(name: str) -> dict[str, Any]:
 
 
 def small(text: str, **options: bool) -> Content:
-    return content(derive(read(text, "model.yaml")), **options)
+    return derived(derive(read(text, "model.yaml")), **options)
 
 
 def numbers(texts: list[str], values: Mapping[str, float]) -> list[float]:

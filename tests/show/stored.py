@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lagsim.show.as_python import as_python
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.latex import as_latex
 from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
@@ -112,7 +112,7 @@ STORED = {
     "moving": lambda: content_with_everything("bead-hoop-cartesian"),
     "hoop": lambda: content_with_everything("bead-hoop"),
     "names": lambda: small(CLASHES, with_gauss=True),
-    "numbers": lambda: content(
+    "numbers": lambda: derived(
         equations_of("elastic-pendulum-forced"), substitute=True
     ),
     "contact": lambda: small(CONTACT),

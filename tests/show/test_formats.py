@@ -10,7 +10,7 @@ from lagsim.language.functions import FUNCTIONS
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from lagsim.show.as_python import as_python
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.latex import LONGEST_LINE, as_latex
 from lagsim.show.latex import _width as as_latex_width
 from lagsim.show.printers import as_json
@@ -105,7 +105,7 @@ def test_names_survive():
 @pytest.mark.parametrize("substitute", [False, True])
 def test_every_function_in_json(substitute):
     equations = derive(read(EVERY_FUNCTION, "m.yaml"))
-    d = as_json(content(equations, substitute=substitute))
+    d = as_json(derived(equations, substitute=substitute))
     for state in ({}, *OTHERS):
         values = {**FIRST, **state}
         expected = evaluate(equations.graph, equations.f, values)
@@ -172,7 +172,7 @@ def test_ascii_is_ascii_and_lines_break(name):
 
 @pytest.mark.slow
 def test_accelerations_step_by_step():
-    c = content(equations_of("chain-cartesian"), solve=True)
+    c = derived(equations_of("chain-cartesian"), solve=True)
     d = as_json(c)
     e = equations_of("chain-cartesian")
     values = {"m": 1.3, "g": 9.81, "l": 0.4, "t": 0.0}
@@ -284,7 +284,7 @@ def test_long_equations_break_where_they_are_one_term(ascii_only):
 @pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian"])
 def test_long_terms_of_latex_break(name):
     document = as_latex(
-        content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")), expand=True)
+        derived(derive(read((MODELS / f"{name}.yaml").read_text(), "m")), expand=True)
     )
     check(document)
     rows = [x for x in document.splitlines() if "&" in x and "quad" not in x[:9]]

@@ -7,7 +7,7 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
 from tests.show.cases import known, numbers
 from tests.support import MODELS, SHIPPED, case_of, ready, refused, run, shipped
@@ -81,7 +81,7 @@ def test_accelerations_make_it_least_among_admissible_ones(name, loops):
 @pytest.mark.parametrize("name", ["elastic-pendulum-curve", "chaplygin-sleigh"])
 def test_symbolic_and_numeric_gauss_agree(name):
     e, row, _ = observed(name, loops=False)
-    d = as_json(content(e, with_gauss=True))
+    d = as_json(derived(e, with_gauss=True))
     values = known(d, {**{p.name: p.value for p in e.model.parameters}, **row})
     found = numbers(list(d["gauss"]["a"].values()), values)
     a = [row[f"gauss.a_{q}"] for q in e.q]
@@ -111,8 +111,8 @@ def test_a_singular_mass_matrix_has_no_unconstrained_acceleration():
     with refused("singular-mass", "`output.gauss`"):
         case.plan()
     with refused("singular-mass"):
-        content(e, with_gauss=True)
-    content(e)
+        derived(e, with_gauss=True)
+    derived(e)
 
 
 def test_without_constraints_it_is_zero():

@@ -5,7 +5,7 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.show.as_python import as_python
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
 from tests.mechanics.test_equations import agrees, rows_of, solves, state_of
 from tests.show.cases import EACH, READ, document_of, equations_of, known, numbers
@@ -76,7 +76,7 @@ def test_json_read_again_gives_the_same_numbers(name):
 
 @pytest.mark.parametrize("name", EACH_READ)
 def test_terms_add_up_to_the_equation(name):
-    d = as_json(content(equations_of(name), expand=True))
+    d = as_json(derived(equations_of(name), expand=True))
     values = known(d, state_of(name, seed=1)[0])
     random = np.random.default_rng(5)
     values |= {f"{q}_ddot": random.standard_normal() for q in d["coordinates"]}

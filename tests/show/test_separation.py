@@ -14,7 +14,7 @@ from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show import text
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.latex import _width as width
 from lagsim.show.latex import as_latex
 from lagsim.show.printers import as_json
@@ -109,7 +109,7 @@ def balances(d, values):
 
 
 def check_by_value(e):
-    c = content(e)
+    c = derived(e)
     d, values = as_json(c), state_of(e)
     assert "separated" in d
     known = valued(d, values)
@@ -156,7 +156,7 @@ def test_a_long_chain_is_shown_as_one_of_30(links):
 def test_the_arm_by_recursive_newton_and_euler():
     """Forces and torques from link to link (Featherstone, section 5.3)."""
     e = equations_of("seven-joint-arm")
-    d, values = as_json(content(e)), state_of(e)
+    d, values = as_json(derived(e)), state_of(e)
     q, v, a = ([values[rate_of(x, k)] for x in e.q] for k in range(3))
     m, link, c, g, damping = 1.0, 0.3, 0.15, 9.81, 0.05
     J = np.array([0.01, 0.012, 0.004])
@@ -190,7 +190,7 @@ def test_the_arm_by_recursive_newton_and_euler():
 def test_text_is_short_and_says_the_same(model, monkeypatch):
     monkeypatch.setattr(text, "WIDTH", 100_000)
     e = equations_of(model)
-    c = content(e)
+    c = derived(e)
     d = as_json(c)
     values = valued(d, state_of(e))
     letters = {
@@ -254,7 +254,7 @@ definitions:
 energy: {{kinetic: x_dot^2/2, potential: d39}}
 initial: {{x: 0}}
 """
-    found = content(derive(read(text, "model.yaml")))
+    found = derived(derive(read(text, "model.yaml")))
     assert str(found.document["definitions"]["d39"]) == "d38**2 + x"
     with refused("too-long"):
-        content(derive(read(text, "model.yaml")), expand=True)
+        derived(derive(read(text, "model.yaml")), expand=True)

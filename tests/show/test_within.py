@@ -13,7 +13,7 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.symbols import number, symbol, to_sympy
 from tests.support import MODELS, refused
 
@@ -23,7 +23,7 @@ def test_what_is_not_derived_in_time_is_refused(monkeypatch, seconds):
     monkeypatch.setattr(limits, "DERIVING_SECONDS", seconds)
     equations = derive(read(chain(12, 1.0), "model.yaml"), chained=False)
     with refused("too-long", f" {seconds:.3g} s"):
-        content(equations)
+        derived(equations)
 
 
 def digits(text, numbers=None):
@@ -74,7 +74,7 @@ coordinates: {{x: {{}}}}
 energy: {{kinetic: x_dot^2/2, potential: (x/2)^{power}}}
 initial: {{x: 1}}
 """
-    found = content(derive(read(text, "model.yaml"), chained=False))
+    found = derived(derive(read(text, "model.yaml"), chained=False))
     x = found.translation.q[0]
     slope = sp.Rational(power, 2**power) * x ** (power - 1)
     assert sp.expand(found.document["equations"][0]["dV_dq"] - slope) == 0
@@ -82,9 +82,9 @@ initial: {{x: 1}}
 
 def test_without_a_budget_expressions_are_as_they_come(monkeypatch):
     equations = derive(read_file(str(MODELS / "elastic-pendulum.yaml")), chained=False)
-    short = content(equations).document
+    short = derived(equations).document
     monkeypatch.setattr(limits, "TIDYING_PRODUCTS", 0)
-    long = content(equations).document
+    long = derived(equations).document
     assert any("or 0 in all" in note for note in long["notes"])
     assert not any("cut after" in note for note in short["notes"])
     for one, other in zip(short["f"], long["f"], strict=True):
@@ -95,7 +95,7 @@ def test_without_a_budget_expressions_are_as_they_come(monkeypatch):
 def test_forty_links_are_derived_in_their_closed_form():
     n = 40
     e = derive(read(chain(n, 1.0), "model.yaml"), chained=False)
-    found = content(e, expand=True)
+    found = derived(e, expand=True)
     assert not any(
         "longer than they might be" in note for note in found.document["notes"]
     )

@@ -8,7 +8,7 @@ import pytest
 
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from lagsim.show.lagrange import content
+from lagsim.show.lagrange import derived
 from lagsim.show.text import as_text
 from tests.support import ROOT
 
@@ -29,7 +29,7 @@ SHAPES = {
 }  # fmt: skip
 
 
-def derived(potential, n):
+def derivation(potential, n):
     names = [f"q{j}" for j in range(n)]
     text = f"""
 coordinates: {{{", ".join(f"{q}: {{}}" for q in names)}}}
@@ -38,7 +38,7 @@ energy:
   potential: "{potential}"
 initial: {{{", ".join(f"{q}: 0.1" for q in names)}}}
 """
-    return content(derive(read(text, "model.yaml"), chained=False))
+    return derived(derive(read(text, "model.yaml"), chained=False))
 
 
 def work(potential, n):
@@ -51,7 +51,7 @@ def work(potential, n):
 
     sys.setprofile(counted)
     try:
-        written = as_text(derived(potential, n))
+        written = as_text(derivation(potential, n))
     finally:
         sys.setprofile(None)
     return calls / len(written)

@@ -11,7 +11,7 @@ from lagsim.outputs import plots
 from lagsim.outputs.letters import letters_of
 from lagsim.outputs.plot_data import PlotData
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.studies.drawing import artist, drawn
+from lagsim.studies.drawing import artist, drawn_here
 from tests.small_scenes import PENDULUM
 from tests.support import MODELS, ready
 
@@ -24,7 +24,7 @@ def ordered():
     rows = picture_thinning(model, session.system.columns.names)
     session.run([rows])
     order = PlotData(model.name, rows, letters=letters_of(model)), model
-    return order, dict(drawn(*order))
+    return order, dict(drawn_here(*order))
 
 
 @pytest.mark.skipif(

@@ -13,7 +13,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.studies.fit.data import record_of
 from lagsim.studies.fit.fitting import INTERRUPTED, Fit
 from lagsim.studies.fit.names import parse_names
-from lagsim.studies.fit.report import document_of, tables, written
+from lagsim.studies.fit.report import document_of, tables, with_values
 from tests.studies.test_sensitivities import BALL, ROD
 
 OSCILLATOR = """
@@ -220,7 +220,7 @@ def test_members_of_families_are_columns_and_names():
     fit, found = fitted(CHAIN, data, vary, {"end": "q.3"})
     close(found, {"k.1": 6, "k.2": 4, "k.3": 5.5, "q.3": 1.2})
     assert found["match"] == {"q.1": "q.1", "q_dot.3": "q_dot.3", "end": "q.3"}
-    text = written(fit, fit.found(), {})
+    text = with_values(fit, fit.found(), {})
     assert read(text, "<m>").parameter_values["k.2"] == pytest.approx(4, rel=EXACT)
 
 
@@ -418,7 +418,7 @@ def test_other_starts_find_the_least_minimum():
 def test_the_file_keeps_its_comments_and_gets_new_entries():
     data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2, 0.5)}
     fit, found = fitted(OSCILLATOR, data, ["k", "c", "x", "x_dot"])
-    text = written(fit, fit.found(), {})
+    text = with_values(fit, fit.found(), {})
     assert text.startswith("\nparameters: {m: 1, k: ")
     assert "}  # released\n" in text
     start = {x.name: x.value for x in read(text, "<model>").initial}

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from lagsim import load, simulate
 from lagsim.methods import method, names
-from lagsim.outputs.sections import drawn, shown
+from lagsim.outputs.sections import section_columns, without_noise
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.support import MODELS, refused
 
@@ -256,8 +256,8 @@ FIXED = [1.0, 1e-17, 1e6, 1.0, 0.5, 0.3]
 )
 def test_pictures_leave_out_what_a_section_fixes(changes, columns):
     rows = np.array([FIXED, np.add(FIXED, changes)])
-    assert shown(NAMES, rows, RANGES) == columns
-    assert list(drawn("x", NAMES, rows, RANGES)) == pytest.approx(
+    assert section_columns(NAMES, rows, RANGES) == columns
+    assert list(without_noise("x", NAMES, rows, RANGES)) == pytest.approx(
         [0.0, 0.1] if changes[1] == 0.1 else [0.0, 0.0], abs=1e-16
     )
 

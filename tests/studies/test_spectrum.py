@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.outputs.figure import content
+from lagsim.outputs.figure import encoded_figure
 from lagsim.studies.spectrum import LEAST_ROWS, spectrum
 from lagsim.tolerances import SAME_ROW
 from tests.outputs.drawn import noted
@@ -61,7 +61,7 @@ def test_peaks_are_no_nearer_than_they_are_told_apart():
 
 def test_its_powers_of_ten_are_typeset():
     with noted() as drawing:
-        content(spectrum(*rows(), "x_left", "m").plot("$t"), "png")
+        encoded_figure(spectrum(*rows(), "x_left", "m").plot("$t"), "png")
     said = {text.said: text.typeset for text in drawing.texts}
     assert all(typeset for text, typeset in said.items() if "10^" in text)
     assert said["$\\mathdefault{10^{-2}}$"]

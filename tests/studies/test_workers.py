@@ -9,7 +9,7 @@ import time
 import pytest
 
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.workers import Died, spread
+from lagsim.studies.workers import Died, completed_pieces
 from tests.patience import PATIENCE
 from tests.support import ROOT
 
@@ -41,13 +41,13 @@ def alive(pid):
 
 
 def test_one_at_a_time_needs_no_other_process():
-    found = dict(spread(squared, range(7), 1, Interrupt()))
+    found = dict(completed_pieces(squared, range(7), 1, Interrupt()))
     assert found == {k: k * k for k in range(7)}
 
 
 @pytest.mark.slow
 def test_who_dies_is_told_and_the_others_are_done():
-    found = dict(spread(squared, [1, -1, 2, 3], 2, Interrupt()))
+    found = dict(completed_pieces(squared, [1, -1, 2, 3], 2, Interrupt()))
     assert isinstance(found.pop(1), Died)
     assert found == {0: 1, 2: 4, 3: 9}
 
@@ -62,14 +62,14 @@ def first_dies(path, _interrupt):
 @pytest.mark.slow
 def test_what_a_process_that_died_had_is_done_again(tmp_path):
     pieces = [tmp_path / name for name in "abc"]
-    found = dict(spread(first_dies, pieces, 2, Interrupt()))
+    found = dict(completed_pieces(first_dies, pieces, 2, Interrupt()))
     assert found == {0: "a", 1: "b", 2: "c"}
 
 
 @pytest.mark.slow
 def test_an_interrupt_ends_what_is_under_way_and_begins_nothing():
     interrupt, found = Interrupt(), {}
-    for number, result in spread(waited, range(4), 2, interrupt):
+    for number, result in completed_pieces(waited, range(4), 2, interrupt):
         found[number] = result
         interrupt.stop()
     assert found[0] == (0, False)
@@ -83,7 +83,7 @@ def test_an_interrupt_ends_what_is_under_way_and_begins_nothing():
 SCRIPT = """
 import multiprocessing, sys, threading, time
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.workers import spread
+from lagsim.studies.workers import completed_pieces
 from tests.studies.test_workers import waited
 
 def told():
@@ -92,7 +92,7 @@ def told():
     print(*(c.pid for c in multiprocessing.active_children()), flush=True)
 
 threading.Thread(target=told, daemon=True).start()
-list(spread(waited, [1, 2], 2, Interrupt()))
+list(completed_pieces(waited, [1, 2], 2, Interrupt()))
 """
 
 

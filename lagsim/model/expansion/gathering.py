@@ -19,7 +19,7 @@ import numpy as np
 
 from lagsim import limits
 from lagsim.language import elements
-from lagsim.language.elements import SHARED, TOTAL, Elements, Output, Slot
+from lagsim.language.elements import SHARED, TOTAL, ElementOutput, Elements, Slot
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART
 from lagsim.language.graph import Graph
 from lagsim.model.expansion import trees
@@ -75,7 +75,7 @@ class Sum(NamedTuple):
     term: Tree
 
 
-class Group(NamedTuple):
+class GatheredTerms(NamedTuple):
     """Term and its members, as a column (members,) for each index."""
 
     term: Tree
@@ -111,7 +111,7 @@ def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
     UnlikeError
         Where the sum has to be written out.
     """
-    groups: list[Group] = []
+    groups: list[GatheredTerms] = []
     terms = 0
     for one in _sums(tree):
         columns: Columns = {}
@@ -249,13 +249,15 @@ def _is_numeric(tree: Tree) -> bool:
     return tree.op in OPERATIONS and all(map(_is_numeric, tree.args))
 
 
-def _divided(term: Tree, columns: Columns, members: int, known: Lookup) -> list[Group]:
+def _divided(
+    term: Tree, columns: Columns, members: int, known: Lookup
+) -> list[GatheredTerms]:
     """Return the groups of members for which conditions on indices have one value."""
     condition = _condition(term)
     if condition is None:
         if term.op == "number" and term.value == 0.0:
             return []
-        return [Group(term, columns, members)]
+        return [GatheredTerms(term, columns, members)]
     true = np.broadcast_to(_numbers(condition, columns, None), (members,)).astype(bool)
     found = []
     for k, chosen in enumerate((true, ~true)):
@@ -288,7 +290,7 @@ def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
 class _Writer:
     """Writer of the elements of one group."""
 
-    def __init__(self, group: Group, known: Lookup) -> None:
+    def __init__(self, group: GatheredTerms, known: Lookup) -> None:
         self.group, self.known = group, known
         self.graph = Graph()
         self.names: dict[str, tuple[int, int]] = {}  # name -> argument, offset
@@ -312,7 +314,7 @@ class _Writer:
             table[:, k] = column
         example = trees.parsed(self._example(group.term), "")
         of = Elements(
-            g, list(self.slots.values()), [Output(node, TOTAL)], table, count, 1,
+            g, list(self.slots.values()), [ElementOutput(node, TOTAL)], table, count, 1,
             example,
         )  # fmt: skip
         args = [trees.name(x, offset) for x, (_, offset) in self.names.items()]

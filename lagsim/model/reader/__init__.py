@@ -20,7 +20,7 @@ from lagsim import limits
 from lagsim.errors import InputError, unseen, unusable
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.model.loading import STDIN, TEXT, load, text_of
+from lagsim.model.loading import STDIN, TEXT, load, model_text
 from lagsim.model.model import (
     APPROACH_SPEED,
     SLIP_SPEED,
@@ -38,7 +38,7 @@ from lagsim.model.nodes import (
     argument,
     entries_of,
     leaves,
-    words,
+    words_below,
 )
 from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, NameKind, Names, check_columns
@@ -55,9 +55,9 @@ from lagsim.model.reader.fields import (
     entries,
     fields,
     has_key,
+    in_one_line,
     is_mapping,
     schema,
-    shortened,
 )
 from lagsim.model.reader.quantities import is_unit
 from lagsim.model.reader.runs import check_sizes, read_scene
@@ -104,7 +104,7 @@ def read_file(
     InputError
         If the file cannot be read, or with every fault in it.
     """
-    text, file = text_of(path)
+    text, file = model_text(path)
     return read(text, file, overrides, options)
 
 
@@ -306,7 +306,7 @@ class File:
         assert energies.lagrangian is not None
         x.read = []
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
-        named = made.scope.used | self.structural() if made else words(self.node)
+        named = made.scope.used | self.structural() if made else words_below(self.node)
         return Model(
             name=self.name,
             file=self.file,
@@ -383,7 +383,7 @@ class File:
         elif name in _NO_FILE_NAMES and (node.empty or node.text.strip() == name):
             fault = "it is no name of a file"
         if fault:
-            text = f"`{shortened(name)}` cannot be a name: {fault}"
+            text = f"`{in_one_line(name)}` cannot be a name: {fault}"
             hint = "it is used for files: no path separators, such as elastic-pendulum"
             faults.add("bad-model-name", text, node, hint)
         return name
@@ -405,7 +405,7 @@ class File:
         new.starting = {**self.starting, **initial}
         read = values.ParameterReader(x, new.instead).read
         numbers = read(self.parameters, self.modes)
-        laws = equations.again(model.constraints, self.constraints, x)
+        laws = equations.laws_at_values(model.constraints, self.constraints, x)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
         check_sizes(model.scene, x)
         events = equations.read_events(self.top.value("events"), x)
@@ -514,7 +514,7 @@ class File:
             return True
         given = {**self._numbers(), **asked}
         others = (node for name, node in given.items() if name not in names)
-        return not words(*others).isdisjoint(names)
+        return not words_below(*others).isdisjoint(names)
 
     def texts(self) -> dict[str, Scalar]:
         """Return the expressions of energies, forces and constraints, by `forces.x`."""

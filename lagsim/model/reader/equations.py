@@ -45,7 +45,7 @@ from lagsim.model.reader.fields import (
     entries,
     fields,
     kind_of,
-    listed,
+    quoted_list,
 )
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     """Return the generalized forces of the section `forces`; faults are reported."""
     pair = entries_of(node)
-    if len(pair) == 2 and not any(hints.text_of(value) for _, value in pair):
+    if len(pair) == 2 and not any(hints.node_text(value) for _, value in pair):
         node = Sequence(tuple(key for key, _ in pair), pair[0][0].place)  # {x, F}
     return tuple(_along(entries(node, "`forces`", x.faults), "force", "", x))
 
@@ -181,7 +181,7 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
         if not x.names.is_faulty(name) and x.names.complete:
             names = x.names.moving()
             hint = faults.did_you_mean(name, names)
-            hint = hint or f"{one} acts along one of {listed(map(in_file, names))}"
+            hint = hint or f"{one} acts along one of {quoted_list(map(in_file, names))}"
             text = f"there is no coordinate or definition `{name}` to work on"
             faults.add("unknown-name", text, place, hint)
         return None
@@ -308,7 +308,7 @@ def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ..
     return _with_limits([reader.read() for reader in readers], readers)
 
 
-def again(
+def laws_at_values(
     known: SequenceType[Constraint], given: SequenceType[Entry], x: Expressions
 ) -> tuple[Constraint, ...]:
     """Return constraints with their laws read at other values of the parameters.
@@ -462,7 +462,8 @@ class _ConstraintReader:
             return
         used = x.graph.depends([relation.node])
         if found := [s for s in x.names.of(NameKind.STATE) if s in used]:
-            text = f"{self.what}, between positions, depends on states: {listed(found)}"
+            text = f"{self.what}, between positions, depends on states: "
+            text += quoted_list(found)
             hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
             x.faults.add("state-misplaced", text, relation.place, hint)
 
@@ -484,7 +485,8 @@ class _ConstraintReader:
             return None
         fixed = {"t", *x.names.of(NameKind.PARAMETER), *x.names.of(NameKind.MODE)}
         if moving := sorted(g.depends([condition]) - fixed):
-            text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
+            text = f"{of} depends on {quoted_list(moving)}; "
+            text += "it must not depend on the motion"
             hint = "it is a condition of t, parameters and modes, such as t < 1"
             x.faults.add("not-of-time", text, node, hint)
         return g.call("if", condition, g.one, g.zero)
@@ -817,7 +819,9 @@ def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
     code: ErrorCode = "unknown-name"
     text = f"{what} sets `{name}`, and there is no such mode"
     hint = x.faults.did_you_mean(name, modes)
-    hint = hint or (f"modes are {listed(modes)}" if modes else f"modes: {{{name}: 0}}")
+    hint = hint or (
+        f"modes are {quoted_list(modes)}" if modes else f"modes: {{{name}: 0}}"
+    )
     if meaning is not None:
         code, text = "not-a-mode", f"{what} sets `{name}`, {meaning.kind.text}"
         hint = _HINTS.get(meaning.kind, hint)

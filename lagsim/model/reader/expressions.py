@@ -31,9 +31,15 @@ from lagsim.language.parser import (
     silent,
 )
 from lagsim.model.model import Level
-from lagsim.model.nodes import Broken, Node, Scalar, words
+from lagsim.model.nodes import Broken, Node, Scalar, words_below
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.fields import RESERVED, entries, is_mapping, kind_of, shortened
+from lagsim.model.reader.fields import (
+    RESERVED,
+    entries,
+    in_one_line,
+    is_mapping,
+    kind_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -281,7 +287,7 @@ class Names:
         hint = hint or faults.did_you_mean(name, usable)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
-        return f"unknown name `{shortened(name)}`", hint
+        return f"unknown name `{in_one_line(name)}`", hint
 
     def _unknown_rate(
         self, name: str, base: str, ending: str, faults: Faults
@@ -319,7 +325,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     code: ErrorCode = "reserved-name"
     if problem := _spelling(name):
         text, hint = problem
-        text = f"`{shortened(name)}` cannot be the name of {what}: {text}"
+        text = f"`{in_one_line(name)}` cannot be the name of {what}: {text}"
         code = "bad-name"
     elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
@@ -342,7 +348,7 @@ def _spelling(name: str) -> tuple[str, str] | None:
     """Return the reason why a text cannot be a name, and a hint; None if it can."""
     plain = unicodedata.normalize("NFKC", name)
     if plain != name:
-        return "it is not in its plain (NFKC) form", f"write `{shortened(plain)}`"
+        return "it is not in its plain (NFKC) form", f"write `{in_one_line(plain)}`"
     if not name:
         return "it is empty", ""
     rest_fits = all(c == "_" or c.isalpha() or c.isdecimal() for c in name)
@@ -370,7 +376,7 @@ def _undecorated(name: str, decoration: str, *, called: bool) -> str:
     """
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
-        beside = f"{{value: ..., unit: {quantities.unit(decoration)}}}"
+        beside = f"{{value: ..., unit: {quantities.unit_spelling(decoration)}}}"
         return f"{hint}; a unit is written beside the value: {beside}"
     if called:
         hint += ": a definition has no arguments, its expression names variables"
@@ -787,8 +793,8 @@ class Expressions:
         if not hint and not hints.spelt_call(name, ""):
             hint = self.meant(scalar)
         if not hint and output:
-            hint = f"define `{shortened(name)}` in `definitions`"
-        hint = hint or f"give `{shortened(name)}` a value in `parameters`"
+            hint = f"define `{in_one_line(name)}` in `definitions`"
+        hint = hint or f"give `{in_one_line(name)}` a value in `parameters`"
         self.refuse(used, scalar, "unknown-name", text, hint)
 
     def _node(self, name: str) -> int:
@@ -837,7 +843,7 @@ class Expressions:
         if node is None or not self.with_rates:
             return
         moving = self.names.velocities().union(self.names.of(NameKind.COORDINATE))
-        used = {s for word in words(node) for s in self.with_rates.get(word, ())}
+        used = {s for word in words_below(node) for s in self.with_rates.get(word, ())}
         for s in sorted(used):
             if depends := sorted(self.graph.depends([self.states[s]]) & moving):
                 text = f"{what} contains the rate of the state `{s}`, which depends on "

@@ -136,11 +136,11 @@ def kind_of(node: Node) -> str:
     if isinstance(node, Sequence):
         return "a list"
     if isinstance(node, Scalar) and not node.empty:
-        return f"`{shortened(node.text)}`"
+        return f"`{in_one_line(node.text)}`"
     return "nothing"
 
 
-def shortened(text: str) -> str:
+def in_one_line(text: str) -> str:
     r"""Return a text in one short line.
 
     Examples
@@ -152,7 +152,7 @@ def shortened(text: str) -> str:
     return words if len(words) <= 40 else words[:39] + "…"
 
 
-def listed(names: Iterable[str]) -> str:
+def quoted_list(names: Iterable[str]) -> str:
     """Return names as a text: `a`, `b`, `c`.
 
     Examples
@@ -195,7 +195,7 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
     return []
 
 
-def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
+def scalar_items(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
     """Yield the items of a list that are scalars; other items are reported.
 
     what : the list's name in messages.
@@ -264,9 +264,9 @@ class Fields:
         name = self.text(key) or known[0]
         if name in known:
             return name
-        text = f"`{key}` of {self.what} cannot be `{shortened(name)}`"
+        text = f"`{key}` of {self.what} cannot be `{in_one_line(name)}`"
         near = self.faults.did_you_mean(name, known)
-        hint = f"{near} known are {listed(filter(None, known))}".strip()
+        hint = f"{near} known are {quoted_list(filter(None, known))}".strip()
         self.faults.add(code, text, self.at(key), hint)
         return known[0]
 
@@ -324,7 +324,7 @@ def fields(
         if name in known:
             continue
         hint = hints.of_key(key, value, given, known)
-        given_by = value if hints.text_of(value) or not hint else Broken(key.place)
+        given_by = value if hints.node_text(value) or not hint else Broken(key.place)
         if (
             isinstance(given_by, Broken)
             and (first := re.split(r"\W", name)[0]) in known
@@ -342,8 +342,8 @@ def fields(
             hint = hint or f"did you mean `{near}`?"
             found.setdefault(near, (key, given_by))
         elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
-        hint = hint or next(filter(None, elsewhere), f"known are {listed(known)}")
-        text = f"unknown key `{shortened(name)}` in {what}"
+        hint = hint or next(filter(None, elsewhere), f"known are {quoted_list(known)}")
+        text = f"unknown key `{in_one_line(name)}` in {what}"
         faults.add("unknown-key", text, key, hint)
         unknown += [] if near else [(key, value)]
     return Fields(what, found, place, is_mapping(node), faults, tuple(unknown))

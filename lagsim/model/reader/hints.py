@@ -458,7 +458,7 @@ def _step(
     if "product" in hint:
         digits = re.match(NUMBER, token) if fault.code == "number" else None
         at = offset + digits.end() if digits else offset
-        words = quantities.words(text[:at])[-1:] + quantities.words(text[at:])[:1]
+        words = quantities.names_in(text[:at])[-1:] + quantities.names_in(text[at:])[:1]
         if all(_called_so(w, known) or of_name(w, known, moving) for w in words):
             return len(text[:at].rstrip()), at, "write *: there is no implicit product"
         if re.match(r"[^\W\d]", token) and not _is_known(token, known):
@@ -514,8 +514,8 @@ def _of_quantity(
     if found and found[2]:
         number, unit = found[1].replace(" ", ""), found[2]
         unit += ")" * (unit.count("(") > unit.count(")"))
-    own = [] if found else quantities.words(number)
-    names = quantities.words(unit := quantities.unit(unit))
+    own = [] if found else quantities.names_in(number)
+    names = quantities.names_in(unit := quantities.unit_spelling(unit))
     product = all(_is_known(name, known) for name in names)
     alone = found and len(names) == 1 and not product
     sound = quantities.is_unit(unit) or (alone and not of_name(names[0], known, ()))
@@ -626,7 +626,7 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         return _WORDS[name]
     if len(name) > WINDOW:
         return ""
-    if rate := rate_of(name, moving):
+    if rate := rate_spelling(name, moving):
         ordinal = "second " if rate.endswith("_ddot") else ""
         return f"the {ordinal}rate is written {rate}"
     if name.casefold() == "time" and moving:
@@ -669,7 +669,7 @@ def _parts(name: str, known: Collection[str]) -> list[str]:
     return []
 
 
-def rate_of(name: str, moving: Collection[str]) -> str:
+def rate_spelling(name: str, moving: Collection[str]) -> str:
     """Return the rate in another spelling, such as `x_dot` for `xdot`, or no text."""
     if len(name) > WINDOW:
         return ""
@@ -723,20 +723,20 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
             length = f"({length} - {texts['start']})"
         length = "1" if name == "fps" else length
         return (
-            f"write `output_step: {length}/{text_of(value)}`: the spacing of the rows"
+            f"write `output_step: {length}/{node_text(value)}`: the spacing of the rows"
         )
     apart = re.fullmatch(r"(\w+)\s*(?:\s|=)\s*(\S.*)", key.text)
-    if apart and apart[1] in known and not text_of(value):
+    if apart and apart[1] in known and not node_text(value):
         return f"a colon is missing: `{apart[1]}: {apart[2]}`"
-    if "y2" in known and not text_of(value) and len(given) > 1:
+    if "y2" in known and not node_text(value) and len(given) > 1:
         before, first = given[max(1, given.index((key, value))) - 1]
-        both = f"{text_of(first)}, {key.text}"
+        both = f"{node_text(first)}, {key.text}"
         kept = f'"{both}"' if before.text == "title" else f"[{both}]"
         return f"write `{before.text}: {kept}`"
     place = texts_of(items_of(value))
     if "links" in known and len(place) in (2, 3) and name not in KEYS:
         return f"`{key.text}` belongs below `points:`, indented"
-    if text_of(value) or "unit" not in known or "unit" in keys:
+    if node_text(value) or "unit" not in known or "unit" in keys:
         return ""
     if quantities.is_unit(name) and not re.match(r"\d", name):
         return f"write `unit: {key.text}`"
@@ -789,7 +789,7 @@ def as_list(node: Node, what: str = "") -> str:
     what : the node's name in messages.
     """
     if isinstance(node, Mapping):
-        pairs = [(key.text, text_of(value)) for key, value in node.entries]
+        pairs = [(key.text, node_text(value)) for key, value in node.entries]
         if not any(text for _, text in pairs):
             return f"write [{', '.join(key for key, _ in pairs)}]"
         if "link" in what:
@@ -804,11 +804,11 @@ def as_list(node: Node, what: str = "") -> str:
     return f"write [{' '.join(text.split())}]" if text else "a list is written [a, b]"
 
 
-def text_of(node: Node) -> str:
+def node_text(node: Node) -> str:
     """Return the text of a scalar, a comma-separated text of a list.
 
     `...` for others.
     """
     if isinstance(node, Sequence):
-        return ", ".join(map(text_of, node.items))
+        return ", ".join(map(node_text, node.items))
     return node.text if isinstance(node, Scalar) else "..."

@@ -52,18 +52,18 @@ _LIKE = {
 }
 
 
-def words(text: str) -> list[str]:
+def names_in(text: str) -> list[str]:
     """Return the names in a text."""
     return re.findall(_WORD, text)
 
 
 def is_unit(text: str) -> bool:
     """Whether a text looks like a unit: each word of it does."""
-    found = words(unit(text))
+    found = names_in(unit_spelling(text))
     return bool(found) and all(re.fullmatch(_UNIT, word) for word in found)
 
 
-def unit(text: str) -> str:
+def unit_spelling(text: str) -> str:
     """Return a unit in this language's spelling: powers by `^`, products by `*`.
 
     Examples
@@ -130,7 +130,7 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
 
     `beside`: the number is the value of a parameter or a definition, with its unit.
     """
-    of = unit(of)
+    of = unit_spelling(of)
     if of == "Hz" and not beside:
         return f"write {number}*2*pi: rates are in rad/s"
     scaled, plain = _scaled(number, of)

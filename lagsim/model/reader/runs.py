@@ -56,10 +56,10 @@ from lagsim.model.reader.fields import (
     fields,
     items,
     kind_of,
-    listed,
-    named,
+    quoted_list,
+    scalar_items,
 )
-from lagsim.model.reader.fields import named as texts_among
+from lagsim.model.reader.fields import scalar_items as texts_among
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def _varied(node: Node | None, x: Expressions) -> tuple[str, ...]:
     known = [*x.names.of(NameKind.PARAMETER), *moving, *x.names.of(NameKind.STATE)]
     known += map(rate_of, moving)
     given = items(node, "`sensitivities`", x.faults)
-    for part in named(given, "`sensitivities` lists names", x.faults):
+    for part in scalar_items(given, "`sensitivities` lists names", x.faults):
         if part.text in known:
             found[part.text] = None
         else:
@@ -288,7 +288,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
         text = f"`plot` of a section names two columns, found {len(given)}"
         x.faults.add("wrong-count", text, below.place_of("plot"), "such as [y, y_dot]")
         return
-    for part in named(given, "`plot` names columns", x.faults):
+    for part in scalar_items(given, "`plot` names columns", x.faults):
         meaning = x.names.meaning(part.text)
         hidden = meaning is not None and meaning.kind is NameKind.DEFINITION
         hidden &= part.text not in columns
@@ -348,7 +348,7 @@ def _definitions(
     """Return the definitions in a list, with places; `hint` is for coordinates."""
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
-    for item in named(given, f"a {what} is the name of a definition", x.faults):
+    for item in scalar_items(given, f"a {what} is the name of a definition", x.faults):
         name, place = item.text, item.place
         kind = names.variables.get(name)
         if name in found:
@@ -386,7 +386,7 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
     if isinstance(node, Broken):
         return None
     shown = entries_of(node)
-    if 0 < len(shown) < 3 and not any(hints.text_of(value) for _, value in shown):
+    if 0 < len(shown) < 3 and not any(hints.node_text(value) for _, value in shown):
         node = Sequence(tuple(key for key, _ in shown), node.place)
     found = fields(node, "a plot", PLOT, x.faults, node.place)
     found.needs("x", "write `x: t` for a curve against time")
@@ -426,7 +426,7 @@ def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
         if isinstance(part, Broken):
             continue
         if not isinstance(part, Scalar) or part.text not in AXES:
-            text = f"`log` names axes, {listed(AXES)}, found {kind_of(part)}"
+            text = f"`log` names axes, {quoted_list(AXES)}, found {kind_of(part)}"
         elif part.text == "y2" and "y2" not in plot:
             text = "`log` names `y2`, and the plot has none"
             hint = "write y, or give `y2`"
@@ -494,7 +494,9 @@ class _SceneReader:
             if isinstance(node, Scalar) and not re.search(r"[,(]|\w\s+\w", node.text):
                 hint = f"write [{node.text}, 0]"
             if isinstance(node, Mapping):
-                hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
+                hint = (
+                    f"write [{', '.join(hints.node_text(v) for _, v in node.entries)}]"
+                )
             self.faults.add("not-a-list", text, node, hint)
             return ()
         count, apart = len(node.items), " ".join(texts_of(node.items)).split()
@@ -566,7 +568,7 @@ class _SceneReader:
         named = self.named
         if name.text not in named and self.whole:
             hint = self.faults.did_you_mean(name.text, named)
-            hint = hint or f"the points are {listed(named)}"
+            hint = hint or f"the points are {quoted_list(named)}"
             if not named:
                 hint = f"give it a place: points: {{{name.text}: [0, 0]}}"
             text = f"there is no point `{name.text}`"
@@ -598,9 +600,9 @@ class _SceneReader:
         kinds = [kind for kind in SHAPES if kind in known]
         if len(kinds) > 1:
             second = max(map(known.place_of, kinds), key=lambda at: at[1:3])
-            faults.add("both-given", f"{what} is given as {listed(kinds)}", second)
+            faults.add("both-given", f"{what} is given as {quoted_list(kinds)}", second)
         elif not kinds and not known.unknown:
-            hint = f"the kinds of shapes are {listed(SHAPES)}"
+            hint = f"the kinds of shapes are {quoted_list(SHAPES)}"
             faults.add("missing-key", f"{what} has no kind", key, hint)
         if len(kinds) != 1:
             return None
@@ -608,7 +610,7 @@ class _SceneReader:
         what = f"the {kind} `{key.text}`"
         for other in known.found.keys() - {kind, *own.keys}:
             of = [k for k, other_kind in SHAPES.items() if other in other_kind.keys]
-            hint = f"`{other}` belongs to {listed(of)}" if of else ""
+            hint = f"`{other}` belongs to {quoted_list(of)}" if of else ""
             text = f"unknown key `{other}` in {what}"
             faults.add("unknown-key", text, known.place_of(other), hint)
         return self._made(what, key.text, kind, known)

@@ -12,9 +12,16 @@ from lagsim.errors import Place
 from lagsim.language import tables
 from lagsim.model.loading import STDIN, TEXT
 from lagsim.model.model import Table
-from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
+from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words_below
 from lagsim.model.reader.expressions import NameKind
-from lagsim.model.reader.fields import LISTED, TABLE, fields, items, kind_of, listed
+from lagsim.model.reader.fields import (
+    LISTED,
+    TABLE,
+    fields,
+    items,
+    kind_of,
+    quoted_list,
+)
 from lagsim.model.reader.sheets import read_sheet
 
 if TYPE_CHECKING:
@@ -155,7 +162,9 @@ class _TableReader:
             if math.isfinite(value):
                 return value
         x = self.x.over(self.x.faults, {})
-        for name in sorted(words(node).intersection(x.names.of(NameKind.PARAMETER))):
+        for name in sorted(
+            words_below(node).intersection(x.names.of(NameKind.PARAMETER))
+        ):
             text = f"points are numbers, and `{name}` is a parameter"
             hint = f"scale the table where it is called: {name}*{self.name}(...)"
             self._fault("not-constant", text, node, hint)
@@ -200,7 +209,9 @@ class _TableReader:
                 many, near = "two columns", ""
                 if name not in header:
                     many, near = "no column", self.x.faults.did_you_mean(name, header)
-                hint = near or f"its first line has {listed(header) or 'no columns'}"
+                hint = (
+                    near or f"its first line has {quoted_list(header) or 'no columns'}"
+                )
                 text = f"`{path}` has {many} `{name}`"
                 self._fault("table-file", text, below.at(key), hint)
         return self._read(sheet, columns, path) if self._is_sound() else None

@@ -71,7 +71,7 @@ _ANY = (
 
 def reduced(text: str) -> Unit | None:
     """Return a unit in SI base units with its scale; None for an unknown unit."""
-    unit = parsed(quantities.unit(text))
+    unit = parsed(quantities.unit_spelling(text))
     found: Unit | None = PURE if unit is not None else None
     for symbol, power in (unit or {}).items():
         plain, factors = quantities.in_si(symbol)

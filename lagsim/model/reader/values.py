@@ -538,7 +538,7 @@ class Initial(_Numbers):
         names, faults, name = self.x.names, self.x.faults, key.text
         moving, coordinates = names.moving(), names.of(NameKind.COORDINATE)
         near = re.sub(r"_?0$|\(0\)$", "", name)  # x0, x(0)
-        near = near if near in moving else hints.rate_of(name, moving)
+        near = near if near in moving else hints.rate_spelling(name, moving)
         near = near or hints.rate_within(name, moving)
         if not near and name in hints.SPEEDS and len(coordinates) == 1:
             near = rate_of(coordinates[0])

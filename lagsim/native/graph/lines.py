@@ -237,9 +237,9 @@ class _Vectors(Lines):
         square = self.mul(z, z)
         halves = []
         for part in (coefficients[::2], coefficients[1::2]):
-            value = spread(part[-1])
+            value = vector_literal(part[-1])
             for c in part[-2::-1]:
-                value = self.add(self.mul(value, square), spread(c))
+                value = self.add(self.mul(value, square), vector_literal(c))
             halves.append(value)
         return self.add(self.mul(halves[1], z), halves[0])
 
@@ -257,7 +257,7 @@ class _Vectors(Lines):
         return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")
 
 
-def spread(x: float) -> str:
+def vector_literal(x: float) -> str:
     """Return the literal of a vector of LANES equal numbers."""
     return "<" + ", ".join([f"double {number(x)}"] * LANES) + ">"
 
@@ -266,26 +266,26 @@ def spread(x: float) -> str:
 def sincos_function() -> str:
     """Return the IR of the function that returns sines and cosines of LANES angles."""
     b = _Vectors()
-    rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
-    n = b.sub(rounded, spread(ROUNDER))
+    rounded = b.add(b.mul("%x", vector_literal(2.0 / math.pi)), vector_literal(ROUNDER))
+    n = b.sub(rounded, vector_literal(ROUNDER))
     # r - rest is the reduced angle to twice the digits.
-    first = b.sub("%x", b.mul(n, spread(PARTS[0])))
-    second = b.mul(n, spread(PARTS[1]))
+    first = b.sub("%x", b.mul(n, vector_literal(PARTS[0])))
+    second = b.mul(n, vector_literal(PARTS[1]))
     less = b.sub(first, second)
     lost = b.sub(b.sub(first, less), second)
-    third = b.sub(b.mul(n, spread(PARTS[2])), lost)
+    third = b.sub(b.mul(n, vector_literal(PARTS[2])), lost)
     r = b.sub(less, third)
     rest = b.sub(third, b.sub(less, r))
     z = b.mul(r, r)
     # sin(r - rest) = r + (r z S - rest (1 - z/2))
-    half = b.mul(z, spread(0.5))
-    top = b.sub(spread(1.0), half)
+    half = b.mul(z, vector_literal(0.5))
+    top = b.sub(vector_literal(1.0), half)
     bend = b.mul(b.mul(r, z), b.polynomial(z, SINE))
     sine = b.add(r, b.sub(bend, b.mul(rest, top)))
     none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
     sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
     # cos(r - rest) = (1 - z/2) + (its rounding error + z^2 C + rest r)
-    left = b.sub(b.sub(spread(1.0), top), half)
+    left = b.sub(b.sub(vector_literal(1.0), top), half)
     bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
     cosine = b.add(top, b.add(left, b.add(bend, b.mul(rest, r))))
     quadrant = b.whole(rounded)
@@ -306,7 +306,8 @@ def sincos_function() -> str:
     return _TEXT.format(
         body="\n".join(b.lines[:usual]), sines=sines, cosines=cosines,
         far="\n".join(b.lines[usual:]), far_sines=far[0], far_cosines=far[1],
-        largest=spread(LARGEST), vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
+        largest=vector_literal(LARGEST), vector=VECTOR, both=BOTH, lanes=LANES,
+        name=SINCOS,
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lagsim.language.elements import Elements
 
 
-class Column(NamedTuple):
+class MemberColumn(NamedTuple):
     """Memory of a column of the table, in numbers from the results on.
 
     Attributes
@@ -48,9 +48,9 @@ class Column(NamedTuple):
     width: int
 
 
-def columns(of: Elements) -> dict[int, Column]:
+def columns(of: Elements) -> dict[int, MemberColumn]:
     """Return the memory of each column of the table; SHARED has a single position."""
-    found: dict[int, Column] = {}
+    found: dict[int, MemberColumn] = {}
     first = of.size
     each = 2 if of.bounds else 1
     for c in (SHARED, *range(of.table.shape[1])):
@@ -62,7 +62,7 @@ def columns(of: Elements) -> dict[int, Column]:
         lengths = [max(len(of.slots[k].places), len(of.slots[k].numbers)) for k in own]
         length = max(lengths, default=1)
         width = len(own) + each * len(added)
-        found[c] = Column(length, own, added, first, width)
+        found[c] = MemberColumn(length, own, added, first, width)
         first += length * width
     return found
 
@@ -77,7 +77,7 @@ def name_of(of: Elements) -> str:
     return f"elements.{of.digest}"
 
 
-class Members(Lines):
+class MembersFunction(Lines):
     """The function `(ptr %at, ptr %p)` of some elements.
 
     %at has the index in p of the results, then those of the arguments.
@@ -148,7 +148,7 @@ class Members(Lines):
         place = self.line(f"getelementptr i32, ptr {table}, i64 {k}")
         return self.line(f"load i32, ptr {place}")
 
-    def _row(self, column: Column, k: str) -> str:
+    def _row(self, column: MemberColumn, k: str) -> str:
         """Write code for the address of a row."""
         start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
         if column.length == 1:
@@ -169,7 +169,7 @@ class Members(Lines):
         self.lines.append(f"store double {new}, ptr {place}")
         return new
 
-    def _read(self, column: Column) -> None:
+    def _read(self, column: MemberColumn) -> None:
         """Write the loop that copies the values of the slots into rows."""
         sources = []
         for k in column.slots:
@@ -246,7 +246,7 @@ class Members(Lines):
                 operands = [values[a] for a in g.args[n]]
                 values[n] = self.operation(g.ops[n], exponent_of(g, n), operands)
 
-    def _add_up(self, column: Column) -> None:
+    def _add_up(self, column: MemberColumn) -> None:
         """Write the loop that adds the sums of the rows to the results."""
         of, each = self.of, 2 if self.of.bounds else 1
         added = [
@@ -270,6 +270,6 @@ class Members(Lines):
 
 def written(some: Sequence[Elements]) -> tuple[set[str], list[str]]:
     """Return declarations and lines of the functions of some elements."""
-    made = [Members(of) for of in some]
+    made = [MembersFunction(of) for of in some]
     declared = set().union(*(x.declared for x in made))
     return declared, [line for x in made for line in x.lines]

@@ -51,7 +51,7 @@ LONG = 6
 Place = tuple[str, int]
 
 
-def ordered(
+def evaluation_order(
     g: Graph, roots: Collection[int], places: Mapping[int, object]
 ) -> list[int]:
     """Return the nodes to evaluate for `roots`, in order; nodes in `places` are known.
@@ -126,7 +126,7 @@ class FunctionWriter(Lines):
             A function of more pieces is compiled without optimisation.
         """
         signature = self.signature + more
-        order = ordered(self.g, [node for node, _ in stores], places)
+        order = evaluation_order(self.g, [node for node, _ in stores], places)
         length, end = keys.PIECE, ") {"
         if len(order) > longest * length:
             length, end = -(-length // 2), ") noinline optnone {"
@@ -493,7 +493,9 @@ def generate(
     declared = set().union(*(x.declared for x in writers))
     lines = [line for x in writers for line in x.lines]
     if interpreted:
-        more, tape, size = tapes.beside(g, interpreted, layout._replace(size=size))
+        more, tape, size = tapes.tape_functions(
+            g, interpreted, layout._replace(size=size)
+        )
         declared |= more
         lines += tape
     return Code("\n".join([*sorted(declared), *lines, ""]), size)

@@ -31,7 +31,7 @@ from lagsim.native.graph.lines import (
     fixed_nodes,
     number,
 )  # fmt: skip
-from lagsim.native.graph.members import Members, name_of, words
+from lagsim.native.graph.members import MembersFunction, name_of, words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -108,7 +108,7 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
     return Code("\n".join(text), tapes.size)
 
 
-def beside(
+def tape_functions(
     g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
 ) -> tuple[set[str], list[str], int]:
     """Return declarations, lines and required length of p of functions in a module.
@@ -424,7 +424,7 @@ class Interpreter(Lines):
             return 3 * LANES
         if kind.op == ELEMENTS:
             of: Any = kind.data[0]
-            function = Members(of)
+            function = MembersFunction(of)
             self.declared |= function.declared
             self.others += function.lines
             self.lines.append(f"call void @{name_of(of)}(ptr {at}, ptr %p)")

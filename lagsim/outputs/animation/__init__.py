@@ -36,7 +36,13 @@ from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.plot_data import merged
-from lagsim.outputs.shapes import bodies, needed, reached, string_lengths, words
+from lagsim.outputs.shapes import (
+    bodies,
+    needed,
+    reached,
+    string_lengths,
+    values_per_row,
+)
 from lagsim.run.observers.thinning import Frames
 from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED
 
@@ -82,7 +88,7 @@ class Push(NamedTuple):
     force: Floats
 
 
-class Carried(NamedTuple):
+class ConstraintPoints(NamedTuple):
     """A constraint row, and the points on which its force acts.
 
     Attributes
@@ -201,7 +207,7 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     # Positions and rates; forces, at two points at most; time and energies.
     parts = sum(len(c) for c in scene.points.values())
     many = 2 * parts + 6 * len(equations.multipliers) + 2 + len(ENERGIES)
-    many += words(equations.model)
+    many += values_per_row(equations.model)
     most = min(MOST_FRAMES, ROOM // (4 * many), MOST_CELLS // len(names))
     return Frames(columns, names, most)
 
@@ -307,7 +313,7 @@ def _tracks(
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
     """Mark frames (frames,) after which interpolation by rates would overshoot."""
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
-    size = extent(tracks)
+    size = longest_side(tracks)
     found = np.zeros(len(t), dtype=bool)
     for track in tracks.values():
         moved = np.abs(track.rate) * steps > SWIFT * size
@@ -315,7 +321,7 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
     return found
 
 
-def extent(tracks: Mapping[str, Track]) -> float:
+def longest_side(tracks: Mapping[str, Track]) -> float:
     """Return the longest side of the bounding box of all points."""
     if not tracks:
         return 0.0
@@ -364,14 +370,14 @@ class Carriers:
         rows += [(x.name, x.multiplier, x.row.A.entries) for x in equations.laws]
         self.jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
-        self.carried: list[Carried] = []
+        self.carried: list[ConstraintPoints] = []
         found: dict[tuple[str, str], Floats] = {}
         for constraint, multiplier, A in rows:
             points, unique = self._carrier(A)
             if points:
                 self.struck.setdefault(constraint, points)
             if unique:
-                self.carried.append(Carried(constraint, multiplier, A, points))
+                self.carried.append(ConstraintPoints(constraint, multiplier, A, points))
             if unique and len(found) < MOST_PUSHES:
                 for point, force in self._shares(A, multiplier, points):
                     key = constraint, point
@@ -558,7 +564,9 @@ def _slopes(t: Floats, place: Floats) -> Floats:
     return rate
 
 
-def unseen(name: str, columns: Mapping[str, Floats], events: Sequence[Event]) -> Film:
+def film_of_energies(
+    name: str, columns: Mapping[str, Floats], events: Sequence[Event]
+) -> Film:
     """Return the film of a model that has nothing to draw: its energies and events.
 
     Parameters
@@ -599,7 +607,7 @@ MOST_EVENTS = 4000
 @np.errstate(all="ignore")  # a motion that diverges passes every number
 def record(film: Film) -> dict[str, Any]:
     """Return a film as JSON data for the script of the page."""
-    size = extent(film.tracks)
+    size = longest_side(film.tracks)
     names = list(film.tracks)
     places = [track.place for track in film.tracks.values()]
     drawn = places or film.shapes
@@ -756,7 +764,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
     )  # fmt: skip
 
 
-def part(name: str) -> str:
+def page_part(name: str) -> str:
     """Return the text of a file that pages consist of."""
     return (Path(__file__).parent / name).read_text("utf-8")
 
@@ -790,12 +798,12 @@ def filled(
         "POLICY": policy,
         "KIND": kind,
         "MORE": more,
-        "STYLE": "\n".join(map(part, styles)),
+        "STYLE": "\n".join(map(page_part, styles)),
         "DATA": data,
-        "SCRIPT": "\n".join(map(part, scripts)),
+        "SCRIPT": "\n".join(map(page_part, scripts)),
     }
     whole = re.sub(
-        r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], part("page.html")
+        r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], page_part("page.html")
     )
     return whole.encode(errors="replace")
 

@@ -8,7 +8,7 @@ import re
 import zlib
 from typing import Any
 
-from lagsim.outputs.animation import COMMON, filled, part
+from lagsim.outputs.animation import COMMON, filled, page_part
 from lagsim.outputs.manifest import encode
 
 # In this order: each script uses the ones before it.
@@ -27,7 +27,7 @@ def explorer(title: str) -> bytes:
         The name of the model.
     """
     return filled(
-        title, kind="explore", scripts=LIVE, more=part("explore.html"),
+        title, kind="explore", scripts=LIVE, more=page_part("explore.html"),
         styles=("page.css", "explore.css"), policy="base-uri 'none'",
     )  # fmt: skip
 
@@ -50,7 +50,7 @@ def holding(
         Data of the page's worker, the WebAssembly module of the run, and the equations.
     """
     text = encode(about).decode().replace("<", "\\u003c")
-    worker = "\n".join(['"use strict";', *map(part, WORKER)])
+    worker = "\n".join(['"use strict";', *map(page_part, WORKER)])
     data = "".join(
         f'<script type="{kind}" id="{name}">{given}</script>\n'
         for name, kind, given in (
@@ -65,7 +65,7 @@ def holding(
     def page(script: str) -> bytes:
         return filled(
             str(about["name"]), kind="explore", scripts=HELD, data=data,
-            more=part("explore.html"), styles=("page.css", "explore.css"),
+            more=page_part("explore.html"), styles=("page.css", "explore.css"),
             policy=f"default-src 'none'; script-src {script} 'wasm-unsafe-eval'; "
             "worker-src blob:; style-src 'unsafe-inline'; img-src data:; "
             "base-uri 'none'; form-action 'none'",

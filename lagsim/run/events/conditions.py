@@ -40,7 +40,7 @@ def located_within(arc: Arc) -> float:
     return truth.run("located_within", *truth.tolerances)
 
 
-def wait(arc: Arc) -> bool:
+def is_postponed(arc: Arc) -> bool:
     """Whether the event of the located condition is postponed to another condition's.
 
     See `truth.wait`.

@@ -105,7 +105,7 @@ def _newton_step(arc: Arc, level: str) -> Floats:
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
 
-def impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
+def inelastic_impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
     """Apply the inelastic impact of constraints whose rate jumps.
 
     The velocities are projected onto the constraints by the least change in the metric

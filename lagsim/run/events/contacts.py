@@ -26,7 +26,7 @@ from lagsim.run.events.conditions import count_closed
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, SwitchSequence
-from lagsim.run.events.sliders import at_edge, settle
+from lagsim.run.events.sliders import at_edge, select_sliding
 from lagsim.run.events.slips import begin_slips
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
 from lagsim.tolerances import (
@@ -346,7 +346,7 @@ class Contacts(Source):
     def _put(self, arc: Arc, chosen: Chosen) -> None:
         """Store selected modes in the parameters that the kernels read."""
         p = arc.system.p
-        own = p.law_place < 0.0  # the modes of sliders are set by `settle`
+        own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
         p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
         p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 
@@ -374,7 +374,7 @@ class Contacts(Source):
         The state, events and ending are stored in `found`.
         """
         arc, before = here.arc, found.y
-        settled = settle(arc, before)
+        settled = select_sliding(arc, before)
         found.y, found.events = settled.y, found.events + settled.events
         if settled.jumps:
             if found.rows is None:

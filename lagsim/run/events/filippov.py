@@ -166,7 +166,7 @@ class FilippovCone:
                 continue
             wrong = np.flatnonzero(trial.leads < 0.0).tolist()
             others = wrong or self._others(sides, trial)
-            exchanged = [exchange(sides, k, now[k]) for k in others]
+            exchanged = [on_other_side(sides, k, now[k]) for k in others]
             exchanged = [way for way in exchanged if way not in tried]
             if not wrong and not exchanged:
                 self.shares, self.modes = trial.w, trial.modes
@@ -188,7 +188,7 @@ class FilippovCone:
                 if self.leaves(w, k, trial.modes) is not None:
                     return [k]
                 continue
-            other = self._solved(exchange(sides, k))
+            other = self._solved(on_other_side(sides, k))
             here = bool(trial.leads[k] > 0.0)
             there = other is not None and bool(
                 other.leads[k] > 0.0 and np.all(other.leads >= 0.0)
@@ -223,7 +223,9 @@ class FilippovCone:
         low = w.astype(int)
         base = self.rates(tuple(low.tolist()))
         if len(between) > FEW:
-            effects = (self.rates(exchange(low.tolist(), j)) - base for j in between)
+            effects = (
+                self.rates(on_other_side(low.tolist(), j)) - base for j in between
+            )
             return sum((w[j] * x for j, x in zip(between, effects, strict=True)), base)
         rates = 0.0 * base
         for corner in product((BELOW, ABOVE), repeat=len(between)):
@@ -384,7 +386,7 @@ HOLDING = (Mode.HELD, Mode.REDUNDANT)
 WAYS = {Mode.HELD: SLIDING, Mode.REDUNDANT: REDUNDANT}
 
 
-def exchange(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
+def on_other_side(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
     """Return the sides with surface k on its other side; LEVEL is replaced by `now`."""
     other = now if sides[k] == LEVEL else 1 - sides[k]
     return (*sides[:k], other, *sides[k + 1 :])

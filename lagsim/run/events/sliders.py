@@ -80,7 +80,7 @@ def at_edge(arc: Arc) -> float:
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
-def settle(arc: Arc, y: Floats) -> Settled:
+def select_sliding(arc: Arc, y: Floats) -> Settled:
     """Select the sliding sliders at the state y, shape (size,), and their velocities.
 
     The modes are stored in the parameters of the kernels.

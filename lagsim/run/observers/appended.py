@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.run.observers.monitors import numbers
+from lagsim.run.observers.monitors import grid_numbers
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -44,7 +44,7 @@ class Appended(NamedTuple):
         Rows off the output times, such as the two rows of an impact, are nan.
         """
         s = self.settings
-        places = numbers(t, s.start, s.output_step)
+        places = grid_numbers(t, s.start, s.output_step)
         places = np.where(t == s.end, len(self.values) - 1, places)
         known = (places >= 0) & (places < len(self.values))
         found = self.values[np.where(known, places, 0)]

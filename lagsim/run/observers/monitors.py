@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 4096
 
 
-def numbers(t: Floats, start: float, step: float) -> Floats:
+def grid_numbers(t: Floats, start: float, step: float) -> Floats:
     """Return the index of each time (k,) in the grid of output times; -1 off the grid.
 
     Parameters
@@ -76,7 +76,7 @@ class Checkpoints:
             return
         rows = rows[:, self._places]
         self._extremes.add(rows)
-        places = numbers(rows[:, 0], *self._grid)
+        places = grid_numbers(rows[:, 0], *self._grid)
         kept = (places >= 0) & (places % self.stride == 0)
         self.states.update(zip(places[kept].tolist(), rows[kept], strict=True))
         while len(self.states) > MOST_ROWS:

@@ -20,7 +20,7 @@ from lagsim.notes import Caution
 from lagsim.run.error import Failed
 from lagsim.run.observers.monitors import gained
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.audit.balances import jumps, without_jumps
+from lagsim.studies.audit.balances import energy_jumps, without_jumps
 from lagsim.studies.audit.evidence import (
     UNEXPLAINED,
     energy_rounding,
@@ -105,7 +105,7 @@ def _drift(run: Evidence) -> str:
             continue
         rounded = energy_rounding(run, balance, BOTH)
         since = balance.since(max(least * balance.in_play, rounded))
-        if since is not None and not jumps(equations, balance).any():
+        if since is not None and not energy_jumps(equations, balance).any():
             of = f"{balance.label} is off by {balance.part:.2g} of the energy in play"
             return f"{of} from t = {since:.6g} on"
     return ""

@@ -212,7 +212,7 @@ SWITCHES = STEPS | {"if", *CUT}
 MOST_ON_A_WAY = 8
 
 
-def jumps(equations: Equations, balance: Balance) -> Floats:
+def energy_jumps(equations: Equations, balance: Balance) -> Floats:
     """Return the jumps of the energy between rows, shape (k,).
 
     The first entry is the jump between the worst row and the first row, and each other
@@ -232,7 +232,7 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
 
     None if the energy does not jump.
     """
-    jumped, kept = jumps(equations, balance)[1:], balance.kept
+    jumped, kept = energy_jumps(equations, balance)[1:], balance.kept
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None

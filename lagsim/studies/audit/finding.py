@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.studies.audit.balances import energy_error, jumps
+from lagsim.studies.audit.balances import energy_error, energy_jumps
 from lagsim.studies.audit.evidence import (
     FAR,
     UNEXPLAINED,
@@ -116,7 +116,7 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
     bound = min(FAR * explained, wrong)
     bound = max(bound, energy_rounding(run, balance), ENERGY_DRIFT * in_play)
     since = balance.since(bound)
-    if not drift > bound or since is None or jumps(run.equations, balance).any():
+    if not drift > bound or since is None or energy_jumps(run.equations, balance).any():
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"

@@ -121,7 +121,7 @@ class Own:
         return found._replace(rows=rows, reason="")
 
 
-def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
+def formulation_solvers(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
     """Return a solver for each formulation that a method supports.
 
     The second value has, for each other formulation, the reason why it is refused.

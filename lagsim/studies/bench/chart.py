@@ -31,11 +31,11 @@ from lagsim.outputs.figure import (
     Pen,
     Picture,
     PlottedColumn,
-    content,
     curve,
+    encoded_figure,
     in_house_style,
     legend,
-    mark,
+    marker_pen,
     point,
 )
 from lagsim.outputs.scale import Scale, log_scale, size_of
@@ -79,7 +79,7 @@ class ChartedCurves(NamedTuple):
     left_out: dict[Key, float]
 
 
-def shown(rows: Sequence[Row], worst: float) -> ChartedCurves:
+def curves_below(rows: Sequence[Row], worst: float) -> ChartedCurves:
     """Select curves from rows of work_precision.json with an error of at most `worst`.
 
     Curves are preferred in this order: settings that `auto` selects, curves on the
@@ -126,7 +126,7 @@ def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
 # An error above this is no answer; one below that is 0.
 WORST, LEAST = 3.0, 1e-18
 
-CHOSEN = mark("o", 8.0, fill="none")
+CHOSEN = marker_pen("o", 8.0, fill="none")
 FRONT: Pen = {"color": "#F0E442", "linewidth": 6.0}
 FLOOR: Pen = {"color": "#888888", "dashes": (3.0, 2.0), "linewidth": 0.8}
 
@@ -169,12 +169,12 @@ def look_of(method: str, formulation: str = "none") -> Look:
     """Return the style of a method, which is equal in all charts."""
     if method in SCIPY:
         line: Pen = {"color": GREY, "linewidth": 0.7}
-        return Look(line, mark(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
+        return Look(line, marker_pen(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
     turn, colour = divmod([*names(), *RETIRED].index(method), len(PENS))
-    return look(colour, turn, FORMULATIONS.get(formulation, 0))
+    return curve_style(colour, turn, FORMULATIONS.get(formulation, 0))
 
 
-def look(colour: int, turn: int = 0, kind: int = 0) -> Look:
+def curve_style(colour: int, turn: int = 0, kind: int = 0) -> Look:
     """Return the style for a colour, a round of colours and a kind of formulation.
 
     Parameters
@@ -188,17 +188,19 @@ def look(colour: int, turn: int = 0, kind: int = 0) -> Look:
         The index of the marker in its row.
     """
     pen = PENS[(colour + SHIFT * turn) % len(PENS)] | {"color": PENS[colour]["color"]}
-    return Look(pen, mark(MARKERS[turn][kind], 3.6, pen["color"]))
+    return Look(pen, marker_pen(MARKERS[turn][kind], 3.6, pen["color"]))
 
 
-def seen(errors: Iterable[float]) -> Array:
+def drawable_errors(errors: Iterable[float]) -> Array:
     """Return errors for a logarithmic axis, at least LEAST."""
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
 def error_scale(costs: Sequence[CostCurve], floor: float) -> Scale:
     """Return the logarithmic scale of all errors and of the resolution `floor`."""
-    known = np.concatenate([*(c.errors for c in costs), seen([floor]), [0.1]])
+    known = np.concatenate(
+        [*(c.errors for c in costs), drawable_errors([floor]), [0.1]]
+    )
     return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
 
 
@@ -236,13 +238,13 @@ def cost_panel(
 @in_house_style
 def work_precision(document: Document, form: str = "png") -> bytes:
     """Draw the content of work_precision.json; return a PNG, SVG or PDF."""
-    return content(figure(document), form)
+    return encoded_figure(figure(document), form)
 
 
 @in_house_style
 def figure(document: Document) -> Picture:
     """Return the figure of seconds and evaluations against the error."""
-    found = shown(document["rows"], WORST)
+    found = curves_below(document["rows"], WORST)
     named = [
         ("Pareto front", FRONT | {"linewidth": 4.0}),
         ("choice of `auto`", CHOSEN),
@@ -253,12 +255,15 @@ def figure(document: Document) -> Picture:
         legend=named, notes=_about_costs(document, found),
     )  # fmt: skip
     panels = drawing.subplots(2)
-    floor = float(seen([document["reference"]["floor"]])[0])
+    floor = float(drawable_errors([document["reference"]["floor"]])[0])
     across = error_scale(_costs(found, COSTS[0]), floor)
     for axes, of in zip(panels, COSTS, strict=True):
         rows = [r for own in found.curves.values() for r in own if r[f"front_{of}"]]
         points = sorted((r["error"], r[of]) for r in rows)
-        front = seen(x for x, _ in points), seen(y for _, y in points)
+        front = (
+            drawable_errors(x for x, _ in points),
+            drawable_errors(y for _, y in points),
+        )
         cost_panel(axes, across, _costs(found, of), of, floor=floor, front=front)
     panels[1].set_xlabel(ERROR)
     if beside := _costs(found, COSTS[0]):
@@ -275,8 +280,9 @@ def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
     keys = [*found.curves, *found.left_out]
     return [
         CostCurve(
-            _name(key, keys), look_of(*key), seen(row["error"] for row in rows),
-            seen(row[of] for row in rows), [row["chosen"] for row in rows],
+            _name(key, keys), look_of(*key),
+            drawable_errors(row["error"] for row in rows),
+            drawable_errors(row[of] for row in rows), [row["chosen"] for row in rows],
         )
         for key, rows in found.curves.items()
     ]  # fmt: skip
@@ -349,13 +355,13 @@ VERDICT_COLOURS = {
 FOUND: Pen = {"color": INK, "linewidth": 1.8}
 # Predicted borders: of which states, and how they are drawn.
 PREDICTED: dict[str, Entry] = {
-    "predicted_at_start": ("predicted: start", mark("D", 4.6, fill="white")),
-    "predicted_along": ("predicted: motion", mark("v", 5.0, fill="#0072B2")),
+    "predicted_at_start": ("predicted: start", marker_pen("D", 4.6, fill="white")),
+    "predicted_along": ("predicted: motion", marker_pen("v", 5.0, fill="#0072B2")),
 }
 PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
 PREDICTED_MAP: dict[str, Entry] = {"predicted": ("predicted", PREDICTED_LINE)}
-AT_START = mark("o", 3.6)
-ALONG = mark(".", 3.0, "#D55E00")
+AT_START = marker_pen("o", 3.6)
+ALONG = marker_pen(".", 3.0, "#D55E00")
 ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
 
 # The shown part of the plane of z, the factor by which it grows where there is room,
@@ -368,7 +374,7 @@ COVERED = 0.01
 
 
 @in_house_style
-def stability(document: Document, form: str = "png") -> bytes:
+def stability_figure(document: Document, form: str = "png") -> bytes:
     """Draw the content of stability.json; return a PNG, SVG or PDF."""
     vary, (fixed, adaptive) = document["vary"], document["methods"].values()
     regions = [region(document, name) for name in fixed]
@@ -392,7 +398,7 @@ def stability(document: Document, form: str = "png") -> bytes:
     for k, (_, draw) in enumerate(parts):
         draw(drawing.add_subfigure(places[k]))
     drawing.adjust.append(partial(_round, planes))
-    return content(drawing, form)
+    return encoded_figure(drawing, form)
 
 
 def _round(planes: Sequence[Axes]) -> None:
@@ -423,7 +429,7 @@ def _legend(document: Document, regions: Sequence[Region]) -> list[Entry]:
     shown = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
     if not regions:
         return shown
-    across, _ = spread(document["steps"])
+    across, _ = cell_borders(document["steps"])
     marks = {"found": ("border found", FOUND)}
     marks |= PREDICTED_MAP if document["vary"] else PREDICTED
     for key, entry in marks.items():
@@ -440,7 +446,7 @@ def _within(step: float | None, across: Scale) -> bool:
 
 def _strips(part: SubFigure, document: Document) -> None:
     """Draw a strip of verdicts over steps for each method."""
-    across, steps = spread(document["steps"])
+    across, steps = cell_borders(document["steps"])
     methods = document["methods"]["fixed"]
     panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
     for axes, method in zip(panels, methods, strict=True):
@@ -501,8 +507,8 @@ def _grid(
 def _maps(part: SubFigure, document: Document) -> None:
     """Draw a map over the parameter and the step for each method."""
     varied = _varied(document)
-    across, columns = spread(varied.values.tolist())
-    up, steps = spread(document["steps"])
+    across, columns = cell_borders(varied.values.tolist())
+    up, steps = cell_borders(document["steps"])
     methods = document["methods"]["fixed"]
     alike = {"sharex": True, "sharey": True}
     panels = _grid(part, len(methods), MAPS, STEPS.name + " (s)", **alike)
@@ -616,7 +622,7 @@ def _step_shown(document: Document, name: str) -> tuple[float, str]:
     return document["steps"][-1], "largest"
 
 
-def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
+def cell_borders(places: Sequence[float]) -> tuple[Scale, Floats]:
     """Return the scale of cells around `places`, and the borders of the cells.
 
     The scale is logarithmic if all places are positive, and extends half a cell past
@@ -630,7 +636,7 @@ def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
 def _work(part: SubFigure, document: Document) -> None:
     """Draw the work of methods with step control against the varied parameter."""
     varied = _varied(document)
-    across, _ = spread(varied.values.tolist())
+    across, _ = cell_borders(varied.values.tolist())
     asked: list[tuple[str, Callable[[Document], float | None]]] = [
         ("evaluations / s", lambda cell: _share(cell["evaluations"], cell)),
         # 0 has no place on logarithms.

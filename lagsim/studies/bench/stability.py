@@ -19,7 +19,12 @@ import numpy as np
 from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.linearisation import EigenMode, Linearisation, modes, spectrum
+from lagsim.mechanics.linearisation import (
+    EigenMode,
+    Linearisation,
+    eigenvalues_of,
+    modes,
+)
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
@@ -27,12 +32,12 @@ from lagsim.plan.plan import method_refusal, structure
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.attempts import cost
+from lagsim.studies.attempts import evaluation_cost
 from lagsim.studies.bench import asking
 from lagsim.studies.modes import Small
 from lagsim.studies.rest import NoRestError
 from lagsim.studies.step_bounds import predicted
-from lagsim.studies.trials import Compiled, Trial, refused, tried
+from lagsim.studies.trials import Compiled, Trial, refused_trial, tried
 from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
 
 if TYPE_CHECKING:
@@ -221,7 +226,7 @@ class Subject:
             case = case.asking(output_step=step, end=end, rtol=None, atol=None)
             most = 2 * (steps + math.ceil(self.arcs * steps * step)) + 1000
         session = self.compiled.session(case, replace(case.plan(), step=step))
-        self.costs[name] = cost(session.system, name)
+        self.costs[name] = evaluation_cost(session.system, name)
         trial = tried(session._replace(most_steps=most), interrupt=self.interrupt)
         with np.errstate(all="ignore"):
             found = self._verdict(trial)
@@ -367,7 +372,7 @@ class MapOptions(NamedTuple):
     map: tuple[int, int] = MAP
 
 
-def columns(name: str | None) -> list[str]:
+def csv_columns(name: str | None) -> list[str]:
     """Return the columns of stability.csv; `name` is the varied parameter or None."""
     varied = [] if name is None else [name]
     return ["method", "step", *varied, *MapCell._fields[:-1]]
@@ -531,7 +536,7 @@ class _Map:
                 try:
                     subject = self._at(value)
                 except LagsimError as error:
-                    subject = refused(error).reason
+                    subject = refused_trial(error).reason
             trial = partial(self._trial, subject, name)
             steps = self.steps if name in self.fixed else [None]
             strip = dict[Any, MapCell]()
@@ -555,7 +560,7 @@ class _Map:
                 name, step, 0 if step is None else self.length(name, step)
             )
         except InputError as error:
-            found = MapCell(FAILS, reason=refused(error).reason)
+            found = MapCell(FAILS, reason=refused_trial(error).reason)
         with self.interrupt.raised():
             return found
 
@@ -705,7 +710,7 @@ def _equilibrium(subject: Subject) -> Document:
     if rest is None and subject.linearisation is not None and kind.linear:
         at = subject.endless.start
         linear = subject.linearisation.at(at.t, at.q, at.v, at.s)
-        about = modes(linear, spectrum(linear.R))
+        about = modes(linear, eigenvalues_of(linear.R))
     return {
         "equilibrium": None if rest is None else _positions(rest),
         "equilibrium_is_start": rest is not None and _is_start(rest, subject),

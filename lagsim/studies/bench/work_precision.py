@@ -38,7 +38,7 @@ from lagsim.studies.bench import (
     Scipy,
     Solver,
     asking,
-    formulations,
+    formulation_solvers,
     index_one,
     least,
     machine,
@@ -548,7 +548,7 @@ def _curves(
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
     for name in filter(wish.wants, names()):
-        solvers, reasons = formulations(case, name)
+        solvers, reasons = formulation_solvers(case, name)
         refused += [
             {"method": name, "formulation": formulation, "reason": reason}
             for formulation, reason in reasons.items()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import Condition, Point, conditions
+from lagsim.admissibility.point import Condition, Point, implied_conditions
 from lagsim.admissibility.verdict import out_of_force, with_timed
 from lagsim.language.derivatives import slopes
 from lagsim.mechanics.algebra import (
@@ -72,11 +72,11 @@ class ConstrainedStart:
         off = out_of_force(case.equations, case.start.t)
         e = self.e = with_timed(case.equations, off)
         self._x = Point(e, case.start)
-        self._held = conditions(e.rows, velocities=False)
-        self._rates = conditions(e.rows, velocities=True)
+        self._held = implied_conditions(e.rows, velocities=False)
+        self._rates = implied_conditions(e.rows, velocities=True)
         sided = [x for x in e.laws if x.kind.one_sided and x.constraint not in off]
-        self._gaps = conditions((x.row for x in sided), velocities=False)
-        self._ways = conditions(
+        self._gaps = implied_conditions((x.row for x in sided), velocities=False)
+        self._ways = implied_conditions(
             (x.row for x in sided if not x.row.holonomic), velocities=True
         )
 

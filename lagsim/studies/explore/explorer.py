@@ -29,8 +29,8 @@ from lagsim.errors import (
 )
 from lagsim.model.model import Level
 from lagsim.model.reader import read_file
-from lagsim.outputs.animation import film, frames_of, record, stage, unseen
-from lagsim.outputs.letters import raised
+from lagsim.outputs.animation import film, film_of_energies, frames_of, record, stage
+from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.units import units
 from lagsim.run.interrupt import Interrupt
@@ -209,7 +209,7 @@ class Explorer:
             "name": self.model.name,
             "description": self.model.description,
             "sliders": [
-                x._replace(unit=raised(x.unit))._asdict() for x in self._sliders
+                x._replace(unit=raised_powers(x.unit))._asdict() for x in self._sliders
             ],
             "version": self.version,
             "fault": self.fault,
@@ -219,13 +219,13 @@ class Explorer:
         """Return the equations of motion as MathML."""
         from lagsim.mechanics.equations import derive
         from lagsim.show import has_many_rows
-        from lagsim.show.lagrange import content
+        from lagsim.show.lagrange import derived
         from lagsim.show.mathml import as_mathml
 
         # Of its own, for motions are computed meanwhile.
         model = pickle.loads(self._content)
         equations = derive(model, chained=has_many_rows(model))
-        return as_mathml(content(equations, matrices=False))
+        return as_mathml(derived(equations, matrices=False))
 
     def text(self, values: Values) -> str:
         """Return the text of the model file with other values, comments kept.
@@ -277,9 +277,11 @@ class Explorer:
             model = session.case.model
             header = {
                 "version": self.version,
-                "film": record(made or unseen(model.name, columns, ended.events)),
+                "film": record(
+                    made or film_of_energies(model.name, columns, ended.events)
+                ),
                 "columns": list(table),
-                "units": {name: raised(unit) for name, unit in about.items()},
+                "units": {name: raised_powers(unit) for name, unit in about.items()},
                 "state": self._state_names(session),
                 "ends": self.ends(session, columns),
                 "values": _values_of(session),

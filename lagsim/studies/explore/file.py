@@ -27,7 +27,7 @@ from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
 from lagsim.outputs import animation as pictures
 from lagsim.outputs.animation.pages import holding
-from lagsim.outputs.letters import raised
+from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
 from lagsim.outputs.units import units
 from lagsim.plan.plan import ANY
@@ -356,7 +356,7 @@ def _columns(session: Session, frames: Frames, about: Mapping[str, str]) -> Docu
     return {
         "wanted": list(frames.names),
         "table": len(session.columns.of_table),
-        "units": {name: raised(unit) for name, unit in about.items()},
+        "units": {name: raised_powers(unit) for name, unit in about.items()},
         "stateNames": ["t", *session.equations.state],
         "mostRows": MOST_ROWS,
     }
@@ -449,7 +449,7 @@ def _scene(session: Session, film: Film | None, frames: Frames) -> Document:
 
 
 def _push(
-    x: pictures.Carried,
+    x: pictures.ConstraintPoints,
     carriers: pictures.Carriers,
     zero: int,
     names: Sequence[str],

@@ -61,7 +61,7 @@ class RefusedError(Exception):
         self.status = status
 
 
-def refuse(status: HTTPStatus, *, unless: bool) -> None:
+def require(status: HTTPStatus, *, unless: bool) -> None:
     """Raise RefusedError unless a condition holds."""
     if not unless:
         raise RefusedError(status)
@@ -246,9 +246,9 @@ class Handler(BaseHTTPRequestHandler):
             secret, _, place = self.path.removeprefix("/").partition("/")
             expected = self.server.secret.encode()
             known = hmac.compare_digest(secret.encode("utf-8", "replace"), expected)
-            refuse(HTTPStatus.FORBIDDEN, unless=known)
+            require(HTTPStatus.FORBIDDEN, unless=known)
             route = routes.get(place.partition("?")[0])
-            refuse(HTTPStatus.NOT_FOUND, unless=route is not None)
+            require(HTTPStatus.NOT_FOUND, unless=route is not None)
             assert route is not None
             route()
         except RefusedError as refused:

@@ -15,14 +15,14 @@ from lagsim.outputs.figure import (
     INK,
     PENS,
     Picture,
-    content,
     curve,
+    encoded_figure,
     in_house_style,
     line,
-    mark,
+    marker_pen,
     stack_height,
 )
-from lagsim.outputs.letters import letters_of, raised
+from lagsim.outputs.letters import letters_of, raised_powers
 from lagsim.outputs.scale import name_axis, value_scale
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class _Drawn:
         self.t, self.model = fit.curve(found.x, number, CURVE)
         size = 2.6 if len(record.times) <= MANY else 1.6
         color = PENS[number % len(PENS)]["color"]
-        self.pen = mark("o", size, color)
+        self.pen = marker_pen("o", size, color)
 
 
 def chart(fit: Fit, found: Found, form: str = "png") -> bytes:
@@ -81,7 +81,7 @@ def chart(fit: Fit, found: Found, form: str = "png") -> bytes:
     for number in range(len(fit.records)):
         drawn.append(_Drawn(fit, found, number, begin))
         begin += drawn[-1].count
-    return content(_chart(fit, found, drawn), form)
+    return encoded_figure(_chart(fit, found, drawn), form)
 
 
 @in_house_style
@@ -109,7 +109,7 @@ def _chart(fit: Fit, found: Found, drawn: Sequence[_Drawn]) -> Picture:
             line(below, one.times, one.residuals[:, k], one.pen)
         _scaled(above, [x for one in drawn for x in (one.model[:, k], one.data[:, k])])
         _scaled(below, [one.residuals[:, k] for one in drawn], zero=True)
-        name_axis(above.yaxis, _named(match, letters), raised(match.unit))
+        name_axis(above.yaxis, _named(match, letters), raised_powers(match.unit))
         name_axis(below.yaxis, "residual")  # in the unit of the panel above
     times = np.concatenate([one.times for one in drawn])
     low, high = float(times.min()), float(times.max())

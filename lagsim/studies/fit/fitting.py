@@ -44,7 +44,7 @@ from lagsim.studies.fit.names import (
     start_within,
 )
 from lagsim.studies.fit.recordings import Recording, Setup, Task, Team
-from lagsim.studies.sensitivities import COMMON, RTOL, Sensitivities, scale_of
+from lagsim.studies.sensitivities import COMMON, RTOL, Sensitivities, difference_scale
 from lagsim.studies.trials import INADMISSIBLE, Trials, Variant
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ class Fit:
                 raise unusable("usage", text, hint=hint)
         else:
             value = free.value_of(one.name)
-            scale = scale_of(self.model, one.name, value)
+            scale = difference_scale(self.model, one.name, value)
         if not one.low < value < one.high:
             value = start_within(one.low, one.high, value)
         return one._replace(start=value, scale=scale)

@@ -14,7 +14,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.studies.fit.names import CLOCK
 from lagsim.studies.sensitivities import Derivative, Sensitivities
 from lagsim.studies.trials import UNUSABLE, Trial, Trials, Variant
-from lagsim.studies.workers import Died, cores, spread, standing
+from lagsim.studies.workers import Died, completed_pieces, cores, standing
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -194,7 +194,9 @@ class Team:
         if self._wanted and self.most > 1 and len(tasks) > 1:
             interrupt = interrupt or Interrupt()
             self._hired = self._hired or self._stack.enter_context(standing(self.most))
-            known |= spread(_differentiated, tasks, self.most, interrupt, self._hired)
+            known |= completed_pieces(
+                _differentiated, tasks, self.most, interrupt, self._hired
+            )
         began, found = time.process_time(), list[Derivative]()
         for k, task in enumerate(tasks):
             if interrupt is not None and interrupt.asked:

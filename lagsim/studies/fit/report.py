@@ -137,7 +137,7 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
     return {TABLE: table_of(header, rows)}
 
 
-def written(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
+def with_values(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
     """Return the text of the model file with the values of the fit; comments are kept.
 
     Of names that each data file has of its own, those of the first file are written.
@@ -159,16 +159,16 @@ def files_of(
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return the content of fit.json, and all files but it and the picture.
 
-    given : see `written`.
+    given : see `with_values`.
     """
-    text = written(fit, found, given).encode()
+    text = with_values(fit, found, given).encode()
     digests = {name_of(fit): hashlib.sha256(text).hexdigest()}
     document = document_of(fit, found) | {"digests": digests}
     return document, tables(fit, found) | {name_of(fit): text}
 
 
 def name_of(fit: Fit) -> str:
-    """Return the name of the file of `written`: the model's name, then -fitted.yaml."""
+    """Return the name of the model with its fitted values: NAME-fitted.yaml."""
     return f"{fit.given.name}-fitted.yaml"
 
 

@@ -17,14 +17,14 @@ from lagsim.outputs.figure import (
     Pen,
     Picture,
     PlottedColumn,
-    content,
+    encoded_figure,
     figure,
     in_house_style,
     map_figure,
-    mark,
+    marker_pen,
     stack_height,
 )
-from lagsim.outputs.letters import letters_of, raised
+from lagsim.outputs.letters import letters_of, raised_powers
 from lagsim.outputs.scale import is_level, value_scale
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ PARTS = {
     "rms": "rms about the mean",
     "peak_to_peak": "peak to peak",
 }
-FAILED: Pen = mark("x", 5.0, "#D55E00")
-AT_END: Pen = mark("o", 3.0, PENS[0]["color"])
-MANY_AT_END: Pen = mark(".", 3.0, PENS[0]["color"])
+FAILED: Pen = marker_pen("x", 5.0, "#D55E00")
+AT_END: Pen = marker_pen("o", 3.0, PENS[0]["color"])
+MANY_AT_END: Pen = marker_pen(".", 3.0, PENS[0]["color"])
 BAND: Pen = {"color": "#BFE3F5", "linewidth": 6.0, "solid_capstyle": "butt"}
 # More points than these are small.
 FEW = 60
@@ -73,14 +73,14 @@ def chart(found: SweepRows) -> bytes:
         "subject": f"{found.grid.runs} runs", "notes": _notes(found, len(names))
     }  # fmt: skip
     if len(found.grid.axes) == 1 or found.grid.together:
-        return content(_panels(found, names[:MOST], missing, **more))
+        return encoded_figure(_panels(found, names[:MOST], missing, **more))
     more["legend"] = [("not complete", BAND | {"color": NO_RESULT})] if missing else []
     parts = {"end": END} if found.work.ends else {"end": END, "max": HIGH}
     columns = {
         f"{name}.{part}": values_of(found, name)[:, k]
         for name, (part, k) in product(names[:MOST], parts.items())
     }
-    return content(_maps(found, columns, abreast=2, **more))
+    return encoded_figure(_maps(found, columns, abreast=2, **more))
 
 
 def sweep_figure(found: SweepRows, columns: Mapping[str, Array]) -> Figure:
@@ -108,7 +108,7 @@ def _along(found: SweepRows, axis: Axis) -> tuple[NDArray[np.int64], PlottedColu
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
     name += " at the start" if axis.starts else ""
-    return order, PlottedColumn(name, raised(axis.unit), values[order])
+    return order, PlottedColumn(name, raised_powers(axis.unit), values[order])
 
 
 def _column(found: SweepRows, name: str, values: Array) -> PlottedColumn:
@@ -118,7 +118,7 @@ def _column(found: SweepRows, name: str, values: Array) -> PlottedColumn:
         return PlottedColumn(name, "", values)
     written = letters_of(found.model).name(column)
     written += f", {PARTS[part]}" if part else ""
-    return PlottedColumn(written, raised(found.units.get(column, "")), values)
+    return PlottedColumn(written, raised_powers(found.units.get(column, "")), values)
 
 
 @in_house_style

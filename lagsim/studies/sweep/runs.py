@@ -48,8 +48,8 @@ from lagsim.run.session import Session, StartError, Stopwatch, wanted
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.audit.evidence import UNEXPLAINED
-from lagsim.studies.drawing import beside
-from lagsim.studies.trials import Forms, refused, structure
+from lagsim.studies.drawing import other_files
+from lagsim.studies.trials import Forms, refused_trial, structural_values
 from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ def refuse_many(runs: int) -> None:
         raise unusable("usage", text, hint="sweep them in parts")
 
 
-def parsed(model: Model, arguments: Iterable[str]) -> Grid:
+def parse_axes(model: Model, arguments: Iterable[str]) -> Grid:
     """Parse arguments `name=a:b:n` and `name=v1,v2,...` into a grid.
 
     Raises
@@ -415,7 +415,7 @@ class Runs:
         self._forms = Forms(work.model, dict(work.options), "sweep")
         first = self._forms.form(grid.texts(0))
         others = {
-            tuple(structure(first.model, grid.texts(k)).items()): None
+            tuple(structural_values(first.model, grid.texts(k)).items()): None
             for k in range(1, grid.runs if first.structure else 1)
         }
         forms = [first, *(self._forms.form(dict(texts)) for texts in others)]
@@ -474,7 +474,7 @@ class Runs:
         try:
             session = self._forms.session(grid.texts(number))
         except (InputError, StartError) as error:
-            found = refused(error)
+            found = refused_trial(error)
             return SweepRow(grid.values(number), found.outcome, reason=found.reason)
         own, work = session.columns.of_table, self.work
         extremes = _observer(session)
@@ -530,7 +530,7 @@ class Runs:
                 if found.fault is not None:
                     raise found.fault
                 writer.finish()
-            undrawn = results.fill(beside(found))
+            undrawn = results.fill(other_files(found))
             cautions = [*results.cautions, *found.cautions(), *undrawn]
             clock.lap("output")
             files = [*results.names, MANIFEST]

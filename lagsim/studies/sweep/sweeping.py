@@ -26,7 +26,7 @@ from lagsim.model.reader.sheets import read_sheet
 from lagsim.native.elementary import log
 from lagsim.outputs import Made, attempted
 from lagsim.outputs.manifest import head
-from lagsim.outputs.results import put
+from lagsim.outputs.results import write_atomically
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.sweep.runs import (
@@ -43,7 +43,7 @@ from lagsim.studies.sweep.runs import (
     runs_of,
 )
 from lagsim.studies.trials import DIED
-from lagsim.studies.workers import Died, Hired, processes, shared
+from lagsim.studies.workers import Died, Hired, in_batches, processes
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Journal:
         The old file is not modified, since it may have another hard link.
         """
         self.close()
-        put(self.path, content, held=True)
+        write_atomically(self.path, content, held=True)
         self._file = files.held(self.path, os.O_RDWR | os.O_APPEND)
 
     def _write(self, lines: Iterable[Any]) -> None:
@@ -170,7 +170,7 @@ def sweep(
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
     wanted |= hired is not processes
-    for results in shared(
+    for results in in_batches(
         own.made, found.missing, most, interrupt, wanted=wanted, hired=hired
     ):
         rows = [
@@ -226,7 +226,7 @@ def identity(found: SweepRows) -> dict[str, Any]:
     }
 
 
-def mark(found: SweepRows) -> str:
+def digest_of(found: SweepRows) -> str:
     """Return the sha256 of `identity`, in hexadecimal."""
     return hashlib.sha256(json.dumps(identity(found)).encode()).hexdigest()
 
@@ -243,7 +243,7 @@ def document(found: SweepRows) -> dict[str, Any]:
     seed = found.grid.seed
     return {
         **head(found.model),
-        "identity": mark(found),
+        "identity": digest_of(found),
         "options": identity(found)["options"],
         "grid": [
             {
@@ -268,7 +268,7 @@ def document(found: SweepRows) -> dict[str, Any]:
     }
 
 
-def drawn(found: SweepRows) -> bytes:
+def draw_chart(found: SweepRows) -> bytes:
     """Draw sweep.png."""
     from lagsim.studies.sweep.chart import chart
 
@@ -279,7 +279,7 @@ def made_of(found: SweepRows, *, plots: bool) -> Iterator[Made]:
     """Yield name and content of the files of a sweep other than sweep.json."""
     yield TABLE, table(found)
     if plots:
-        yield CHART, attempted(CHART, partial(drawn, found))
+        yield CHART, attempted(CHART, partial(draw_chart, found))
 
 
 # --- Points of a sweep that are no grid: rows of a table, and random samples

@@ -13,7 +13,7 @@ import lagsim
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.run.session import open_case
-from lagsim.studies.golden import measure
+from lagsim.studies.golden import new_golden
 
 JUMP = 1e-13
 # Methods with error control, and the steps of the others: each moves a free body, and
@@ -483,7 +483,7 @@ def test_a_golden_has_the_kicks_at_the_start():
         "initial: {x: 0.1, x_dot: 0.5}\n"
         "simulation: {duration: 2, output_step: 0.05}\n"
     )
-    golden, _ = measure(open_case(read(text, "kicks.yaml")))
+    golden, _ = new_golden(open_case(read(text, "kicks.yaml")))
     first = dict(zip(golden.columns, golden.rows[:2].T, strict=True))
     assert first["x_dot"].tolist() == [0.5, 2.0]
     assert first["t"].tolist() == [0.0, 0.0]

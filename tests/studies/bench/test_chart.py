@@ -15,10 +15,10 @@ from lagsim.studies.bench import SCIPY, stamp
 from lagsim.studies.bench.chart import (
     MOST,
     VERDICT_COLOURS,
+    curves_below,
     figure,
     look_of,
-    shown,
-    stability,
+    stability_figure,
     work_precision,
 )
 from lagsim.studies.bench.stability import VERDICTS, MapOptions, measure
@@ -115,7 +115,7 @@ def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
 
 def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
     rows = crowd()
-    found = shown(rows, 3.0)
+    found = curves_below(rows, 3.0)
     assert len(found.curves) == MOST
     everything = {(r["method"], r["formulation"]) for r in rows}
     assert {*found.curves, *found.left_out} == everything
@@ -138,7 +138,7 @@ def test_what_is_on_the_front_is_shown():
     loose = row("euler", "none", 0.5, 0.1)
     rows.append(loose | {"front_seconds": True, "front_evaluations": True})
     assert len({r["method"] for r in rows}) > MOST
-    assert ("euler", "none") in shown(rows, 3.0).curves
+    assert ("euler", "none") in curves_below(rows, 3.0).curves
     for panel in drawn(work_precision, document(rows)).panels:
         (front,) = [line for line in panel.lines if line.colour == "#f0e442"]
         assert len(front.x) == 12
@@ -150,7 +150,7 @@ def test_how_much_dearer_is_that_of_equal_errors():
     times = {method: 2.0 + k for k, method in enumerate(names()) if method != "dop853"}
     for method, dearer in times.items():
         rows += curve(method, "none", dearer)
-    found = shown(rows, 3.0)
+    found = curves_below(rows, 3.0)
     assert [method for method, _ in found.curves] == list(names()[:MOST])
     assert found.left_out == {
         (method, "none"): pytest.approx(times[method]) for method in names()[MOST:]
@@ -179,7 +179,7 @@ def test_names_stand_beside_a_sample_of_their_curve():
         text.get_text(): (line.get_marker(), line.get_color())
         for text, line in zip(legend.texts, legend.legend_handles, strict=True)
     }
-    found = shown(crowd(), 3.0).curves
+    found = curves_below(crowd(), 3.0).curves
     assert len(beside) == len(found)
     for key in found:
         look = look_of(*key)
@@ -270,12 +270,12 @@ def everything(strips):
 
 @pytest.mark.slow
 def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
-    drawing = drawn(stability, strips)
+    drawing = drawn(stability_figure, strips)
     assert_legible(drawing)
     assert re.search(r"Found with lagsim .* numpy ", " ".join(drawing.written()))
     for form, begins in (("pdf", b"%PDF"), ("svg", b"<?xml")):
-        assert stability(strips, form).startswith(begins)
-    drawing = drawn(stability, everything(strips))
+        assert stability_figure(strips, form).startswith(begins)
+    drawing = drawn(stability_figure, everything(strips))
     assert_legible(drawing)
     assert set(VERDICTS) <= set(drawing.written())
     # Each row of regions says what is up.
@@ -287,7 +287,7 @@ def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
 
 @pytest.mark.slow
 def test_every_text_of_maps_does_and_axes_have_their_units(maps):
-    drawing = drawn(stability, maps)
+    drawing = drawn(stability_figure, maps)
     assert_legible(drawing)
     labels = {label for panel in drawing.panels for label in panel.labels[:2]}
     assert {"k (N/m)", "step h (s)", "evaluations / s"} <= labels
@@ -321,13 +321,13 @@ LEGENDS = [
 @pytest.mark.parametrize(("border", "expected"), LEGENDS)
 def test_the_legend_names_what_is_drawn(strips, border, expected):
     borders = {name: own | border for name, own in strips["borders"].items()}
-    said = drawn(stability, strips | {"borders": borders}).written()
+    said = drawn(stability_figure, strips | {"borders": borders}).written()
     marks = ("border found", "predicted", "h·λ")
     assert {text for text in said if text.startswith(marks)} == expected
 
 
 def test_few_panels_fill_the_sheet(strips):
-    drawing = drawn(stability, strips)
+    drawing = drawn(stability_figure, strips)
     assert "step h (s)" in [panel.labels[0] for panel in drawing.panels]
     steps = [text for text in drawing.written() if text.startswith("h = ")]
     assert [" s (" in text for text in steps] == [True, True]

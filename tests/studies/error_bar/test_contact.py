@@ -7,7 +7,7 @@ import pytest
 
 import lagsim
 from lagsim.cli.run import _error
-from lagsim.run.observers.monitors import numbers
+from lagsim.run.observers.monitors import grid_numbers
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
 from tests.small_scenes import bounced
@@ -71,7 +71,7 @@ def test_impacts_that_part_exponentially_have_a_horizon():
     ]
     rows = []
     for run in runs:
-        places = numbers(run.t, 0.0, 0.05)
+        places = grid_numbers(run.t, 0.0, 0.05)
         rows.append(dict(zip(places.tolist(), run["x"].tolist(), strict=True)))
     apart = [k for k in rows[0] if k >= 0 and abs(rows[0][k] - rows[1][k]) > 0.2]
     parted = 0.05 * min(apart)

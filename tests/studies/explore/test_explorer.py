@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.cli._faults import text_of
+from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
 from lagsim.studies.explore.explorer import MOST_ROWS, Explorer, SupersededError
 from tests.support import MODELS
@@ -34,7 +34,7 @@ def file(tmp_path):
 
 
 def explorer_of(path, vary=(), **overrides):
-    return Explorer(str(path), overrides, dict(vary), text_of)
+    return Explorer(str(path), overrides, dict(vary), error_text)
 
 
 def unpacked(content):

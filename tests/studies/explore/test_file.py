@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.cli._faults import text_of
+from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
 from lagsim.studies.explore.explorer import Explorer
 from lagsim.studies.explore.file import page_in_a_file
@@ -35,7 +35,7 @@ OTHERS = sorted({x.stem for x in MODELS.glob("*.yaml")} - {*HELD})
 
 
 def explorer_of(path, vary=(), **overrides):
-    return Explorer(str(path), overrides, dict(vary), text_of)
+    return Explorer(str(path), overrides, dict(vary), error_text)
 
 
 @pytest.fixture(scope="module")
@@ -293,7 +293,7 @@ def test_what_is_refused_leaves_the_state_and_has_the_code_of_the_command(
         texts = {name: str(x) for name, x in values.items()}
         with pytest.raises(LagsimError) as refused:
             explorer.motion(texts, "page")
-        expected = re.findall(r"\[(E\d+)\]", text_of(refused.value))
+        expected = re.findall(r"\[(E\d+)\]", error_text(refused.value))
         with pytest.raises(RefusedError):
             tab.run(f"lagsim.set({json.dumps(values)})")
         assert re.findall(r"\[(E\d+)\]", tab.error)[:1] == expected[:1], values
@@ -339,7 +339,7 @@ def test_a_start_far_from_the_origin_is_judged_by_the_lengths_of_its_constraints
         # The bound is that of the command, not one that grows with the distance.
         bound = r"bound [-.e\d]+, [^)]*"
         assert re.findall(bound, answer["error"]) == re.findall(
-            bound, text_of(refused.value)
+            bound, error_text(refused.value)
         )
 
 

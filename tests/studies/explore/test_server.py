@@ -10,7 +10,7 @@ import tracemalloc
 
 import pytest
 
-from lagsim.cli._faults import text_of
+from lagsim.cli._faults import error_text
 from lagsim.outputs.animation.pages import explorer, policy
 from lagsim.studies.explore import server as serving
 from lagsim.studies.explore.explorer import Explorer
@@ -30,7 +30,7 @@ def file(tmp_path_factory):
 
 @pytest.fixture
 def server(file):
-    made = Server(Explorer(str(file), {}, {}, text_of))
+    made = Server(Explorer(str(file), {}, {}, error_text))
     answering = threading.Thread(target=made.serve)
     answering.start()
     yield made
@@ -360,7 +360,7 @@ def test_saved_files_are_told_to_pages_that_listen(server, file):
 def test_it_ends_some_time_after_the_last_page_has_been_closed(file, monkeypatch):
     monkeypatch.setattr(serving, "LINGER", 0.5)
     monkeypatch.setattr(serving, "SIGN", 0.05)
-    server = Server(Explorer(str(file), {}, {}, text_of))
+    server = Server(Explorer(str(file), {}, {}, error_text))
     answering = threading.Thread(target=server.serve)
     answering.start()
     time.sleep(0.8)  # before a page has been opened it waits

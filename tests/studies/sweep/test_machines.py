@@ -4,7 +4,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.runs import SweepRows, parsed
+from lagsim.studies.sweep.runs import SweepRows, parse_axes
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
@@ -25,7 +25,7 @@ def cluster():
 
 def found():
     model = read(PENDULUM, "<model>")
-    grid = parsed(model, ["g=1:10:9"])
+    grid = parse_axes(model, ["g=1:10:9"])
     return SweepRows.of(model, grid, {}, ErrorBars.NEVER)
 
 

@@ -13,7 +13,7 @@ from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
-from lagsim.studies.sweep.runs import Runs, SweepRows, grid_of, parsed
+from lagsim.studies.sweep.runs import Runs, SweepRows, grid_of, parse_axes
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM, orbit, power
@@ -35,7 +35,7 @@ def model():
 
 
 def test_all_combinations_the_first_name_slowest(model):
-    grid = parsed(model, ["g=1,2", "theta=0:1:3", "l=5,6"])
+    grid = parse_axes(model, ["g=1,2", "theta=0:1:3", "l=5,6"])
     expected = list(itertools.product([1, 2], [0, 0.5, 1], [5, 6]))
     assert grid.runs == 12
     assert [grid.values(k) for k in range(12)] == expected
@@ -58,7 +58,9 @@ AXES = [
 
 @pytest.mark.parametrize(("given", "values", "unit", "starts"), AXES, ids=str)
 def test_an_axis(model, given, values, unit, starts):
-    grid = grid_of(model, given) if isinstance(given, dict) else parsed(model, [given])
+    grid = (
+        grid_of(model, given) if isinstance(given, dict) else parse_axes(model, [given])
+    )
     [axis] = grid.axes
     assert (axis.values, axis.unit, axis.starts) == (values, unit, starts)
     # Their texts are what was given, or numbers to the bit.
@@ -173,7 +175,7 @@ LONG = PENDULUM.replace("theta", "a" * 40).replace("g:", "b: 1, g:", 1)
 def found(text, *arguments, ends=False):
     model = read(text, "<model>")
     result = SweepRows.of(
-        model, parsed(model, arguments), {}, ErrorBars.NEVER, ends=ends
+        model, parse_axes(model, arguments), {}, ErrorBars.NEVER, ends=ends
     )
     sweep(result, 1, wanted=False)
     return result
@@ -256,7 +258,7 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
     """Each takes megabytes, and commands collect no garbage unasked."""
     model = read(PENDULUM, "m.yaml", {}, {"duration": "0.1"})
     names = [f"{p.name}=1:2:6" for p in model.parameters[:1]]
-    grid, options = parsed(model, names), {"duration": "0.1"}
+    grid, options = parse_axes(model, names), {"duration": "0.1"}
     bars = ErrorBars.NEVER
     runs = Runs(
         SweepRows.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
