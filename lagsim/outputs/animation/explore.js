@@ -518,6 +518,11 @@ window.lagsim = {
   // Values by name, numbers or expressions, beside the others.
   set: (values) => inTurn(async () => {
     const texts = Object.entries(values).map(([name, x]) => [name, typeof x === "number" ? String(x) : x]);
+    const odd = texts.find(([, x]) => typeof x !== "string");
+    if (odd) {
+      said(`the value of \`${odd[0]}\` is no number and no expression`);
+      throw new Error(document.body.dataset.error);
+    }
     await tried({...settings, ...Object.fromEntries(texts)});
     await settle();
   }),

@@ -90,7 +90,10 @@ def test_what_is_refused_leaves_the_state_and_does_not_stick(tab):
         tab.open(address)
         tab.run("lagsim.advance(1)")
         before = tab.state
-        for values in ("{nothing: 1}", "{K: '1/0'}", "{K: NaN}", "{K: 'alert(1)'}"):
+        for values in (
+            "{nothing: 1}", "{K: '1/0'}", "{K: NaN}", "{K: 'alert(1)'}", "{K: null}",
+            "{K: ''}", "{K: {}}", "{K: 1e308}", "{K: '1,5'}",
+        ):  # fmt: skip
             with pytest.raises(RefusedError):
                 tab.run(f"lagsim.set({values})")
             assert tab.error
@@ -294,3 +297,37 @@ def test_a_page_on_a_phone_fits_and_keeps_the_motion_in_sight(tab):
         )
         assert -1 <= top <= 60
         tab.size(1280, 900)
+
+
+def test_the_keyboard_suffices(tab):
+    def press(name, code):
+        for kind in ("rawKeyDown", "keyUp"):
+            tab.send(
+                "Input.dispatchKeyEvent", type=kind, key=name, code=name,
+                windowsVirtualKeyCode=code,
+            )  # fmt: skip
+
+    with served(MODELS / "elastic-pendulum.yaml") as (_, address):
+        tab.size(1280, 900)
+        tab.open(address)
+        reached, outlined = [], True
+        for _ in range(40):
+            press("Tab", 9)
+            name, style = tab.run("""(() => {
+              const one = document.activeElement;
+              return [`${one.type || one.tagName} ${one.name || one.id}`,
+                getComputedStyle(one).outlineStyle];
+            })()""")
+            reached.append(name)
+            outlined &= name.startswith("BODY") or style != "none"
+        assert {
+            "range K", "text K", "range theta", "button reset", "button file",
+            "select-one column", "SUMMARY ", "button play",
+        } <= set(reached)  # fmt: skip
+        assert outlined
+        tab.run("document.querySelector('input[type=range][name=K]').focus(), 1")
+        press("ArrowRight", 39)
+        tab.wait("location.hash.includes('K=')")
+        # The arrow moved the slider, and not the time.
+        assert tab.state["t"] == 0.0
+        assert not tab.error
