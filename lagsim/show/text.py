@@ -215,8 +215,9 @@ class Outline:
             once = "once, " * event["once"]
             self._say(f"{self._plain(name)} acts {once}{when}")
             self._rows([(self.show(mode), e) for mode, e in event["set"].items()])
-            given = event.get("impulse", {}).items()
-            self._rows([(f"impulse on {self.show(on)}", e) for on, e in given])
+            if given := event.get("impulse"):
+                self._say("with the impulses, along each name")
+                self._rows([(self.show(on), e) for on, e in given.items()])
 
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")

@@ -254,6 +254,14 @@ def test_modes_keep_their_names_where_parameters_are_numbers():
     assert "  turn acts once, at x <= 0\n  u = 3 + u\n" in as_text(c)
 
 
+def test_impulses_of_events_are_printed_by_their_directions():
+    text = scene("x: 1", "x^2", parameters="J: 3")
+    c = small(f"{text}events: {{kick: {{every: 2, impulse: {{x: J*x}}}}}}\n")
+    assert as_json(c)["events"]["kick"]["impulse"] == {"x": "J*x"}
+    words = "  kick acts every 2\n  with the impulses, along each name\n  x = J x\n"
+    assert words in as_text(c)
+
+
 INSIDE = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
 LONG = """\
 name: long
