@@ -19,9 +19,9 @@ D need not be symmetric. Rows may be linearly dependent: then p is not unique, b
 The following attempts are made in turn; the first that solves the problem to rounding
 counts, else the best one.
 
-1. Newton's method on F(p) = p - P(p - w), with P the projection onto the bounds, from
-   0. F is piecewise smooth; where the method converges, the rows that hold are solved
-   as equations. The result is discarded where these rows are dependent: it would
+1. Newton's method on F(p) = p - P(p - w), with P the projection onto the bounds. F is
+   piecewise smooth; where the method converges, the rows that hold are solved as
+   equations. The result is discarded where these rows are dependent: it would
    distribute the multipliers over all of them where a few rows suffice.
 2. Lemke's method. With directions d_i that span a row (1 and -1; for two slips a
    polygon in place of the disc), p = sum of a_i d_i, a >= 0, and l, the size of the
@@ -177,25 +177,44 @@ def solve(problem: ComplementarityProblem) -> Solution:
     FloatingPointError
         Where c or D is not finite.
     """
-    r = len(problem.c)
     if not (np.isfinite(problem.c).all() and np.isfinite(problem.D).all()):
         raise FloatingPointError("forces that are not finite")
     parts = coupled_groups(problem)
-    if len(parts) <= 1:
-        return _solved(problem)
-    p, w, found = np.zeros(r), np.zeros(r), True
+    p, w = np.zeros((2, len(problem.c)))
+    own, found = problem.D.diagonal(), True
+    alone = [rows[0] for rows in parts if len(rows) == 1 and own[rows[0]] >= 0.0]
+    if alone:
+        p[alone], w[alone] = _solved_alone(problem, alone)
     for rows in parts:
-        p[rows], w[rows], own = _solved(problem.part(rows))
-        found = found and own
+        if len(rows) > 1 or own[rows[0]] < 0.0:
+            part = problem if len(parts) == 1 else problem.part(rows)
+            p[rows], w[rows], solved = _solved(part)
+            found = found and solved
     return Solution(p, w, found)
+
+
+def _solved_alone(
+    problem: ComplementarityProblem, rows: list[int]
+) -> tuple[Floats, Floats]:
+    """Return p (k,) and w (k,) of k rows that no other row is coupled with.
+
+    Their diagonal elements of D are not negative.
+    """
+    own, c = problem.D.diagonal()[rows], problem.c[rows]
+    moves = own > 0.0
+    z = np.where(moves, -c / np.where(moves, own, 1.0), 0.0)
+    p = np.clip(z, problem.low[0, rows], problem.high[0, rows])
+    p = np.where(moves, p, 0.0)
+    return p, np.where(moves & (p == z), 0.0, own * p + c)
 
 
 def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
     """Return the groups of rows that are coupled by entries of D, bounds or discs."""
     if problem.D.all():
-        return [list(range(len(problem.c)))]
+        return [list(range(len(problem.c)))] if len(problem.c) else []
     sets = DisjointSets(len(problem.c))
-    for i, j in np.argwhere(problem.D).tolist():
+    coupled = (problem.D != 0.0) | (problem.D.T != 0.0)
+    for i, j in np.argwhere(np.triu(coupled, 1)).tolist():
         sets.merge(i, j)
     for others in (problem.normals, problem.pairs):
         for k, j in enumerate(others.tolist()):
@@ -252,7 +271,7 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     """Yield candidate solutions of a scaled problem, see the module docstring."""
     r, discs = len(unit.c), bool(unit.discs)
     if not discs or np.linalg.matrix_rank(unit.D, DEPENDENT_DIRECTIONS) == r:
-        point = _descend(unit, np.zeros(r))
+        point = _descend(unit, _start(unit))
         if _regular(point.slopes(), np.ones(r)) is not None:
             yield point
     if discs:
@@ -323,6 +342,18 @@ def _proximal(
         if found.residual() <= RESIDUAL_ROUNDOFF:
             break
     return found
+
+
+def _start(unit: ComplementarityProblem) -> Floats:
+    """Return the multipliers (r,) from which Newton's method starts.
+
+    Where no bound depends on another multiplier: the ones with which all rows hold,
+    within the bounds. From 0, the method reaches the rows of a stack one by one.
+    """
+    held = _regular(unit.D, -unit.c) if unit.own.all() and not unit.discs else None
+    if held is None:
+        return np.zeros(len(unit.c))
+    return np.clip(held, unit.low[0], unit.high[0])
 
 
 # --- Newton's method ------------------------------------------------------------------

@@ -821,39 +821,66 @@ class _ContactRows:
         keeps its part of its bound. Both are 0 without ties or `ahead`.
         """
         r = len(p)
+        x, w = np.zeros((2, r))
         if self.ahead is None or not tied:
-            return np.zeros(r), np.zeros(r)
-        span = _Independent(self.closed.columns @ turn)
+            return x, w
+        span = _Independent(self.closed.columns, turn)
         edges = [i for i, k in self.problem.discs if k in tied and pressed[k]]
-        free = [k for k in (*held, *edges) if span.takes(k)]
-        unit, S = np.eye(r), np.eye(r)  # p' = S turn x
-        for k, n in enumerate(self.closed.normals):
+        # Rows that are not coupled with tied ones decide nothing.
+        some = sorted(
+            k for rows in self.groups if not rows.isdisjoint(tied) for k in rows
+        )
+        place = {k: i for i, k in enumerate(some)}
+        free = [place[k] for k in (*held, *edges) if k in place and span.takes(k)]
+        unit, S = np.eye(len(some)), np.eye(len(some))  # p' = S turn x
+        for k in some:
+            n = self.closed.normals[k]
             if n >= 0 and p[n] > 0.0:
-                S[k, n] = p[k] / p[n]
-        ways = [unit[k] for k in tied if k in self.one_sided]
+                S[place[k], place[n]] = p[k] / p[n]
+        ways = [unit[place[k]] for k in tied if k in self.one_sided]
         inside = [k for k in tied if pressed[k] and k not in edges]
-        ways += [-(p @ turn[:, k]) * unit[k] for k in inside]
-        D, (change, noise) = turn.T @ self.closed.D @ S @ turn, self.ahead(p)
-        c, rounding = turn.T @ change, np.abs(turn.T) @ noise
-        return rates_at(D, c, rounding, free, np.array(ways).reshape(-1, r))
+        ways += [-(p @ turn[:, k]) * unit[place[k]] for k in inside]
+        both = np.ix_(some, some)
+        own = turn[both]
+        D, (change, noise) = own.T @ self.closed.D[both] @ S @ own, self.ahead(p)
+        c, rounding = own.T @ change[some], np.abs(own.T) @ noise[some]
+        x[some], w[some] = rates_at(
+            D, c, rounding, free, np.array(ways).reshape(-1, len(some))
+        )
+        return x, w
+
+    @cached_property
+    def groups(self) -> list[set[int]]:
+        """Groups of rows that are coupled by D, bounds or discs."""
+        return [set(rows) for rows in coupled_groups(self.problem)]
 
 
 class _Independent(Span):
-    """Span of selected columns of Y (k, r), which are scaled to length 1.
+    """Span of selected columns of Y turn (k, r), which are scaled to length 1.
 
     Parameters
     ----------
     Y : ndarray, shape (k, r)
+    turn : ndarray, shape (r, r), optional
+        A rotation of the columns.
     """
 
-    def __init__(self, Y: Floats) -> None:
+    def __init__(self, Y: Floats, turn: Floats | None = None) -> None:
         super().__init__(len(Y))
+        if turn is not None and not np.array_equal(turn, np.eye(len(turn))):
+            Y = Y @ turn
         lengths = np.linalg.norm(Y, axis=0)
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
+        # A column whose elements no other column has is independent of all others.
+        shared = np.count_nonzero(Y, axis=1) > 1
+        self.alone = (lengths > 0.0) & ~(self.units != 0.0)[:, shared].any(axis=1)
 
     def takes(self, row: int) -> bool:
-        """Whether column `row` of Y is independent of the span; if so, it is added."""
-        return self.extend(self.units[row], DEPENDENT_ROWS)
+        """Whether column `row` of Y is independent of the span; if so, it is added.
+
+        A column that is independent of all others need not be in the basis.
+        """
+        return bool(self.alone[row]) or self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
         """Whether column `row` of Y is independent of the span, which is unchanged."""
@@ -1040,12 +1067,7 @@ def _expressed(
 
 
 def _decided(rows: _ContactRows, modes: list[Mode], directions: Floats) -> RowModes:
-    """Solve for the multipliers of the held rows, and return all modes.
-
-    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
-    Y_H = Q R, so that nearly dependent rows lose no more digits than their condition
-    number requires.
-    """
+    """Solve for the multipliers of the held rows, and return all modes."""
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
     # Returned directions are parts of the bounds in force, not of the problem's.
     redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
@@ -1056,25 +1078,62 @@ def _decided(rows: _ContactRows, modes: list[Mode], directions: Floats) -> RowMo
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     if not held:
         return RowModes(tuple(modes), directions * parts, p0, paradox=False)
-    D, Y = closed.D[held], closed.factor
-    B, h = (D @ E)[:, held], c[held] + D @ p0
-    Q, R = np.linalg.qr(Y[:, held])
-    forces = Q.T @ (closed.columns @ E)[:, held]
-    x = np.zeros(len(held))
-    for _ in range(2):
-        right = np.linalg.solve(R.T, B @ x + h)
-        x -= least_squares(forces, right, DEPENDENT_SQUARE)
-    p = E[:, held] @ x + p0
+    slides = Mode.SLIDING in modes
+    h, own = c + closed.D @ p0, closed.D.diagonal()
+    p, jams = p0.copy(), slides and _jams(rows, E, held)
+    for group in rows.groups:
+        some = sorted(group.intersection(held))
+        if len(group) == 1 and some:
+            p[some] = -h[some] / own[some]
+        elif some:
+            x, ratio = _solved_together(rows, E, h, some)
+            p += E[:, some] @ x
+            jams |= slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
     for k in rows.one_sided:
         if least < p[k] < 0.0:
             p[k] = 0.0
-    slides = Mode.SLIDING in modes
-    jams = slides and _jams(rows, E, held, R, forces)
     is_open = (
         slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
     )
     return RowModes(tuple(modes), directions * parts, p, jams, is_open)
+
+
+def _solved_together(
+    rows: _ContactRows, E: Floats, h: Floats, some: list[int]
+) -> tuple[Floats, float]:
+    """Solve for the multipliers (k,) of k held rows that are coupled.
+
+    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
+    Y_H = Q R, so that nearly dependent rows lose no more digits than their condition
+    number requires.
+
+    Parameters
+    ----------
+    rows : _ContactRows
+    E : ndarray, shape (r, r)
+        As returned by `_expressed`.
+    h : ndarray, shape (r,)
+        Accelerations of all rows with the multipliers p0.
+    some : list of int, length k
+        Indices of the held rows.
+
+    Returns
+    -------
+    x : ndarray, shape (k,)
+    ratio : float
+        The determinant of B relative to that without friction, det(R)^2.
+    """
+    closed = rows.closed
+    Q, R = np.linalg.qr(closed.factor[:, some])
+    forces = Q.T @ (closed.columns @ E[:, some])
+    B, x = closed.D[some] @ E[:, some], np.zeros(len(some))
+    for _ in range(2):
+        right = np.linalg.solve(R.T, B @ x + h[some])
+        x -= least_squares(forces, right, DEPENDENT_SQUARE)
+    sign, size = np.linalg.slogdet(forces)
+    other, plain = np.linalg.slogdet(R)
+    return x, float(sign * other * np.exp(size - plain))
 
 
 # Part of their reserves that redundant rows take over at most, so that the other rows
@@ -1142,27 +1201,19 @@ def _rubs_openly(rows: _ContactRows, modes: list[Mode], directions: Floats) -> b
     return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
 
 
-def _jams(
-    rows: _ContactRows, E: Floats, held: list[int], R: Floats, forces: Floats
-) -> bool:
+def _jams(rows: _ContactRows, E: Floats, held: list[int]) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
-    A force on such a contact does not separate it. Tested are each contact alone, and
-    all held rows together by the sign of the determinant with friction, relative to
-    that without friction, det(R)^2.
+    A force on such a contact does not separate it. Each contact is tested alone; the
+    rows that are coupled are tested by the sign of their determinant with friction.
     """
     D = rows.closed.D
     free = [k for k, kind in enumerate(rows.closed.kinds) if kind is Kind.TIMED]
-    G = D @ E
-    masses = G.diagonal()
+    masses = np.einsum("ij,ji->i", D, E)
     if free:
-        X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
-        masses = masses - np.einsum("ij,ji->i", G[:, free], X)
+        by_free, G = D @ E[:, free], D[free] @ E
+        X = np.linalg.lstsq(G[:, free], G, rcond=None)[0]
+        masses = masses - np.einsum("ij,ji->i", by_free, X)
     signed = [k for k in held if k in rows.one_sided]
-    if (masses[signed] <= ACCELERATION_ROUNDOFF * D.diagonal()[signed]).any():
-        return True
-    if rows.closed.pushes is not None:  # force jumps need not be along their rows
-        return False
-    sign, size = np.linalg.slogdet(forces)
-    other, plain = np.linalg.slogdet(R)
-    return bool(sign * other * np.exp(size - plain) <= ACCELERATION_ROUNDOFF)
+    least = ACCELERATION_ROUNDOFF * D.diagonal()[signed]
+    return bool((masses[signed] <= least).any())

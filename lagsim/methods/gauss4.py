@@ -174,7 +174,7 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
             return 0
         s.due = 0.0
         residual(s, p, h)
-        newton.solve(1, unknowns, s.K, s.pivots, right)
+        newton.solve(1, unknowns, unknowns, s.K, s.pivots, right)
         moved = 0.0
         worst = 0
         for stage in range(s.stages):
@@ -251,7 +251,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
                     s.K[(i * n + r) * unknowns + k * n + c] = entry(
                         s, h, i, k, r * n + c
                     )
-    return newton.decompose(1, unknowns, s.K, s.pivots)
+    return newton.decompose(1, unknowns, unknowns, s.K, s.pivots)
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
@@ -299,12 +299,12 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
         if renewing == newton.RENEW:
             inertia(t, new, p, M)
             s.factorisations += 1.0
-            if newton.decompose(1, n, M, s.M_pivots) == 0:
+            if newton.decompose(1, n, n, M, s.M_pivots) == 0:
                 return 0
         lagrangian(t, new, p, s.found)
         s.evaluations += 1.0
         s.change[:] = s.momenta - s.found[:n]
-        newton.solve(1, n, M, s.M_pivots, change)
+        newton.solve(1, n, n, M, s.M_pivots, change)
         moved = largest_part(1, s, h, v, change)
         new[s.velocities] += change
         renewing = judge(s, p, h, v, change, iteration, moved, previous)

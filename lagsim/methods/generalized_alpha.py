@@ -187,7 +187,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
         for i in range(n):
             new_force = (1.0 - alpha_f) * force[i] + alpha_f * old_force[i]
             change[i] = new_force - (1.0 - alpha_m) * s.a_new[i] - alpha_m * s.a[i]
-        newton.solve(1, n, s.factors, s.pivots, change)
+        newton.solve(1, n, n, s.factors, s.pivots, change)
         s.a_new[:] += change
         s.change[:] *= h * gamma
         advance(s, h)
@@ -235,4 +235,4 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
             -positions * row[:n] - velocities * row[s.velocities]
         )
         factors[i * n + i] += 1.0 - share(radius)
-    return newton.decompose(1, n, factors, s.pivots)
+    return newton.decompose(1, n, n, factors, s.pivots)

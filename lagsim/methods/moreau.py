@@ -99,7 +99,6 @@ class Impulses(Parameters):
     row_pair: Floats = array("row_count")
     row_restitution: Floats = array("row_count")
     # Layout of the values of `balance`.
-    inertia_first: Floats = array("n")
     slope_starts: Floats = array(lambda p: p.row_count + 1)
     slope_columns: Floats = array("sloping")
     # Values of `balance`: M in its envelope, the elements of the rows, the forces; then

@@ -59,7 +59,7 @@ def spread(p: Parameters) -> None:
     for i in range(p.m):
         row = p.Y[i * n :]
         row[:n] = p.A[i * n : (i + 1) * n]
-        mass.forward(n, p.L, row)
+        mass.forward(n, p.inertia_first, p.L, row)
         length = max(p.lengths[i], sqrt(mass.product(n, row, row)))
         p.scales[i] = 1.0 / length if length > 0.0 else 0.0
         row[:n] *= p.scales[i]
@@ -145,7 +145,7 @@ def note_directions(p: Parameters, end: int) -> None:
             momentum[a] = 0.0
             for j in range(a + 1):
                 momentum[a] += p.L[a * n + j] * u[j]
-        mass.backward(n, p.L, u, z)
+        mass.backward(n, p.inertia_first, p.L, u, z)
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
@@ -297,9 +297,9 @@ def shorten(p: Parameters, rank: int) -> None:
         for d in range(c + 1):
             normal[c * spare + d] = mass.product(rank, B[c * rank :], B[d * rank :])
         normal[c * spare + c] += 1.0
-    mass.cholesky(spare, normal)
-    mass.forward(spare, normal, z)
-    mass.backward(spare, normal, z, p.w)
+    mass.cholesky(spare, p.full, normal)
+    mass.forward(spare, p.full, normal, z)
+    mass.backward(spare, p.full, normal, z, p.w)
     for c in range(spare):
         x[:rank] -= p.w[c] * B[c * rank : (c + 1) * rank]
 
@@ -581,7 +581,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
         correct(p)
     else:
         impress(p, int(p.ranked))
-    mass.backward(p.n, p.L, p.u, out)
+    mass.backward(p.n, p.inertia_first, p.L, p.u, out)
     out[p.n] = largest
 
 
@@ -612,7 +612,7 @@ def solve_terms(p: Parameters) -> None:
     impress(p, rank)
     multipliers(p, rank)
     p.u[:] += p.v
-    mass.backward(p.n, p.L, p.u, p.motion)
+    mass.backward(p.n, p.inertia_first, p.L, p.u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:
@@ -666,7 +666,7 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     diagonal, x = p.diagonal, p.x
     if p.augmented > 0.0:
         mass.augment_force(p)
-    mass.forward(n, p.L, f)
+    mass.forward(n, p.inertia_first, p.L, f)
     to_places(n, places, f)
     for k in range(rank):
         mirror(n, k, Y[k * n :], p.factors[k], f)
@@ -681,7 +681,7 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
         k = rank - 1 - back
         mirror(n, k, Y[k * n :], p.factors[k], f)
     from_places(n, places, f)
-    mass.backward(n, p.L, f, out)
+    mass.backward(n, p.inertia_first, p.L, f, out)
     unscaled_backward(p, rank, x)
     out[n : n + p.m] = 0.0
     for k in range(rank):

@@ -53,35 +53,93 @@ if TYPE_CHECKING:
 
 
 def couple(p: Parameters, sliding: int) -> None:
-    """Assemble the matrix S of the linear system for the multipliers of rows that hold.
+    """Assemble the matrices S of the linear systems for multipliers of rows that hold.
 
-    S = Y^T Z, with Y = L^-1 A^T of these rows.
+    S = Y^T Z, with Y = L^-1 A^T of the rows of one group.
 
     Z is L^-1 times the generalized force of a unit multiplier of each row, with the
     friction proportional to it if `sliding` is 1. Each row of S, and of the right side
     in p.w, is scaled by |Y_k|^-2.
     """
     n = p.n
-    count = int(p.ranked)
-    for k in range(count):
-        row, push, i = p.Y[k * n :], p.Z[k * n :], int(p.order[k])
-        row[:n] = p.A[i * n : (i + 1) * n]
-        push[:n] = row[:n]
-        mass.forward(n, p.L, row)
+    p.u[:] = 0.0
+    for k in range(int(p.ranked)):
+        i = int(p.order[k])
+        row, push = p.Y[k * n :], p.Z[k * n :]
+        add_row(p, i, i, 1.0, p.u)
+        forward_within(p, i, row)
         place = own_place(p, i)
         if place >= 0:
-            push[:n] = 0.0
-            push[place] = 1.0
-        if sliding > 0:
-            slide_along(p, i, push)
-        mass.forward(n, p.L, push)
-    for k in range(count):
-        row = p.Y[k * n :]
-        square = mass.product(n, row, row)
+            p.u[place] = 1.0
+            forward_within(p, i, push)
+        elif sliding > 0 and rubs(p, i):
+            add_row(p, i, i, 1.0, p.u)
+            slide_along(p, i)
+            forward_within(p, i, push)
+        else:
+            copy_within(p, i, row, push)
+    for g in range(int(p.groups)):
+        couple_group(p, int(p.group_starts[g]), int(p.group_ends[g]), g)
+
+
+def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
+    """Assemble the matrix S of group g, the rows with places from begin to end - 1."""
+    n, count = p.n, end - begin
+    matrix = p.S[int(p.group_matrices[g]) :]
+    for k in range(begin, end):
+        i = int(p.order[k])
+        row, entries = p.Y[k * n :], matrix[(k - begin) * count :]
+        entries[:count] = 0.0
+        square = product_within(p, i, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
-        for i in range(count):
-            p.S[k * count + i] = mass.product(n, row, p.Z[i * n :]) * scale
+        for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
+            other = int(p.near_rows[e])
+            if p.row_holds[other] > 0.0:
+                place = int(p.row_place[other])
+                product = product_within(p, i, row, p.Z[place * n :])
+                entries[place - begin] = product * scale
         p.w[k] *= scale
+
+
+def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
+    """Add a multiple of row k to `out` (n,), within the reach of row i."""
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+        out[j:end] += factor * p.A[k * p.n + j : k * p.n + end]
+
+
+def forward_within(p: Parameters, i: int, out: Floats) -> None:
+    """Store L^-1 x in `out` (n,), within the reach of row i, and set x to 0.
+
+    x is p.u (n,), which is 0 outside of that reach.
+    """
+    n, u = p.n, p.u
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        for c in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+            value = u[c]
+            for j in range(int(p.inertia_first[c]), c):
+                value -= p.L[c * n + j] * u[j]
+            u[c] = value / p.L[c * n + c]
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        c, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+        out[c:end] = u[c:end]
+        u[c:end] = 0.0
+
+
+def copy_within(p: Parameters, i: int, x: Floats, out: Floats) -> None:
+    """Copy x (n,) to `out` (n,), within the reach of row i."""
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+        out[j:end] = x[j:end]
+
+
+def product_within(p: Parameters, i: int, a: Floats, b: Floats) -> float:
+    """Return the sum of a_j b_j over the columns j in the reach of row i."""
+    found = 0.0
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+            found += a[j] * b[j]
+    return found
 
 
 def own_place(p: Parameters, i: int) -> int:
@@ -90,23 +148,38 @@ def own_place(p: Parameters, i: int) -> int:
     return int(p.law_place[k]) if k >= 0 else -1
 
 
-def slide_along(p: Parameters, i: int, push: Floats) -> None:
-    """Add to `push` (n,) the force of friction for a unit multiplier of row i.
+def rubs(p: Parameters, i: int) -> bool:
+    """Whether a slip of the contact with row i slides. Slips follow their contact."""
+    own = i - p.m + p.laws
+    k = own + 1
+    while own >= 0 and k < p.laws and int(p.law_normal[k]) == own:
+        if p.law_part[k] != 0.0:
+            return True
+        k += 1
+    return False
+
+
+def slide_along(p: Parameters, i: int) -> None:
+    """Add to p.u (n,) the force of friction for a unit multiplier of row i.
 
     It is the sum of c_s A_s^T over the sliding slips s of the contact with row i.
     """
-    n = p.n
-    first = p.m - p.laws
-    for k in range(p.laws):
-        if int(p.law_normal[k]) == i - first and i >= first and p.law_part[k] != 0.0:
-            push[:n] += p.law_part[k] * p.A[(first + k) * n : (first + k + 1) * n]
+    own = i - p.m + p.laws
+    k = own + 1
+    while k < p.laws and int(p.law_normal[k]) == own:
+        if p.law_part[k] != 0.0:
+            add_row(p, i, i + k - own, p.law_part[k], p.u)
+        k += 1
 
 
 def impress(p: Parameters) -> None:
     """Add to p.u (n,) Z p.w, L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
-        p.u[:] += p.w[k] * p.Z[k * n : (k + 1) * n]
+        i = int(p.order[k])
+        for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+            j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+            p.u[j:end] += p.w[k] * p.Z[k * n + j : k * n + end]
 
 
 def share_out(p: Parameters) -> None:
@@ -127,12 +200,21 @@ def share_out(p: Parameters) -> None:
                 out[first + k] *= out[first + int(p.law_normal[k])]
 
 
-def solve_rows(p: Parameters, count: int, x: Floats) -> None:
-    """Solve S x = right side in place, x (count,); nan where S is singular."""
-    if decompose(1, count, p.S, p.factors) == 0:
+def solve_rows(p: Parameters) -> None:
+    """Solve S x = p.w in place, group by group; nan where S is singular."""
+    for g in range(int(p.groups)):
+        begin = int(p.group_starts[g])
+        count = int(p.group_ends[g]) - begin
+        S, band = p.S[int(p.group_matrices[g]) :], int(p.group_bands[g])
+        solve_in_place(count, band, S, p.factors, p.w[begin:])
+
+
+def solve_in_place(count: int, band: int, S: Floats, pivots: Floats, x: Floats) -> None:
+    """Replace x (count,) by S^-1 x; nan where S is singular."""
+    if decompose(1, count, band, S, pivots) == 0:
         x[:count] = nan
     else:
-        solve(1, count, p.S, p.factors, x)
+        solve(1, count, band, S, pivots, x)
 
 
 # Greatest number of Newton steps for the shares, and of halvings of a step; the part of
@@ -280,7 +362,7 @@ def newton_step(p: Parameters, count: int) -> float:
     for i in range(count):
         p.S[i * count + i] += REGULAR * size
         p.share_step[i] = -p.share_left[i]
-    solve_rows(p, count, p.share_step)
+    solve_in_place(count, count, p.S, p.factors, p.share_step)
     return -mass.product(count, p.share_left, p.share_step)
 
 
@@ -382,26 +464,93 @@ def correct(p: Parameters) -> None:
     """
     p.u[:] = 0.0
     couple(p, 0)
-    solve_rows(p, int(p.ranked), p.w)
+    solve_rows(p)
     impress(p)
 
 
 def hold(p: Parameters) -> None:
-    """Factor M, and store the indices of the rows that hold in p.order.
+    """Factor M, and store the indices of the rows that hold in p.order, by groups.
 
-    p.ranked is their number.
+    p.ranked is their number. Groups are those of the last call if the same rows hold.
     """
     first = p.m - p.laws
-    count = 0
+    changed = 0
     for k in range(p.m):
         holds = p.aside[k] == 0.0 if k < first else p.law_mode[k - first] == HELD
-        if holds:
-            p.order[count] = k
-            count += 1
-    p.ranked = count
+        value = 1.0 if holds else 0.0
+        if p.row_holds[k] != value:
+            p.row_holds[k] = value
+            changed = 1
+    if changed > 0:
+        group_rows(p)
+        p.Z[:] = 0.0  # and stays 0 out of reach
     if p.factored < 1.0:
         mass.factor(p)
     p.factored = min(p.constant, 1.0)
+
+
+def group_rows(p: Parameters) -> None:
+    """Store the groups of rows that hold: rows whose reaches overlap, also indirectly.
+
+    The rows of a group are ascending in p.order, as are the groups by their first rows.
+    """
+    p.row_group[:] = -1.0
+    groups = 0
+    begin = 0.0
+    matrix = 0.0
+    for k in range(p.m):
+        if p.row_holds[k] > 0.0 and p.row_group[k] < 0.0:
+            size = join_group(p, k, groups)
+            p.group_starts[groups] = begin
+            p.group_ends[groups] = begin  # advanced by each row below
+            p.group_matrices[groups] = matrix
+            p.group_bands[groups] = 0.0
+            begin += size
+            matrix += size * size
+            groups += 1
+    p.groups = groups
+    p.ranked = begin
+    for k in range(p.m):
+        if p.row_holds[k] > 0.0:
+            g = int(p.row_group[k])
+            place = p.group_ends[g]
+            p.row_place[k] = place
+            p.order[int(place)] = k
+            p.group_ends[g] = place + 1.0
+    for k in range(int(p.ranked)):
+        widen_band(p, k)
+
+
+def join_group(p: Parameters, first: int, number: int) -> int:
+    """Assign a group to all rows that hold and are coupled with row `first`.
+
+    Return the count of these rows.
+    """
+    queue = p.x
+    p.row_group[first] = number
+    queue[0] = first
+    done = 0
+    count = 1
+    while done < count:
+        i = int(queue[done])
+        done += 1
+        for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
+            j = int(p.near_rows[e])
+            if p.row_holds[j] > 0.0 and p.row_group[j] < 0.0:
+                p.row_group[j] = number
+                queue[count] = j
+                count += 1
+    return count
+
+
+def widen_band(p: Parameters, k: int) -> None:
+    """Widen the band of a group by the neighbours of the row with place k."""
+    i = int(p.order[k])
+    g = int(p.row_group[i])
+    for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
+        j = int(p.near_rows[e])
+        if p.row_holds[j] > 0.0:
+            p.group_bands[g] = max(p.group_bands[g], abs(p.row_place[j] - k))
 
 
 def elapsed_part(t: float, p: Parameters, k: int) -> float:
@@ -451,7 +600,7 @@ def drive(t: float, p: Parameters) -> None:
                     # before.
                     part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
-            p.f[:] += part[k] * p.A[(first + k) * p.n : (first + k + 1) * p.n]
+            add_row(p, first + k, first + k, part[k], p.f)
 
 
 def respond(p: Parameters) -> None:
@@ -461,11 +610,11 @@ def respond(p: Parameters) -> None:
     for k in range(count):
         p.w[k] = mass.missing(p, int(p.order[k]))
     couple(p, 1)
-    solve_rows(p, count, p.w)
+    solve_rows(p)
     p.u[:] = p.v
     impress(p)
     share_out(p)
-    mass.backward(p.n, p.L, p.u, p.motion)
+    mass.backward(p.n, p.inertia_first, p.L, p.u, p.motion)
     keep_still(p)
 
 
@@ -480,10 +629,12 @@ def keep_still(p: Parameters) -> None:
             row = p.A[(first + k) * p.n :]
             count = 0
             place = 0
-            for j in range(p.n):
-                if row[j] != 0.0:
-                    count += 1
-                    place = j
+            i = first + k
+            for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+                for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+                    if row[j] != 0.0:
+                        count += 1
+                        place = j
             if count == 1:
                 p.motion[place] = p.b[first + k] / row[place]
 

@@ -3,8 +3,10 @@
 Where M alone is singular, M and f are replaced by M + A^T W A and f + A^T W b with a
 diagonal W that scales A^T W A to the size of M: q'' and lambda do not change.
 
-Matrices are flat arrays, row by row. Sources: G. H. Golub and C. F. Van Loan, Matrix
-Computations, 4th ed., section 4.2.
+Matrices are flat arrays, row by row. L has the envelope of M: `first` (n,) holds the
+column of the first element of each row that is not always 0.
+
+Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., section 4.2.
 """
 
 from __future__ import annotations
@@ -29,24 +31,25 @@ def factor(p: Parameters) -> None:
             weight = row_weight(n, p.M, row)
             for i in range(n):
                 p.L[i * n : i * n + i + 1] += weight * row[i] * row[: i + 1]
-    cholesky(n, p.L)
+    cholesky(n, p.inertia_first, p.L)
 
 
-def cholesky(n: int, L: Floats) -> None:
+def cholesky(n: int, first: Floats, L: Floats) -> None:
     """Replace the lower triangle of L (n, n) by its Cholesky factor; nan if indefinite.
 
     Examples
     --------
     >>> import numpy as np
     >>> L = np.array([4.0, 0.0, 2.0, 5.0])  # 2 x 2, row by row
-    >>> cholesky(2, L)
+    >>> cholesky(2, np.zeros(2), L)
     >>> L.tolist()
     [2.0, 0.0, 1.0, 2.0]
     """
-    for j in range(n):
-        for i in range(j, n):
+    for i in range(n):
+        begin = int(first[i])
+        for j in range(begin, i + 1):
             value = L[i * n + j]
-            for k in range(j):
+            for k in range(max(begin, int(first[j])), j):
                 value -= L[i * n + k] * L[j * n + k]
             if i > j:
                 L[i * n + j] = value / L[j * n + j]
@@ -89,38 +92,40 @@ def augment_force(p: Parameters) -> None:
         p.f[:] += weight * row[:n]
 
 
-def forward(n: int, L: Floats, x: Floats) -> None:
+def forward(n: int, first: Floats, L: Floats, x: Floats) -> None:
     """Replace x (n,) by L^-1 x, L (n, n) lower triangular."""
     for i in range(n):
         value = x[i]
-        for j in range(i):
+        for j in range(int(first[i]), i):
             value -= L[i * n + j] * x[j]
         x[i] = value / L[i * n + i]
 
 
-def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
+def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
     """Store L^-T x (n,) in out; x is overwritten."""
     for k in range(n):
         i = n - 1 - k
         value = x[i] / L[i * n + i]
         out[i] = value
-        x[:i] -= L[i * n : i * n + i] * value
+        begin = int(first[i])
+        x[begin:i] -= L[i * n + begin : i * n + i] * value
 
 
 def free_motion(p: Parameters) -> None:
     """Store M^-1 f (n,) in p.motion, and L^-1 f (n,) in p.v."""
     p.v[:] = p.f
-    forward(p.n, p.L, p.v)
+    forward(p.n, p.inertia_first, p.L, p.v)
     p.u[:] = p.v
-    backward(p.n, p.L, p.u, p.motion)
+    backward(p.n, p.inertia_first, p.L, p.u, p.motion)
 
 
 def missing(p: Parameters, i: int) -> float:
     """Return b_i - A_i q'', the residual of row i on the level of accelerations."""
     A = p.A[i * p.n :]
     value = p.b[i]
-    for j in range(p.n):
-        value -= A[j] * p.motion[j]
+    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
+        for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+            value -= A[j] * p.motion[j]
     return float(value)
 
 

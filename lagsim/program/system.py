@@ -33,9 +33,11 @@ from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,
     Columns,
+    RowPattern,
     fill,
     functions,
     pattern,
+    row_pattern,
     section_functions,
     surface_functions,
     varying_inertias,
@@ -182,6 +184,7 @@ class System:
         needs = method(plan.method).NEEDS
         # With impulses at each step for all rows, no rows are left for other kernels.
         self.moreau = pattern(equations) if "balance" in needs else None
+        self._row_patterns: dict[bool, RowPattern] = {}
         if self.moreau is not None:
             self.m, self.laws = 0, ()
         self.works = len(equations.works)
@@ -315,6 +318,14 @@ class System:
         name = "series" if series is not None else "dynamics" if loops else solved
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
+    def _sparsity(self) -> RowPattern:
+        """Return the sparsity of the rows, memoized for all values of parameters."""
+        augmented = self.plan.augmented > 0.0
+        if augmented not in self._row_patterns:
+            found = row_pattern(self.equations, augmented=augmented)
+            self._row_patterns[augmented] = found
+        return self._row_patterns[augmented]
+
     def _fixed(self) -> list[str]:
         """Return the names of values that are constant in an arc.
 
@@ -333,6 +344,7 @@ class System:
                 "row_count": len(self.equations.multipliers),
                 "inertial": self.moreau.inertial, "sloping": len(self.moreau.columns),
             }  # fmt: skip
+        sparsity = self._sparsity() if self.has_loops else None
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
         p = memory.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
@@ -344,7 +356,10 @@ class System:
             knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
             first_mode=len(self.equations.model.parameters),
             kicked_rows=len(self.impulses.always) if self.impulses else 0, **sizes,
+            **({} if sparsity is None else sparsity.sizes),
         )  # fmt: skip
+        if sparsity is not None:
+            sparsity.fill(p)
         if self.newton is not None:
             self.newton.fill(p)
         if self.moreau is not None:

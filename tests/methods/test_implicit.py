@@ -51,8 +51,8 @@ def test_lu_solves_and_sees_singular_matrices(width):
         A, x = drawn(n, n) * 10.0 ** random.integers(-6, 6, (n, 1)), drawn(n)
         right, factors = (np.array(a).ravel().view(float) for a in (A @ x, A))
         pivots = np.zeros(n)
-        assert decompose(width, n, factors, pivots) == 1
-        solve(width, n, factors, pivots, right)
+        assert decompose(width, n, n, factors, pivots) == 1
+        solve(width, n, n, factors, pivots, right)
         scaled = np.linalg.cond(A / np.max(np.abs(A), axis=1, keepdims=True))
         # Backward stable, up to the growth of the elimination.
         off = np.abs(right.view(A.dtype) - x)
@@ -60,7 +60,21 @@ def test_lu_solves_and_sees_singular_matrices(width):
     for singular in ([1.0, 2.0, 2.0, 4.0], [0.0, 0.0, 2.0, 4.0], [math.nan] * 4):
         factors = np.zeros(4 * width)
         factors[::width] = singular
-        assert decompose(width, 2, factors, np.zeros(2)) == 0
+        assert decompose(width, 2, 2, factors, np.zeros(2)) == 0
+
+
+@pytest.mark.parametrize("band", [0, 1, 2, 5])
+def test_lu_of_a_band_touches_no_other_element(band):
+    random, n = np.random.default_rng(7), 9
+    far = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) > band
+    A, x = np.where(far, 0.0, random.standard_normal((n, n))), random.random(n)
+    factors, right, pivots = A.ravel().copy(), A @ x, np.zeros(n)
+    assert decompose(1, n, band, factors, pivots) == 1
+    solve(1, n, band, factors, pivots, right)
+    assert np.max(np.abs(right - x)) < 1e3 * np.linalg.cond(A) * 2.0**-53
+    # Interchanges of rows double the band above the diagonal.
+    high = np.subtract.outer(np.arange(n), np.arange(n)) < -2 * band
+    assert not factors[high.ravel()].any()
 
 
 def test_the_tables_of_radau():

@@ -100,8 +100,10 @@ class System:
         m, n = self.A.shape
         parts = (self.M, self.A, self.f, self.b)
         y = np.concatenate([np.ravel(part) for part in parts])
-        p = Parameters.made(n=n, m=m, size=2 * n, loops=1)
+        p = Parameters.made(n=n, m=m, size=2 * n, loops=1, reached=m)
         p = Parameters(np.concatenate([p.flat, GUARD]))
+        p.reach_starts[:] = np.arange(m + 1)
+        p.reach_ends[:] = n  # every row may have any column
         rank = min(n, m) if self.expected is None else self.expected
         p.augmented, p.expected, p.reference = self.augmented, rank, self.reference
         p.least_sigma = 1.0

@@ -127,52 +127,55 @@ def too_large(scene: Structure) -> str:
     )
 
 
-def decompose(width: Static, n: int, A: Floats, pivots: Floats) -> int:
+def decompose(width: Static, n: int, band: int, A: Floats, pivots: Floats) -> int:
     """Factor A (n, n) in place; return 0 if it is singular or not finite, else 1.
 
     Each pivot is the largest relative to its row, so that units of rows do not matter.
-    pivots : (n,).
+    band : A_ij = 0 where |i - j| > band. pivots : (n,).
     """
     row = width * n
     for i in range(n):
         pivots[i] = 0.0
-        for j in range(n):
+        for j in range(max(0, i - band), min(n, i + band + 1)):
             pivots[i] = max(pivots[i], magnitude(width, A[i * row + width * j :]))
         if not 0.0 < pivots[i] < OVERFLOW:
             return 0
     for k in range(n):
-        best = largest_in_column(width, n, k, A, pivots)
+        best = largest_in_column(width, n, k, min(n, k + band + 1), A, pivots)
         if magnitude(width, A[best * row + width * k :]) == 0.0:
             return 0
         if best != k:
-            for j in range(row):
+            for j in range(width * k, width * min(n, k + 2 * band + 1)):
                 A[k * row + j], A[best * row + j] = A[best * row + j], A[k * row + j]
         pivots[best] = pivots[k]
         pivots[k] = best
-        eliminate(width, n, k, A)
+        eliminate(width, n, k, band, A)
     return 1
 
 
-def eliminate(width: Static, n: int, k: int, A: Floats) -> None:
+def eliminate(width: Static, n: int, k: int, band: int, A: Floats) -> None:
     """Subtract multiples of row k of A (n, n) from the rows below.
 
-    The multipliers are stored in column k.
+    The multipliers are stored in column k. Interchanges double the band above the
+    diagonal.
     """
     row = A[k * width * n :]
-    for i in range(k + 1, n):
+    for i in range(k + 1, min(n, k + band + 1)):
         below = A[i * width * n :]
         first = below[width * k :]
         if magnitude(width, first) != 0.0:
             divide(width, row[width * k :], first)
-            for j in range(k + 1, n):
+            for j in range(k + 1, min(n, k + 2 * band + 1)):
                 add_product(width, -1.0, first, row[width * j :], below[width * j :])
 
 
-def largest_in_column(width: Static, n: int, k: int, A: Floats, sizes: Floats) -> int:
-    """Return the row, from k on, with the relatively largest entry in column k."""
+def largest_in_column(
+    width: Static, n: int, k: int, end: int, A: Floats, sizes: Floats
+) -> int:
+    """Return the row i, k <= i < end, with the relatively largest entry in column k."""
     best = k
     largest = 0.0
-    for i in range(k, n):
+    for i in range(k, end):
         part = magnitude(width, A[width * (i * n + k) :]) / sizes[i]
         if part > largest:
             largest = part
@@ -180,7 +183,9 @@ def largest_in_column(width: Static, n: int, k: int, A: Floats, sizes: Floats) -
     return best
 
 
-def solve(width: Static, n: int, A: Floats, pivots: Floats, x: Floats) -> None:
+def solve(
+    width: Static, n: int, band: int, A: Floats, pivots: Floats, x: Floats
+) -> None:
     """Replace x (n,) by A^-1 x, with the factors of `decompose`."""
     for k in range(n):
         best = int(pivots[k])
@@ -188,14 +193,13 @@ def solve(width: Static, n: int, A: Floats, pivots: Floats, x: Floats) -> None:
             i = width * k + c
             j = width * best + c
             x[i], x[j] = x[j], x[i]
-    for i in range(n):
-        row = A[i * width * n :]
-        for j in range(i):
-            add_product(width, -1.0, row[width * j :], x[width * j :], x[width * i :])
+        for i in range(k + 1, min(n, k + band + 1)):
+            first = A[width * (i * n + k) :]
+            add_product(width, -1.0, first, x[width * k :], x[width * i :])
     for back in range(n):
         i = n - 1 - back
         row = A[i * width * n :]
-        for j in range(i + 1, n):
+        for j in range(i + 1, min(n, i + 2 * band + 1)):
             add_product(width, -1.0, row[width * j :], x[width * j :], x[width * i :])
         divide(width, row[width * i :], x[width * i :])
 
@@ -255,7 +259,7 @@ def decompose_newton(
             add(width, 1.0, g[width:], diagonal)
         else:
             add(width, 1.0, g, diagonal)
-    return decompose(width, unknowns, K, pivots)
+    return decompose(width, unknowns, unknowns, K, pivots)
 
 
 def solve_newton(
@@ -275,7 +279,7 @@ def solve_newton(
         row = J[i * s.dynamic.stop :]
         for j in range(n):
             add(width, -row[n + j], r[width * j :], own)
-    solve(width, n + s.states, K, pivots, x)
+    solve(width, n + s.states, n + s.states, K, pivots, x)
     for i in range(n, n + s.states):
         take(width, x[width * i :], r[width * (n + i) :])
     for i in range(n):

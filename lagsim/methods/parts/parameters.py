@@ -60,6 +60,11 @@ def each_row(p: Parameters) -> int:
     return p.m if p.loops else 0
 
 
+def each_grouped(p: Parameters) -> int:
+    """Return the length of an array by rows where laws group them, else 0."""
+    return p.m if p.laws else 0
+
+
 def each_watched(p: Parameters) -> int:
     """Return the length of an array with an entry for each event function of a mode."""
     return p.surfaces + p.laws
@@ -235,6 +240,20 @@ class Laws(Surfaces):
 class Parameters(Laws):
     """Complete parameters: laws, rank of the constraint rows, working memory."""
 
+    reached: int  # ranges of columns in the reach of all rows
+    neighbours: int  # pairs of rows whose reaches overlap
+
+    # Column of the first element of each row of L, M = L L^T, that is not always 0.
+    inertia_first: Floats = array("n")
+    # The reach of a row: the columns of L^-1 A^T, and of the friction with the row's
+    # multiplier, that are not always 0, as ranges; where those of each row begin, and
+    # the first and the last column, exclusive, of each range.
+    reach_starts: Floats = array(lambda p: each_row(p) + 1)
+    reach_begins: Floats = array("reached")
+    reach_ends: Floats = array("reached")
+    # The rows of which the reach overlaps that of each row, which is one of them.
+    near_starts: Floats = array(lambda p: p.m + 1 if p.laws else 0)
+    near_rows: Floats = array("neighbours")
     expected: float  # the rank that the rows have in general
     reference: float  # the largest sigma so far, against which it is small ...
     usual_reference: float  # ... and that of the plan, at the start of an arc
@@ -267,7 +286,20 @@ class Parameters(Laws):
     gap_scales: Floats = after("gap_rates", each_row)
     rate_scales: Floats = after("gap_scales", each_row)
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
+    # Matrices of the groups of rows that hold, one after the other.
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
+    # Groups of rows that hold, coupled by overlapping reaches: their number, the places
+    # among all rows that hold where each begins and ends, where its matrix begins in S,
+    # and the largest distance of coupled rows in it. Of each row: 1 if it holds, else
+    # 0, and -1 before the first grouping; its group; its place.
+    groups: float
+    group_starts: Floats = array(each_grouped)
+    group_ends: Floats = array(each_grouped)
+    group_matrices: Floats = array(each_grouped)
+    group_bands: Floats = array(each_grouped)
+    row_holds: Floats = array(each_grouped, -1.0)
+    row_group: Floats = array(each_grouped)
+    row_place: Floats = array(each_grouped)
     left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
     tried: Floats = array(lambda p: p.dynamic.stop if p.loops else 0)  # ... and where
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
@@ -281,6 +313,7 @@ class Parameters(Laws):
     w: Floats = array(each_row)
     diagonal: Floats = array(each_row)
     factors: Floats = array(each_row)
+    full: Floats = array(each_row)  # 0: first columns of a full matrix
     order: Floats = array(each_row)
     x: Floats = array(each_row)
     free: Floats = array(lambda p: each_row(p) * p.m)  # for `multipliers`

@@ -148,3 +148,21 @@ def test_the_order_of_the_file_does_not_matter():
     one, other = play(text, duration=2), play(turned, duration=2)
     assert one.instants("impact") == pytest.approx(other.instants("impact"), abs=GLOBAL)
     close(other["th"], one["th"])
+
+
+@pytest.mark.parametrize("order", ["abcd", "dcba", "cadb"])
+def test_limits_that_inertia_couples_or_not(order):
+    """Body a, at rest, feels c, which slides; b rests and d slides, each by itself."""
+    forces = {"a": 0.2, "b": 0.3, "c": 4.0, "d": 5.0}
+    laws = {
+        f"rub_{x}": {"relation": f"{x}_dot = 0", "limit": 2 if x == "a" else 1}
+        for x in order
+    }
+    found = play(scene(
+        " ".join(order), "a_dot^2 + (b_dot^2 + c_dot^2 + a_dot*c_dot + 3*d_dot^2)/2",
+        "0", laws, dict.fromkeys(order, 0), forces=forces, duration=1,
+    ))  # fmt: skip
+    for name, held in {"a": 0.5 * (4 - 1) - 0.2, "b": -0.3, "c": -1, "d": -1}.items():
+        assert found[f"lambda_rub_{name}"] == pytest.approx(held, abs=1e-13)
+    for name, a in {"a": 0, "b": 0, "c": 4 - 1, "d": (5 - 1) / 3}.items():
+        assert found[name][-1] == pytest.approx(a / 2, abs=1e-11)
