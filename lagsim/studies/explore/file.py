@@ -22,6 +22,7 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.names import in_file
 from lagsim.limits import STEPS
+from lagsim.mechanics.constraints import Kind
 from lagsim.model.model import CURVE, SHAPES
 from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
@@ -149,6 +150,17 @@ def _text(document: Document) -> bytes:
 # --- What a page cannot compute
 
 
+# The words for a row that does not always hold.
+FEATURES = {
+    Kind.CONTACT: "the contact `{}`",
+    Kind.FREEWHEEL: "the freewheel `{}`",
+    Kind.SLIP: "the friction of the contact `{}`",
+    Kind.LIMITED: "the `limit` of `{}`",
+    Kind.TIMED: "the `when` of `{}`",
+    Kind.SLIDER: "the `limit` of `{}`",
+}
+
+
 def _refused(feature: str) -> Exception:
     text = f"a page in a file cannot compute {feature}"
     return unusable("not-in-a-file", text)
@@ -169,11 +181,11 @@ def _features(session: Session) -> Iterator[str]:
     if model.until is not None:
         yield f"`until: {model.until.text}`"
     for law in case.equations.laws:
-        yield f"the law of `{law.constraint}`, which holds at times"
+        yield FEATURES[law.kind].format(law.constraint)
     for side in session.plan.switches.sides:
         yield f"the switch `{side.text}`"
     if system.switches.modes:
-        yield "jumps and corners in the time"
+        yield "jumps and corners of expressions of t"
     if settings.rest:
         yield "`begin: rest`"
     if any(op == DATA for op in case.equations.graph.ops):
