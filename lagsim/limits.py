@@ -102,7 +102,7 @@ def bytes_text(amount: int) -> str:
 
     Examples
     --------
-    >>> size(16 * 2**20)
+    >>> bytes_text(16 * 2**20)
     '16 MiB'
     """
     for unit, bits in (("TiB", 40), ("GiB", 30), ("MiB", 20), ("KiB", 10)):

@@ -19,6 +19,7 @@ import signal
 import pytest
 from hypothesis import settings
 
+from lagsim.run.interrupt import heard
 from tests.choosing import COMMIT, chosen, share, slices, tonight
 from tests.patience import PATIENCE
 
@@ -32,8 +33,9 @@ def heeded_signals():
     """Heed SIGINT and SIGTERM as in a foreground job, whoever started pytest.
 
     Under `trap '' INT`, or with `&` in a script, both pytest and what it starts would
-    ignore them.
+    ignore them. Signals that an earlier test raised are forgotten.
     """
+    heard.clear()
     before = {
         kind: signal.signal(kind, heeded)
         for kind, heeded in (

@@ -169,7 +169,7 @@ def float_array(name: str, value: object) -> Floats:
 
     Examples
     --------
-    >>> numbers("q", [[1, 2], [3, 4]])
+    >>> float_array("q", [[1, 2], [3, 4]])
     array([[1., 2.],
            [3., 4.]])
     """

@@ -154,7 +154,7 @@ def cut_text(text: str, most: int) -> str:
 
     Examples
     --------
-    >>> shortened("kinetic energy of the rod", 15)
+    >>> cut_text("kinetic energy of the rod", 15)
     'kinetic…the rod'
     """
     text = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
@@ -171,7 +171,7 @@ def raised_powers(unit: str) -> str:
 
     Examples
     --------
-    >>> raised("m/s^2")
+    >>> raised_powers("m/s^2")
     'm/s²'
     """
     return _POWER.sub(lambda found: found[1].translate(SUPERSCRIPTS), unit)

@@ -19,7 +19,7 @@ def short_list(items: Sequence[str], most: int = LINE - 13) -> str:
 
     Examples
     --------
-    >>> listed(["x", "y", "theta"])
+    >>> short_list(["x", "y", "theta"])
     'x, y, theta'
     """
     whole = ", ".join(items) or "none"

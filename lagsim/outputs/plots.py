@@ -223,7 +223,7 @@ def evenly_spaced(names: Sequence[str], most: int) -> list[str]:
 
     Examples
     --------
-    >>> chosen(["a", "b", "c", "d", "e"], 3)
+    >>> evenly_spaced(["a", "b", "c", "d", "e"], 3)
     ['a', 'c', 'e']
     """
     if len(names) <= most:

@@ -110,7 +110,8 @@ def test_a_signal_while_pictures_are_drawn_keeps_the_rows(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("command", "name"), [("bench", "work_precision"), ("stability", "stability")]
+    ("command", "name"),
+    [("bench", "work_precision"), ("stability", "stability_figure")],
 )
 def test_a_signal_while_a_chart_is_drawn_keeps_the_numbers(
     lagsim, write, monkeypatch, kind, command, name

@@ -145,7 +145,7 @@ def in_one_line(text: str) -> str:
 
     Examples
     --------
-    >>> shortened("a line\nbreak")
+    >>> in_one_line("a line\nbreak")
     'a line break'
     """
     words = " ".join(text.split())
@@ -157,7 +157,7 @@ def quoted_list(names: Iterable[str]) -> str:
 
     Examples
     --------
-    >>> listed(["a", "b"])
+    >>> quoted_list(["a", "b"])
     '`a`, `b`'
     """
     return several((f"`{n}`" for n in names), LISTED)

@@ -68,7 +68,7 @@ def unit_spelling(text: str) -> str:
 
     Examples
     --------
-    >>> unit("m/s²")
+    >>> unit_spelling("m/s²")
     'm/s^2'
     """
     for letter, plain in (
