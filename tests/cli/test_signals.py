@@ -110,17 +110,20 @@ def test_a_signal_while_pictures_are_drawn_keeps_the_rows(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("command", "name"),
-    [("bench", "work_precision"), ("stability", "stability_figure")],
+    ("command", "name", "figure"),
+    [
+        ("bench", "work_precision", "work_precision"),
+        ("stability", "stability", "stability_figure"),
+    ],
 )
 def test_a_signal_while_a_chart_is_drawn_keeps_the_numbers(
-    lagsim, write, monkeypatch, kind, command, name
+    lagsim, write, monkeypatch, kind, command, name, figure
 ):
     def chart(*_arguments):
         signal.raise_signal(kind)
         pytest.fail("it went on")
 
-    monkeypatch.setattr(f"lagsim.studies.bench.chart.{name}", chart)
+    monkeypatch.setattr(f"lagsim.studies.bench.chart.{figure}", chart)
     short = PENDULUM.replace("duration: 2", "duration: 0.5")
     lagsim(command, write(short), "-o", "out", "--methods", "rk4", code=128 + kind)
     numbers, record = f"{name}.csv", f"{name}.json"
@@ -195,7 +198,7 @@ while left <= 0:
         with module.open_results(folder) as results:
             results.write("energy.png", b"1")
             results.commit(b"{}")
-            module.put(folder / "events.csv", b"2")
+            module.write_atomically(folder / "events.csv", b"2")
     except Terminated:
         pass
     finally:
