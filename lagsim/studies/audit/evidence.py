@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.mechanics.constraints import Kind
 from lagsim.run.error import could_push, largest_beside
 from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor
@@ -248,13 +248,41 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> float:
     """Return the rounding error of an energy at the worst row of a balance.
 
-    The larger of two values: `times` the rounding error by the state and by the work of
-    constraint forces, and the energy of the motion that rounding causes at rest.
+    The larger of two values: `times` the rounding error by the state, by the work of
+    constraint forces and by the positions that constraints give, and the energy of the
+    motion that rounding causes at rest.
     """
     row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
     if row is None:
         return 0.0
     state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + len(run.equations.state)])
-    own = times * energy_error(run.equations, balance.energy, row, state)
-    own += times * UNIT_ROUNDOFF * float(monitor.held[j] @ monitor.ranges[1:][j])
-    return max(own, motion_of_rest(run, balance.coordinates)[1])
+    own = energy_error(run.equations, balance.energy, row, state)
+    own += UNIT_ROUNDOFF * float(monitor.held[j] @ monitor.ranges[1:][j])
+    own += _energy_of_residuals(run, balance, state)
+    return max(times * own, motion_of_rest(run, balance.coordinates)[1])
+
+
+def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> float:
+    """Return the energy that rounding errors of position constraints change.
+
+    A constraint holds to the rounding error of its residual, and a residual r changes
+    the energy by lambda r. The largest forces of constraints bound the multiplier.
+
+    state : rounding errors (size,) of the state variables.
+    """
+    e, row, found = run.equations, balance.worst_row, 0.0
+    assert row is not None
+    values = {name: (x, 0.0) for name, x in e.model.parameter_values.items()}
+    values |= {"t": (float(row[0]), 0.0)}
+    values |= zip(e.state, zip(row[1:].tolist(), state.tolist(), strict=False),
+                  strict=False)  # fmt: skip
+    for held in (x for x in e.every_row if x.holonomic):
+        own = [*held.A.entries]
+        if not set(own) <= set(balance.coordinates):
+            continue
+        nodes = [held.residual, *held.A.entries.values()]
+        (_, error), *slopes = evaluate_with_error(e.graph, nodes, values)
+        forces = zip(run.monitor.held[own], slopes, strict=True)
+        multipliers = (force / abs(slope) for force, (slope, _) in forces if slope)
+        found += error * float(min(multipliers, default=0.0))
+    return found

@@ -621,3 +621,22 @@ def test_a_mistake_of_the_heavy_one_is_not_the_light_ones(first):
     text = bodies(SPRING, "", first).replace("x: 1,", "x: 0,")
     found = alarmed(text, method="euler", step=0.05)
     assert all("motion of z has gained" in c.text for c in found)
+
+
+@pytest.mark.parametrize("far", [1, 100])
+def test_the_rounding_of_a_constraint_at_rest_is_no_drift(far):
+    # A roof of straight pieces: near its corner each piece has the rounding of its
+    # values at the points of the table, which are large.
+    text = f"""
+coordinates: {{x: {{}}, h: {{}}}}
+energy: {{kinetic: (x_dot^2 + h_dot^2)/2, potential: 2*h}}
+tables:
+  roof:
+    points: [[{-7000 * far}, {3500 * far}], [0, 0], [{9000 * far}, {4500 * far}]]
+    interpolation: linear
+    outside: extend
+constraints: {{track: h = roof(x - {500 * far})}}
+initial: {{x: {{guess: {1669 * far}}}, h: {{guess: {300 * far}}}}}
+simulation: {{duration: 1, output_step: 0.5, begin: rest}}
+"""
+    assert doubt(run(text)) is None
