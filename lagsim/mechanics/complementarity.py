@@ -347,13 +347,22 @@ def _proximal(
 def _start(unit: ComplementarityProblem) -> Floats:
     """Return the multipliers (r,) from which Newton's method starts.
 
-    Where no bound depends on another multiplier: the ones with which all rows hold,
-    within the bounds. From 0, the method reaches the rows of a stack one by one.
+    Where the solution is unique, because no bound depends on another multiplier and D
+    is symmetric and positive definite: the ones with which all rows hold, within the
+    bounds. From 0, the method reaches the rows of a stack one by one. Where rows are
+    dependent, such a start would end at an arbitrary one of several solutions.
     """
-    held = _regular(unit.D, -unit.c) if unit.own.all() and not unit.discs else None
-    if held is None:
-        return np.zeros(len(unit.c))
-    return np.clip(held, unit.low[0], unit.high[0])
+    D, start = unit.D, np.zeros(len(unit.c))
+    plain = unit.own.all() and not unit.discs
+    if not plain or np.abs(D - D.T).max() > TERM_ROUNDOFF:
+        return start
+    try:
+        pivots = np.linalg.cholesky(D).diagonal()
+    except np.linalg.LinAlgError:
+        return start
+    if pivots.min() <= DEPENDENT_DIRECTIONS:
+        return start
+    return np.clip(np.linalg.solve(D, -unit.c), unit.low[0], unit.high[0])
 
 
 # --- Newton's method ------------------------------------------------------------------

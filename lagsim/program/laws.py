@@ -47,6 +47,7 @@ from lagsim.methods.parts.parameters import (
 from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import external
 from lagsim.program import mass
+from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -621,7 +622,8 @@ def respond(p: Parameters) -> None:
 def keep_still(p: Parameters) -> None:
     """Set q'' of each coordinate that a single law's row determines to the exact b / A.
 
-    The rounding of the solution would move it, past a switch at which it rests.
+    The rounding of the solution would move it, past a switch at which it rests. A q''
+    that is not finite is unchanged: it reports a multiplier that doubles do not hold.
     """
     first = p.m - p.laws
     for k in range(p.laws):
@@ -635,7 +637,7 @@ def keep_still(p: Parameters) -> None:
                     if row[j] != 0.0:
                         count += 1
                         place = j
-            if count == 1:
+            if count == 1 and abs(p.motion[place]) < OVERFLOW:
                 p.motion[place] = p.b[first + k] / row[place]
 
 
