@@ -79,7 +79,9 @@ def test_options_of_runs_and_values_of_one_file(lagsim, write, data):
 
 @pytest.mark.parametrize("name", ["duration", "method", "formulation", "atol", "set"])
 def test_options_of_runs_that_cannot_be_used(lagsim, write, data, name):
-    text = {"duration": "-1", "set": "x@2=1"}.get(name, "none")
+    text = {"duration": "-1", "set": "x@2=1", "formulation": "lagrange"}.get(
+        name, "none"
+    )
     options = "--vary", "k", f"--{name}", text
     called = lagsim("fit", write(MODEL), data("a.csv"), *options, code=2, out="")
     assert name in called.err.lower()

@@ -770,8 +770,8 @@ def test_events_of_one_instant(case):
 @pytest.mark.parametrize(
     ("event", "code", "hint"),
     [
-        ("{at: x >= 1, set: {⟨x⟩: 0}}", "not-a-mode", "velocities jump by impacts"),
-        ("{at: x >= 1, set: {⟨x_dot⟩: 0}}", "not-a-mode", "when: held > 0"),
+        ("{at: x >= 1, set: {⟨x⟩: 0}}", "not-a-mode", "no event moves a body"),
+        ("{at: x >= 1, set: {⟨x_dot⟩: 0}}", "not-a-mode", "write impulse: {"),
         ("{at: x >= 1, set: {⟨p⟩: 0}}", "not-a-mode", "`modes` instead of"),
         ("{at: x >= 1, set: {⟨s⟩: 0}}", "not-a-mode", "its rate may depend on a mode"),
         ("{at: x >= 1, set: {⟨hled⟩: 0}}", "unknown-name", "did you mean `held`?"),

@@ -26,7 +26,8 @@ SHORT = (
 )  # fmt: skip
 # Their multipliers are not told: contacts come and go.
 SHORT_WITH_CONTACTS = (
-    "ball-on-a-vibrating-table", "bouncing-ball", "hopper", "planar-brake",
+    "ball-on-a-vibrating-table", "bouncing-ball", "hopper", "pendulum-friction",
+    "planar-brake",
     "rocking-block", "slack-string", "sliding-ladder", "trebuchet",
 )  # fmt: skip
 

@@ -58,7 +58,7 @@ def page(oscillator):
     [
         ("constraints: {wall: {relation: x >= -1, restitution: 0.5}}", "`wall`"),
         ("forces: {x: -0.1*sign(x_dot)}", "`sign(x_dot)`"),
-        ("forces: {x: floor(2*t)}", "in the time"),
+        ("forces: {x: floor(2*t)}", "expressions of t"),
         (EVENT, "`off`"),
     ],
 )  # fmt: skip
