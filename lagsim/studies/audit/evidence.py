@@ -277,10 +277,11 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     values |= zip(e.state, zip(row[1:].tolist(), state.tolist(), strict=False),
                   strict=False)  # fmt: skip
     for held in (x for x in e.every_row if x.holonomic):
-        own = [*held.A.entries]
-        if not set(own) <= set(balance.coordinates):
+        own, nodes = [*held.A.entries], [held.residual, *held.A.entries.values()]
+        # The row of a slider without mass depends on how it moves, too.
+        unknown = e.graph.depends(nodes) - values.keys()
+        if unknown or not set(own) <= set(balance.coordinates):
             continue
-        nodes = [held.residual, *held.A.entries.values()]
         (_, error), *slopes = evaluate_with_error(e.graph, nodes, values)
         forces = zip(run.monitor.held[own], slopes, strict=True)
         multipliers = (force / abs(slope) for force, (slope, _) in forces if slope)
