@@ -18,7 +18,8 @@ from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRST, GALLERY = "index.md", "gallery.md"
-# The page of a model, and what the gallery and the page on pages have without it.
+# The page of a model, and the text that a link to it or the page itself replaces: a
+# command in the gallery, a picture in the page on `explore`.
 PLAYED = "play/{}.html"
 RUN = re.compile(r"`lagsim run models/([\w-]+)\.yaml`")
 PICTURE = "![The page of an elastic pendulum](explore.png)"

@@ -175,9 +175,6 @@ SAME_RESULT = 1e-8
 they are equal: multipliers of dependent rows, entries of a symmetric stiffness,
 amplifications of 1 at double eigenvalues."""
 
-UNCOUPLED = 2.0**-100
-"""Norm of a feedback, relative to the norm of a matrix, that counts as zero."""
-
 # --- stability of methods -------------------------------------------------------------
 
 NEGLIGIBLE_RATE = 1e-2

@@ -188,7 +188,7 @@ class Elements:
     ) -> Elements:
         """Return elements of the same members, with the slots that `outputs` use.
 
-        more : further slots, whose arguments follow those of these elements.
+        more : further slots, whose arguments follow read of these elements.
         """
         outputs = list(outputs)
         slots = [*self.slots, *more]
@@ -222,11 +222,11 @@ class Elements:
 
     # Elements derived from these
 
-    def derived(self, what: str, *how: frozenset[int]) -> Elements:
-        """Return elements that the method `what` derives; each is derived once."""
-        if (what, how) not in self._derived:
-            self._derived[what, how] = getattr(self, what)(*how)
-        return self._derived[what, how]
+    def derived(self, method: str, *how: frozenset[int]) -> Elements:
+        """Return elements that the named method derives; each is derived once."""
+        if (method, how) not in self._derived:
+            self._derived[method, how] = getattr(self, method)(*how)
+        return self._derived[method, how]
 
     def slopes(self, some: Collection[int]) -> Elements:
         """Return the derivatives of a total by the arguments `some`."""
@@ -257,9 +257,9 @@ class Elements:
         self, nodes: Sequence[int], some: Collection[int]
     ) -> list[ElementOutput]:
         g, total = self.graph, self.graph.sum(nodes)
-        those = [k for k, slot in enumerate(self.slots) if self.reads(slot, some)]
-        found = gradient(g, total, [self.slots[k].node for k in those])
-        pairs = zip(found, those, strict=True)
+        read = [k for k, slot in enumerate(self.slots) if self.reads(slot, some)]
+        found = gradient(g, total, [self.slots[k].node for k in read])
+        pairs = zip(found, read, strict=True)
         return [ElementOutput(node, k) for node, k in pairs if node != g.zero]
 
     def pushed(self, some: Collection[int]) -> Elements:
@@ -267,9 +267,9 @@ class Elements:
 
         some : the arguments that have a rate.
         """
-        g, those = self.graph, [x for x in self.slots if self.reads(x, some)]
-        more = [self._beside("rate", slot) for slot in those]
-        seed = {slot.node: rate.node for slot, rate in zip(those, more, strict=True)}
+        g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
+        more = [self._beside("rate", slot) for slot in read]
+        seed = {slot.node: rate.node for slot, rate in zip(read, more, strict=True)}
         rates = tangent(g, [o.node for o in self.outputs], seed)
         outputs = (o._replace(node=n) for o, n in zip(self.outputs, rates, strict=True))
         return self._with([o for o in outputs if o.node != g.zero], self.size, more)

@@ -33,7 +33,9 @@ counts, else the best one.
    method finds it. Ties are broken lexicographically, which excludes cycles: on
    degenerate problems (balls that touch at rest, redundant legs) the method ends, too,
    at a solution whose rows with nonzero multipliers are independent. With discs,
-   Newton's method continues from there, or from a polygon of more corners.
+   Newton's method continues from there, or from a polygon of more corners; then once
+   more with the single rows that hold eliminated, since masses of very different sizes
+   leave the directions of a disc at other scales.
 3. Proximal point iteration: a small addition to the diagonal makes rows independent,
    and its effect on the solution is removed by iteration. Where rows with discs are
    dependent, this attempt is the first: it leads approximately to the least

@@ -246,12 +246,12 @@ class Parameters(Laws):
     # Column of the first element of each row of L, M = L L^T, that is not always 0.
     inertia_first: Floats = array("n")
     # The reach of a row: the columns of L^-1 A^T, and of the friction with the row's
-    # multiplier, that are not always 0, as ranges; where those of each row begin, and
-    # the first and the last column, exclusive, of each range.
+    # multiplier, that are not always 0, as ranges: the index of the first range of each
+    # row, and the first and the last column, exclusive, of each range.
     reach_starts: Floats = array(lambda p: each_row(p) + 1)
     reach_begins: Floats = array("reached")
     reach_ends: Floats = array("reached")
-    # The rows of which the reach overlaps that of each row, which is one of them.
+    # For each row, the rows whose reach overlaps its own; it is one of these rows.
     near_starts: Floats = array(lambda p: p.m + 1 if p.laws else 0)
     near_rows: Floats = array("neighbours")
     expected: float  # the rank that the rows have in general

@@ -43,7 +43,7 @@ class UnlikeError(Exception):
 
 
 class Lookup(NamedTuple):
-    """Numbers and members of a file, as `scope.Scope` has them.
+    """Access to the numbers and members of a file that `scope.Scope` stores.
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ def name_of(of: Elements) -> str:
 class MembersFunction(Lines):
     """The function `(ptr %at, ptr %p)` of some elements.
 
-    %at has the index in p of the results, then those of the arguments.
+    %at has the index in p of the results, then the index of each argument.
     """
 
     def __init__(self, of: Elements) -> None:

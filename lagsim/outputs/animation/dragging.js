@@ -32,7 +32,7 @@ class ConstrainedStart {
     return this.named(this.withRates(known));
   }
 
-  // Coordinates and velocities with one of them at a value, or near it.
+  // Coordinates and velocities with one set to a value, or near it.
   put(name, value) {
     const {q, v} = this.model, j = (q.includes(name) ? q : v).indexOf(name);
     const unit = this.every.map((k) => Number(k === j));

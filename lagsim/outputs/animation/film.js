@@ -95,7 +95,7 @@ class Filming {
     };
     const at = laid(shape.at, d, (found, all) => { found.forEach((x, c) => { for (let i = 0; i < rows; i++) all[i * d + c] = x[i]; }); return all; });
     const own = Math.round(Math.sqrt(shape.axes.length));
-    // Axes by rows of the matrix; what has none stands upright.
+    // Axes by rows of the matrix; a body without axes stands upright.
     const axes = laid(shape.axes, d * d, (found, all) => {
       for (let i = 0; i < rows; i++) for (let a = 0; a < d; a++) all[i * d * d + a * d + a] = 1;
       for (let a = 0; a < own; a++) for (let b = 0; b < own; b++) for (let i = 0; i < rows; i++) all[i * d * d + a * d + b] = found[a * own + b][i];

@@ -65,7 +65,7 @@ function eigen(S) {
   return {values: a.map((row, k) => row[k]), vectors: v};
 }
 
-// An orthonormal basis of what the rows of A span, each row at its own scale.
+// An orthonormal basis of the space that the rows of A span, each row at its own scale.
 function rowSpace(A) {
   const rows = A.map((row) => { const size = norm(row); return size > 0 ? row.map((x) => x / size) : row; });
   const {values, vectors} = eigen(rows.map((a) => rows.map((b) => dot(a, b))));
@@ -74,7 +74,7 @@ function rowSpace(A) {
     if (!(value > DEPENDENT * most)) return;
     const along = new Array(A[0].length).fill(0);
     vectors[k].forEach((c, i) => rows[i].forEach((x, j) => { along[j] += c * x; }));
-    // Once more, against the rounding of what is nearly dependent.
+    // Once more, against rounding where rows are nearly dependent.
     for (const q of found) { const d = dot(q, along); q.forEach((x, j) => { along[j] -= d * x; }); }
     const size = norm(along);
     found.push(along.map((x) => x / size));

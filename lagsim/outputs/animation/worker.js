@@ -241,7 +241,7 @@ class Running {
     return new ConstrainedStart(this.starts, this.begin(texts).known).dragged(place, point, target);
   }
 
-  // Start values with one of them at a value, or near it; those that stay are left out.
+  // Start values with one set to a value, or near it; unchanged ones are left out.
   start(texts, name, value) {
     const {q, v, rows} = this.model, {known} = this.begin(texts);
     if (!rows.length || ![...q, ...v].includes(name)) return {[name]: value};

@@ -507,7 +507,7 @@ class Contacts(Source):
     def _store(
         self, arc: Arc, before: Floats, y: Floats, some: list[int], impulses: Floats
     ) -> None:
-        """Store the impulses (r,) of the laws `some`, and those of equalities.
+        """Store the impulses (r,) of the laws `some`, and the impulses of equalities.
 
         before, y : ndarray, shape (size,), the states before and after the impact.
         """

@@ -40,7 +40,7 @@ def data_at(arc: Arc, y: Floats) -> JumpData:
 
 
 def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
-    """Return the state (size,) after an impulse, and store what rows transmit.
+    """Return the state (size,) after an impulse, and store the impulses of the rows.
 
     Parameters
     ----------

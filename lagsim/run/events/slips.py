@@ -160,7 +160,7 @@ def _collocated(
     states = straight
     rates, slip = np.empty((len(nodes), size)), np.empty((len(nodes), count, 2))
     tolerance = float(arc.plan.tolerance)
-    # Rounding of states: where friction of several slips cancels, that of each of them.
+    # Rounding of states: the friction of each slip rounds, also where the sum cancels.
     pushed = np.abs(here.answer.response[:, pairs.ravel()]) @ np.repeat(friction, 2)
     rounding = SUM_ROUNDOFF * here.seen
     rounding[arc.velocities] += SUM_ROUNDOFF * lasts * pushed

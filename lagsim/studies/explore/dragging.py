@@ -116,7 +116,7 @@ class ConstrainedStart:
         return self._named(x, self._with_rates(x))
 
     def put(self, name: str, value: float) -> dict[str, float]:
-        """Return coordinates and velocities with one of them at a value, or near it.
+        """Return coordinates and velocities with one set to a value, or near it.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The page of a model as one file: its run as WebAssembly, and what the page computes.
+"""The page of a model as one file: its run as WebAssembly, and data for its script.
 
 The module has the kernels of the run (`lagsim.program.webassembly`). What lagsim does
 in Python before and after a run, the page does in JavaScript from the data written
@@ -131,7 +131,7 @@ def page_in_a_file(explorer: Explorer) -> bytes:
 
 
 def _sliders(explorer: Explorer) -> list[Any]:
-    """Return the sliders but those of numbers of members, which a page cannot vary."""
+    """Return the sliders; a page cannot vary the number of members of a family."""
     found = []
     for x in explorer.document["sliders"]:
         if not x["whole"]:
@@ -167,13 +167,13 @@ def _refused(feature: str) -> Exception:
 
 
 def _refuse(session: Session) -> None:
-    """Raise an error that names what needs lagsim's own loop, or its search."""
+    """Raise an error that names the first feature that a page cannot compute."""
     for feature in _features(session):
         raise _refused(feature)
 
 
 def _features(session: Session) -> Iterator[str]:
-    """Yield the names of what a page cannot compute."""
+    """Yield the names of the features of the model that a page cannot compute."""
     case, system = session.case, session.system
     model, settings = case.model, case.settings
     for event in model.events:
@@ -296,7 +296,7 @@ def _states(e: Equations) -> Iterator[Document]:
 
 
 def _finite(e: Equations) -> Iterator[Document]:
-    """Yield the nodes that a start needs to be finite, with words for them."""
+    """Yield the nodes that are finite at an admissible start, with their names."""
     model = e.model
     energies = {"kinetic": model.kinetic, "potential": model.potential}
     if model.kinetic is None:

@@ -379,7 +379,7 @@ class Handler(BaseHTTPRequestHandler):
             server.closed()
 
     def _ignore(self) -> None:
-        """Read what a refused request still sends, within limits."""
+        """Read the rest of a refused request, within limits."""
         end, count = time.monotonic() + LINGERING, 0
         with suppress(OSError):
             self.connection.shutdown(socket.SHUT_WR)

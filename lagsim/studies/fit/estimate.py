@@ -131,7 +131,7 @@ def undetermined(J: Floats, error: float) -> Floats:
 
 
 def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return directions that span those of `kernel` (d, p), each with few names.
+    """Return a basis of the span of `kernel` (d, p), each vector with few names.
 
     A direction maps names to relative changes, of which the largest is 1.
     """
