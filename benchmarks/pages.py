@@ -18,7 +18,7 @@ import yaml
 
 from lagsim.codes import cautions, errors
 from lagsim.errors import InputError
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.methods import method, method_page, names
 from lagsim.model.reader import read, read_file
 

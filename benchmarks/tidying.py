@@ -22,7 +22,7 @@ from sympy.simplify.trigsimp import futrig
 
 from benchmarks.pages import shipped
 from lagsim.errors import InputError
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read_file
 from lagsim.show import symbols
 from lagsim.show.lagrange import derived

@@ -221,7 +221,7 @@ def examine(
 
     Examples
     --------
-    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.mechanics.derivation import derive
     >>> from lagsim.model.reader import read
     >>> text = '''
     ... coordinates: {x: {}, y: {}}

@@ -786,7 +786,7 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
             )
     if not model.output.reactions:
         return
-    from lagsim.mechanics.equations import reactions
+    from lagsim.mechanics.derivation import reactions
 
     for name, node in reactions(equations).items():
         if node == g.zero:

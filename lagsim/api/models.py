@@ -14,8 +14,7 @@ from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
 from lagsim.mechanics.algebra import Metric
-from lagsim.mechanics.equations import Equations
-from lagsim.mechanics.equations import derive as _derived
+from lagsim.mechanics.derivation import derive as _derived
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
 from lagsim.outputs.notebook import (
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
 
     from lagsim.api.exploring import Exploration
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.show import Content
 
 

@@ -26,7 +26,7 @@ from lagsim.language.forms import Collected
 from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
 from lagsim.mechanics.chains import Factorisation, Vector, symmetric
-from lagsim.mechanics.equations import has_angles
+from lagsim.mechanics.derivation import has_angles
 from lagsim.mechanics.tensions import accelerations, has_masses
 
 if TYPE_CHECKING:

@@ -30,7 +30,8 @@ from lagsim.language.intervals import Enclosures
 from lagsim.language.names import UNIT_LENGTH, rate_of
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.constraints import Kind, MasslessSlider, Row, constraint_row
-from lagsim.mechanics.equations import Quadrature, Work, derive
+from lagsim.mechanics.derivation import derive
+from lagsim.mechanics.equations import Quadrature, Work
 from lagsim.model.model import FirstOrderState, Force, Relation, Transition
 
 if TYPE_CHECKING:

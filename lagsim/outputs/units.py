@@ -38,7 +38,7 @@ from lagsim.language.units import (
 from lagsim.mechanics.pieces import whole
 from lagsim.model.model import Level
 from lagsim.outputs import ENERGIES
-from lagsim.program.functions import stated_units
+from lagsim.program.output_row import stated_units
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -29,10 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
 from lagsim.errors import Problem, unusable
-from lagsim.mechanics.equations import (
-    Instant,
-    may_strike,
-)
+from lagsim.mechanics.equations import Instant, may_strike
 from lagsim.mechanics.ldl import dense_operations, elimination_of
 from lagsim.mechanics.reduction import Reduction
 from lagsim.model.model import RETIRED_FORMULATIONS

@@ -18,7 +18,8 @@ from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
 from lagsim.language.tables import PIECES
 from lagsim.mechanics.corners import corners, with_pushes
-from lagsim.mechanics.equations import OF_ELEMENTS, memoized_by_motion
+from lagsim.mechanics.derivation import OF_ELEMENTS
+from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, elimination_of
 from lagsim.mechanics.linearisation import newton_matrix
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
@@ -27,10 +28,7 @@ from lagsim.mechanics.switches import model_switches
 from lagsim.methods import Structure, method, options_of
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice
-from lagsim.plan.formulation import (
-    formulate,
-    step_parts,
-)
+from lagsim.plan.formulation import formulate, step_parts
 from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -586,7 +584,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     Examples
     --------
     >>> from lagsim.admissibility.examination import examine
-    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.mechanics.derivation import derive
     >>> from lagsim.model.reader import read
     >>> text = '''
     ... coordinates: {x: {}, y: {}}

@@ -1,284 +1,35 @@
 """The functions compiled from the graph: name -> the nodes written to out.
 
 A method declares in NEEDS which functions it uses besides y', and a row of NEEDED
-constructs each one: only functions in use are differentiated and compiled. `Columns`
-are the quantities of an output row.
+constructs each one: only functions in use are differentiated and compiled.
 """
 
 from __future__ import annotations
 
-from itertools import accumulate, chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from lagsim.language.columns import (
-    ACTION,
-    FORCE,
-    FREE,
-    GAUSS,
-    IMPULSE,
-    MULTIPLIER,
-    REACTION,
-    RESIDUAL,
-    Column,
-)
+from lagsim.language.columns import IMPULSE
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind, scale_of
-from lagsim.mechanics.equations import (
-    generalized_forces,
-    may_strike,
-    pushes,
-    reactions,
-)
-from lagsim.mechanics.ldl import without_rows
+from lagsim.mechanics.equations import may_strike, pushes
+from lagsim.mechanics.forces import generalized_forces
 from lagsim.mechanics.motion_series import motion_rates
-from lagsim.mechanics.pieces import MARK, whole
-from lagsim.mechanics.reduction import with_lengths
-from lagsim.methods.parts.control import scattered
-from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
-from lagsim.plan.plan import coupled
+from lagsim.program.rounding import force_rounding_bounds, rounding_bounds
 from lagsim.tolerances import SUM_ROUNDOFF, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.switches import Switches
-    from lagsim.methods.moreau import Impulses
-    from lagsim.methods.parts.parameters import Parameters
     from lagsim.plan.plan import Plan
-
-
-class Columns:
-    """The quantities of an output row: columns of the table, then quantities for plots.
-
-    Attributes
-    ----------
-    nodes : dict of str to int
-        Name -> expression of the integrated state, q'' and lambda, in the order of the
-        table. Variables removed by a reduction are replaced by the nodes `recovered`.
-    columns : tuple of Column
-        The columns of the table, in order, before a reduction.
-    sections : list of int
-        The relations of sections, as expressions of the integrated state.
-    wants_sections : bool
-        Whether there are sections or strobes.
-    """
-
-    def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
-        model, g = equations.model, equations.graph
-        columns = list(_declared(equations))
-        rows = _in_order(equations)
-        sums = _sums(equations)
-        columns += _multipliers(equations, rows, sums)
-        forces = equations.constraint_forces() if rows else []
-        names = [FORCE.of(q) for q in equations.q]
-        columns += [Column(x, n) for x, n in zip(names, forces, strict=False)]
-        columns += [Column(RESIDUAL.of(x), row.residual) for x, row in rows.items()]
-        columns += _optional(equations)
-        nodes = {column.name: column.node for column in columns}
-        if len(nodes) < len(columns):
-            raise ValueError("two columns have one name")  # the reader refuses these
-        self.columns = tuple(columns)
-        parts = (x.multiplier for x in equations.laws if MARK in x.constraint)
-        nodes.update((name, g.variable(name)) for name in parts)
-        nodes |= _judged(equations, rows)
-        nodes.update((x.name, g.variable(x.name)) for x in equations.works)
-        for name, components in model.scene.points.items():
-            for k, node in enumerate(components, 1):
-                nodes[f"point.{name}.{k}"] = node
-        for k, plot in enumerate(model.output.plots):
-            nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
-        new = {g.variable("energy"): equations.energy, **sums}
-        new |= {g.variable(x): force for x, force in zip(names, forces, strict=False)}
-        reactions = [REACTION.of(x) for x in model.output.reactions]
-        new |= {g.variable(name): nodes[name] for name in reactions}
-        written = g.substitute(nodes.values(), new)
-        known = {
-            g.variable(x.multiplier): x.slider.force for x in equations.laws if x.slider
-        }
-        written = g.substitute(written, {**recovered, **known})
-        self.nodes = dict(zip(nodes, written, strict=True))
-        relations = [x.at for x in model.output.sections if x.at is not None]
-        self.wants_sections = bool(model.output.sections)
-        self.sections = list(g.substitute(relations, recovered))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All names, in order."""
-        return tuple(self.nodes)
-
-    @property
-    def of_table(self) -> tuple[str, ...]:
-        """Names of the columns of the table."""
-        return self.names[: self.table]
-
-    @property
-    def table(self) -> int:
-        """Number of columns of the table."""
-        return len(self.columns)
-
-
-def _declared(equations: Equations) -> Iterator[Column]:
-    """Yield the columns of t, the motion, definitions, energies and work."""
-    model, g, units = equations.model, equations.graph, stated_units(equations)
-    nodes: dict[str, int | None] = {"t": g.variable("t")}
-    for group in (equations.q, equations.velocities, equations.accelerations):
-        nodes.update((name, g.variable(name)) for name in group)
-    nodes |= {x.name: g.variable(x.name) for x in equations.states}
-    nodes |= {rate_of(x.name): x.rate for x in equations.states}
-    nodes |= {p.name: g.variable(p.name) for p in model.parameters if p.mode}
-    defined = {d.name: d.node for d in model.definitions}
-    nodes.update((name, defined[name]) for name in model.output.columns)
-    if model.kinetic is not None and model.potential is not None:
-        nodes |= {"kinetic": model.kinetic, "potential": model.potential}
-    else:
-        nodes["lagrangian"] = model.lagrangian
-    nodes["energy"] = equations.energy
-    if equations.works:
-        nodes["work"] = equations.work
-    for name, node in nodes.items():
-        if node is not None:
-            yield Column(name, node, units.get(name, ""))
-
-
-def stated_units(equations: Equations) -> dict[str, str]:
-    """Return the units that the file states: of t, and of columns by their names.
-
-    Rates, and accelerations without constraints, are included.
-    """
-    model = equations.model
-    found = {"t": "s"}
-    for c in model.coordinates:
-        if c.unit:
-            found[c.name] = c.unit
-            found[rate_of(c.name)] = f"{c.unit}/s"
-            found[rate_of(c.name, 2)] = found[FREE.of(c.name)] = f"{c.unit}/s^2"
-    for s in model.states:
-        if s.unit:
-            found[s.name], found[rate_of(s.name)] = s.unit, f"{s.unit}/s"
-    found |= {p.name: p.unit for p in model.parameters if p.mode and p.unit}
-    found |= {d.name: d.unit for d in model.definitions if d.unit}
-    return found
-
-
-def _multipliers(
-    equations: Equations, rows: Iterable[str], sums: Mapping[int, int]
-) -> Iterator[Column]:
-    """Yield the columns `lambda_NAME` of the constraints `rows`.
-
-    sums : for a gap with several pieces, node of one multiplier -> node of their sum.
-    """
-    for name in rows:
-        node = equations.graph.variable(MULTIPLIER.of(name))
-        yield Column(MULTIPLIER.of(name), sums.get(node, node))
-
-
-def _sums(equations: Equations) -> dict[int, int]:
-    """Return, for each gap with several pieces, the sum over its pieces as a node.
-
-    The keys are the nodes of the first piece's multiplier, friction force, and impulse.
-    """
-    g = equations.graph
-    parts: dict[str, list[str]] = {}
-    for law in equations.laws:
-        if MARK in law.constraint:
-            names = [law.multiplier]
-            if law.kind is Kind.CONTACT:
-                names.append(IMPULSE.of(law.constraint))
-            for name in names:
-                parts.setdefault(whole(name), []).append(name)
-    return {g.variable(x): g.sum(map(g.variable, own)) for x, own in parts.items()}
-
-
-def _in_order(equations: Equations) -> dict[str, Row]:
-    """Return the row of each constraint by its name, in the order of the file.
-
-    A gap with several pieces is represented by the row of its first piece, with the
-    residual of the whole gap and the largest residual scale of its pieces.
-    """
-    g, rows = equations.graph, {row.name: row for row in equations.rows}
-    parts: dict[str, list[Row]] = {}
-    for law in equations.laws:
-        if law.kind is not Kind.SLIP:
-            parts.setdefault(whole(law.row.name), []).append(law.row)
-    found = {}
-    for c in equations.model.constraints:
-        own = parts.get(c.name, [])
-        row = own[0] if own else rows.get(c.name)
-        if row is not None:
-            scale = row.residual_scale
-            for other in own[1:]:
-                scale = g.call("max", scale, other.residual_scale)
-            residual = c.relation.node if len(own) > 1 else row.residual
-            found[c.name] = row._replace(residual=residual, residual_scale=scale)
-    return found
-
-
-def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
-    """Return the nodes that are compared with tolerances after a run, by name.
-
-    `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
-    a contact or freewheel while its condition holds, its violation. Laws that are not
-    one-sided have neither.
-    """
-    g = equations.graph
-    free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}
-    nodes: dict[str, int] = {}
-    for name, row in rows.items():
-        law = free.get(name)
-        if law is not None:
-            if not law.kind.one_sided:
-                continue
-            missed = g.call("min", row.residual, g.zero)
-            if law.when is not None:
-                missed = g.call("mul", law.when, missed)
-            nodes[f"missed:{name}"] = missed
-        nodes[f"scale:{name}"] = row.residual_scale
-    return nodes
-
-
-def _optional(equations: Equations) -> Iterator[Column]:
-    """Yield the columns of impulses, friction forces and optional keys of `output`.
-
-    These keys are `gauss` (accelerations without constraints), `action` and
-    `reactions`.
-    """
-    e, g = equations, equations.graph
-    sums = _sums(e)
-    kinds = [Kind.CONTACT, Kind.SLIP]
-    names = []
-    if e.model.kicks:
-        kinds += [Kind.FREEWHEEL, Kind.TIMED]
-        names = [IMPULSE.of(row.name) for row in e.rows]
-    laws = [law for law in e.laws if law.kind in kinds]
-    names += [
-        x.multiplier if x.kind is Kind.SLIP else IMPULSE.of(x.constraint) for x in laws
-    ]
-    for name in dict.fromkeys(map(whole, names)):
-        node = g.variable(name)
-        yield Column(name, sums.get(node, node))
-    if e.model.output.gauss:
-        alone = without_rows(with_lengths(e))
-        free = alone.motion()[0]
-        units = stated_units(e)
-        for q, a in zip(e.q, free, strict=True):
-            yield Column(FREE.of(q), a, units.get(FREE.of(q), ""))
-        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
-        # M (q'' - a) = Qc: no cancellation, and no forces that hold switches.
-        held = e.constraint_forces()
-        square = g.product_sum(zip(held, alone.response(held), strict=True))
-        yield Column(GAUSS.of(), g.call("mul", g.constant(0.5), square))
-    if e.model.output.action:
-        yield Column(ACTION.of(), g.variable(ACTION.of()))
-    if e.model.output.reactions:
-        for name, node in reactions(e).items():
-            yield Column(REACTION.of(name), node)
+    from lagsim.program.output_row import Columns
+    from lagsim.program.patterns import Pattern
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
@@ -298,7 +49,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
         "dynamics": _dynamics(e),
         "other_rates": e.other_rates,
         "columns": list(columns.nodes.values()),
-        "force_rounding": _force_rounding(e),
+        "force_rounding": force_rounding_bounds(e),
     }
     if rows:
         found["geometry"] = [
@@ -382,148 +133,6 @@ def _against(g: Graph, value: int, scale: int) -> int:
     """Return the node of |value| / scale, which is 0 where the scale is 0."""
     part = g.call("div", g.call("abs", value), scale)
     return g.call("if", g.call("gt", scale, g.zero), part, g.zero)
-
-
-class Pattern(NamedTuple):
-    """Sparsity pattern of M and of the rows.
-
-    Attributes
-    ----------
-    first : list of int, length n
-        First column of each row of M.
-    starts, columns : list of int
-        Of the elements of the rows: index of the first element of each row, and column
-        of each element.
-    """
-
-    first: list[int]
-    starts: list[int]
-    columns: list[int]
-
-    @property
-    def inertial(self) -> int:
-        """Number of elements of M in its envelope."""
-        return sum(i - j + 1 for i, j in enumerate(self.first))
-
-
-class RowPattern(NamedTuple):
-    """Sparsity of A L^-T, of the rows of equalities and laws, with M = L L^T.
-
-    Attributes
-    ----------
-    first : list of int, length n
-        First column of each row of L.
-    ranges : list of list of (int, int), length m
-        The reach of each row: columns of the row of A L^-T, with those of the friction
-        that a multiplier of the row causes, as ranges (first, last + 1).
-    near : list of list of int, length m
-        Rows, ascending, whose reaches overlap with that of each row. Empty where there
-        are no laws.
-    """
-
-    first: list[int]
-    ranges: list[list[tuple[int, int]]]
-    near: list[list[int]]
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Sizes of the memory that `fill` fills."""
-        return {
-            "reached": sum(map(len, self.ranges)),
-            "neighbours": sum(map(len, self.near)),
-        }
-
-    def fill(self, p: Parameters) -> None:
-        """Store the sparsity in the parameters of the kernels."""
-        p.inertia_first[:] = self.first
-        ranges = list(chain(*self.ranges))
-        p.reach_starts[:] = list(accumulate(map(len, self.ranges), initial=0))
-        p.reach_begins[:] = [begin for begin, _ in ranges]
-        p.reach_ends[:] = [end for _, end in ranges]
-        if p.laws:
-            p.near_starts[:] = list(accumulate(map(len, self.near), initial=0))
-            p.near_rows[:] = list(chain(*self.near))
-
-
-def row_pattern(e: Equations, *, augmented: bool) -> RowPattern:
-    """Return the sparsity of the rows in the metric of M.
-
-    augmented : M is replaced by M + A^T W A, with the rows of the equalities.
-    """
-    first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
-    if augmented:
-        for row in e.rows:
-            for j in row.A.entries:
-                first[j] = min(first[j], *row.A.entries)
-    count = len(e.rows)
-    columns = [set(row.A.entries) for row in e.every_row]
-    for k, law in enumerate(e.laws):
-        if law.slider:
-            columns[count + k].add(law.slider.coordinate)
-        if law.normal >= 0:
-            columns[count + law.normal] |= columns[count + k]
-    reach = [_reach(own, first) for own in columns]
-    near = _overlapping(reach, len(first)) if e.laws else [[] for _ in reach]
-    return RowPattern(first, [_ranges(own) for own in reach], near)
-
-
-def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
-    """Return ascending numbers as ranges (first, last + 1)."""
-    found: list[tuple[int, int]] = []
-    for j in numbers:
-        if found and found[-1][1] == j:
-            found[-1] = found[-1][0], j + 1
-        else:
-            found.append((j, j + 1))
-    return found
-
-
-def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
-    """Return for each row the rows, ascending, that share a column of n with it."""
-    holders: list[list[int]] = [[] for _ in range(n)]
-    for k, own in enumerate(reach):
-        for j in own:
-            holders[j].append(k)
-    near: list[set[int]] = [set() for _ in reach]
-    for some in holders:
-        for k in some:
-            near[k].update(some)
-    return [sorted(x) for x in near]
-
-
-def _reach(columns: set[int], first: list[int]) -> list[int]:
-    """Return the rows, ascending, of L^-1 x that are not 0 for x with some elements."""
-    found: list[int] = []
-    last = -1
-    for i in range(min(columns, default=len(first)), len(first)):
-        if i in columns or first[i] <= last:
-            found.append(i)
-            last = i
-    return found
-
-
-def pattern(e: Equations) -> Pattern:
-    """Return the sparsity pattern of M and of the rows."""
-    starts, columns = [0], []
-    for A in e.slopes:
-        columns += list(A.entries)
-        starts.append(len(columns))
-    first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
-    return Pattern(first, starts, columns)
-
-
-def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Store in p the sparsity pattern, and each row's kind, contact and restitution."""
-    count, laws = len(e.rows), e.laws
-    p.inertia_first[:] = found.first
-    p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
-    p.row_kind[:] = [ALWAYS] * count + [law.kind.code for law in laws]
-    # Equalities come first.
-    for name in ("normal", "pair"):
-        numbers = (getattr(law, name) for law in laws)
-        shifted = [k + count if k >= 0 else -1 for k in numbers]
-        getattr(p, f"row_{name}")[:] = [-1] * count + shifted
-    p.row_restitution[:] = [0.0] * count + [law.restitution for law in laws]
 
 
 def stepping_functions(
@@ -775,7 +384,7 @@ def _solved(
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
     # The power of an eliminated drive depends on q''.
-    found["rounding"] = g.substitute(_rounding(e, elimination), forces | moved)
+    found["rounding"] = g.substitute(rounding_bounds(e, elimination), forces | moved)
     if e.rows:
         found |= _steps(e, elimination)
     return found
@@ -802,88 +411,6 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
             elimination.smallest_singular_value(), _largest(g, _unknown(g, rows)),
         ],
     }  # fmt: skip
-
-
-def _force_rounding(e: Equations) -> list[int]:
-    """Return nodes of rounding-error bounds of the forces (n,) and of the other rates.
-
-    Each force's bound is multiplied by a factor of its own with a pseudo-random sign,
-    so that errors of several forces do not cancel in an acceleration that they
-    determine.
-    """
-    g = e.graph
-    state = e.state
-    found = roundings(g, (*e.f, *e.other_rates), (*state, "t"), state)
-    force_rounding = [
-        g.call("add", g.call("abs", force), error)
-        for force, error in zip(e.f, found, strict=False)
-    ]
-    return [*_in_parts(g, force_rounding), *found[len(force_rounding) :]]
-
-
-def _inertial(e: Equations, elimination: Elimination) -> list[int]:
-    """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
-
-    Where M is close to singular (angles near gimbal lock) these errors dominate. Signs
-    are as in `_force_rounding`.
-    """
-    g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
-    if e.chains is not None:
-        rates = [g.call("abs", x) for x in elimination.motion()[0]]
-        return _in_parts(g, e.chains.sizes(g, rates, moving))
-    off = [(i, *entry) for i, row in enumerate(e.M) if len(row.entries) > 1
-           for entry in row.entries.items()]  # fmt: skip
-    if not off:
-        return [g.zero] * len(e.q)
-    nodes = [node for *_, node in off]
-    varying = g.dependent(nodes, moving)
-    sizes: list[list[tuple[int, int]]] = [[] for _ in e.q]
-    errors = roundings(g, nodes, moving, e.q)
-    for (i, j, node), error in zip(off, errors, strict=True):
-        if node in varying:
-            rate = g.call("abs", elimination.motion()[0][j])
-            sizes[i].append((g.call("add", g.call("abs", node), error), rate))
-    return _in_parts(g, [g.product_sum(row) for row in sizes])
-
-
-def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
-    """Multiply each node of `sizes` by a fixed pseudo-random factor in +-[1, 2)."""
-    parts = (
-        (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
-        for k in range(len(sizes))
-    )
-    return [
-        g.call("mul", g.constant(part), x) for part, x in zip(parts, sizes, strict=True)
-    ]
-
-
-def _rounding(e: Equations, elimination: Elimination) -> list[int]:
-    """Return bounds of the rounding errors of rates, as `dense.rounding` does."""
-    g, n = e.graph, len(e.q)
-    force_rounding = _force_rounding(e)
-    pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
-    forces = [g.call("add", *pair) for pair in pairs]
-    found = [_size(g, x) for x in elimination.response(forces)]
-    label = coupled(e)
-    shares: dict[int, int] = {}
-    for row, square in zip(e.rows, elimination.reactions(), strict=True):
-        first = label[min(row.A.entries)] if row.A.entries else 0
-        shares[first] = g.call("add", shares.get(first, g.zero), square)
-    for i, inertia in enumerate(e.inertias):
-        if label[i] in shares and inertia != g.zero:
-            share = g.call("div", shares[label[i]], inertia)
-            root = g.call("sqrt", g.call("max", share, g.zero))
-            found[i] = g.call("add", found[i], root)
-    return [*found, *force_rounding[n:]]
-
-
-def _size(g: Graph, x: int) -> int:
-    """Return the node of |x|, which for x = c |y| with a constant c is |c| |y|."""
-    if g.ops[x] == "mul":
-        c, rest = g.value(g.args[x][0]), g.args[x][1]
-        if c is not None and g.ops[rest] == "abs":
-            return g.call("mul", g.constant(abs(c)), rest)
-    return g.call("abs", x)
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.equations import generalized_impulses, without_momentum
+from lagsim.mechanics.forces import generalized_impulses, without_momentum
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -80,7 +80,7 @@ def indicators(
     --------
     A pulse is active where the argument of its exponential is largest:
 
-    >>> from lagsim.mechanics.equations import derive
+    >>> from lagsim.mechanics.derivation import derive
     >>> from lagsim.model.reader import read
     >>> text = '''
     ... coordinates: {x: {}}

@@ -32,18 +32,15 @@ from lagsim.plan.plan import coupled
 from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,
-    Columns,
-    RowPattern,
-    fill,
     functions,
-    pattern,
-    row_pattern,
     section_functions,
     surface_functions,
     varying_inertias,
 )
 from lagsim.program.impulses import ImpulseFunction
 from lagsim.program.localized import indicators
+from lagsim.program.output_row import Columns
+from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
-    from lagsim.program.functions import Columns
+    from lagsim.program.output_row import Columns
     from lagsim.program.system import System
     from lagsim.run.arc import Arc
     from lagsim.run.arcs import Run
@@ -303,7 +303,7 @@ def suited(model: Model, settings: Settings) -> Model:
 
     It is the model, or the model written out, see `language.elements`.
     """
-    from lagsim.mechanics.equations import may_gather
+    from lagsim.mechanics.derivation import may_gather
     from lagsim.methods import method
     from lagsim.plan.plan import ANY
 
@@ -333,13 +333,16 @@ def after_start_events(
     classify : passed to `examine`.
     """
     from lagsim.admissibility.examination import examine
-    from lagsim.mechanics.equations import lost_impulses
+    from lagsim.mechanics.forces import lost_impulses
+    from lagsim.mechanics.initial_events import after_initial_events
 
     if problems := lost_impulses(equations):
         raise InputError(problems)
     time, rest = settings.start, settings.rest
     report = examine(equations, time, rest=rest, classify=classify)
-    begun = equations.begun(report.state) if equations.model.events else equations
+    begun = equations
+    if equations.model.events:
+        begun = after_initial_events(equations, report.state)
     if begun is not equations:
         equations = begun
         report = examine(begun, time, rest=rest, classify=classify)

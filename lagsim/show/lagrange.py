@@ -29,7 +29,8 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.constraints import constraint_row
-from lagsim.mechanics.equations import generalized_forces, mass_matrix
+from lagsim.mechanics.derivation import mass_matrix
+from lagsim.mechanics.forces import generalized_forces
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show import RESTITUTION_LAW, Content, always, law_of

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.errors import LagsimError
-from lagsim.program.functions import stated_units
+from lagsim.program.output_row import stated_units
 from lagsim.run.session import examined
 from lagsim.studies.comparison import on_grid, scales
 from lagsim.studies.golden import SAFETY, Golden, judge, run

@@ -8,7 +8,7 @@ from lagsim.admissibility.examination import examine
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics import algebra
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.model.reader import read
 from lagsim.plan.plan import make_plan

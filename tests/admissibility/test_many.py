@@ -6,7 +6,7 @@ import pytest
 from lagsim.admissibility.examination import examine
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 
 # M = [[1, c], [c, 1]] is positive for |c| < 1; the force is finite for x > 0.

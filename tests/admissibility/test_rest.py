@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 import lagsim
 from benchmarks.rod_chain import rod_chain
 from lagsim.admissibility.examination import examine
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from tests.admissibility.scenes import codes, scene
 from tests.support import simulate

@@ -14,7 +14,7 @@ from lagsim.language.columns import (
     made,
     parsed,
 )
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.outputs.units import units
 

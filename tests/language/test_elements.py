@@ -13,7 +13,8 @@ from lagsim.errors import InputError
 from lagsim.language import elements
 from lagsim.language.evaluate import evaluate, evaluate_with_error, roundings
 from lagsim.language.functions import ELEMENTS
-from lagsim.mechanics.equations import Equations, derive, may_gather, pushes
+from lagsim.mechanics.derivation import derive, may_gather
+from lagsim.mechanics.equations import Equations, pushes
 from lagsim.model.reader import read
 from lagsim.program.localized import indicators
 from lagsim.run.session import check, open_case, suited

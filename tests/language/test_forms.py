@@ -7,7 +7,7 @@ from benchmarks.link_chain import chain
 from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import Collected, fewer_terms
 from lagsim.language.graph import Graph
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from tests.language._programs import build
 from tests.support import case_of

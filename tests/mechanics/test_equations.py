@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from tests.choosing import tonight, turn
 from tests.support import MODELS, SHIPPED, has_laws, ready, shipped

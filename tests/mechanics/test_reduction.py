@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.reduction import Reduction, conserved
 from lagsim.model.reader import read
 from lagsim.plan.plan import by_loops

@@ -12,7 +12,7 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import Budget, TooLongError
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.ldl import Elimination, affordable, factored_mass
 from lagsim.mechanics.tensions import accelerations
 from lagsim.model.reader import read

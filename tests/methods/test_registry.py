@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.methods import method, method_page, names, options, options_of
 from lagsim.model.reader import read
 from lagsim.plan.plan import structure

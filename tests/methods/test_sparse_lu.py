@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from lagsim.mechanics import linearisation as module
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.linearisation import Entry, factored, newton_matrix
 from lagsim.methods.parts import newton as lu
 from lagsim.methods.parts.newton import SparseNewton, decompose_sparse

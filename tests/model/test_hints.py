@@ -15,7 +15,7 @@ import pytest
 from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import MAX_GUESSES
 from tests.model._files import problems

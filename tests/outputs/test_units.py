@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lagsim import simulate
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.outputs.units import of_table, parsed, units, written
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive, groups, shared
+from lagsim.mechanics.derivation import derive
+from lagsim.mechanics.groups import groups, shared
 from lagsim.model.reader import read
 from lagsim.run.trajectory import Outcome
 from tests.support import case_of, run

@@ -11,7 +11,7 @@ from scipy.linalg import eigvals, expm
 
 from lagsim import check, load
 from lagsim.api.models import model_of
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method, names
 from lagsim.model.reader import read

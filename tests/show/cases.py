@@ -11,7 +11,7 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.mechanics.equations import Equations, derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
@@ -22,6 +22,7 @@ from tests.sympy_oracle import reads
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from lagsim.mechanics.equations import Equations
     from lagsim.show import Content
 
 # What sympy reads.

@@ -7,7 +7,7 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.show.as_python import as_python
 from lagsim.show.lagrange import derived

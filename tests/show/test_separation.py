@@ -11,7 +11,7 @@ import lagsim
 from lagsim import show as shown
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show import text
 from lagsim.show.lagrange import derived

@@ -11,7 +11,7 @@ from lagsim import limits
 from lagsim.errors import InputError
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show.lagrange import derived
 from lagsim.show.symbols import number, symbol, to_sympy

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
 from lagsim.show.lagrange import derived
 from lagsim.show.text import as_text

@@ -17,7 +17,7 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
-from lagsim.mechanics.equations import NOBODY, groups, owners_of, shared
+from lagsim.mechanics.groups import NOBODY, groups, owners_of, shared
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     ENERGY_ROUNDOFF,

@@ -217,7 +217,7 @@ class Explorer:
 
     def equations(self) -> str:
         """Return the equations of motion as MathML."""
-        from lagsim.mechanics.equations import derive
+        from lagsim.mechanics.derivation import derive
         from lagsim.show import has_many_rows
         from lagsim.show.lagrange import derived
         from lagsim.show.mathml import as_mathml

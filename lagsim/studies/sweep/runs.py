@@ -39,8 +39,8 @@ from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
-from lagsim.program.functions import Columns
 from lagsim.program.localized import names_in_exponents
+from lagsim.program.output_row import Columns
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Extremes, Measures

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.mechanics.equations import groups
+from lagsim.mechanics.groups import groups
 from lagsim.run.error import ErrorBar
 from lagsim.studies.audit.balances import Energy, group_balances
 from tests.small_scenes import held_pendulum, scene

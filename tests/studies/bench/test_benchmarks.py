@@ -7,7 +7,7 @@ from benchmarks.measure import cost_at
 from benchmarks.rivals_chart import LOOKS, chart
 from benchmarks.textbook import OF, Numbers
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.studies.bench import stamp
 from tests.outputs.drawn import assert_legible, drawn
 from tests.support import shipped

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
 from lagsim.model.reader import read

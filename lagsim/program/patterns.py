@@ -1,0 +1,155 @@
+"""Sparsity patterns of M, of the rows, and of their products with inverses."""
+
+from __future__ import annotations
+
+from itertools import accumulate, chain
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.methods.parts.parameters import ALWAYS
+
+if TYPE_CHECKING:
+    from lagsim.mechanics.equations import Equations
+    from lagsim.methods.moreau import Impulses
+    from lagsim.methods.parts.parameters import Parameters
+
+
+class Pattern(NamedTuple):
+    """Sparsity pattern of M and of the rows.
+
+    Attributes
+    ----------
+    first : list of int, length n
+        First column of each row of M.
+    starts, columns : list of int
+        Of the elements of the rows: index of the first element of each row, and column
+        of each element.
+    """
+
+    first: list[int]
+    starts: list[int]
+    columns: list[int]
+
+    @property
+    def inertial(self) -> int:
+        """Number of elements of M in its envelope."""
+        return sum(i - j + 1 for i, j in enumerate(self.first))
+
+
+class RowPattern(NamedTuple):
+    """Sparsity of A L^-T, of the rows of equalities and laws, with M = L L^T.
+
+    Attributes
+    ----------
+    first : list of int, length n
+        First column of each row of L.
+    ranges : list of list of (int, int), length m
+        The reach of each row: columns of the row of A L^-T, with those of the friction
+        that a multiplier of the row causes, as ranges (first, last + 1).
+    near : list of list of int, length m
+        Rows, ascending, whose reaches overlap with that of each row. Empty where there
+        are no laws.
+    """
+
+    first: list[int]
+    ranges: list[list[tuple[int, int]]]
+    near: list[list[int]]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the memory that `fill` fills."""
+        return {
+            "reached": sum(map(len, self.ranges)),
+            "neighbours": sum(map(len, self.near)),
+        }
+
+    def fill(self, p: Parameters) -> None:
+        """Store the sparsity in the parameters of the kernels."""
+        p.inertia_first[:] = self.first
+        ranges = list(chain(*self.ranges))
+        p.reach_starts[:] = list(accumulate(map(len, self.ranges), initial=0))
+        p.reach_begins[:] = [begin for begin, _ in ranges]
+        p.reach_ends[:] = [end for _, end in ranges]
+        if p.laws:
+            p.near_starts[:] = list(accumulate(map(len, self.near), initial=0))
+            p.near_rows[:] = list(chain(*self.near))
+
+
+def row_pattern(e: Equations, *, augmented: bool) -> RowPattern:
+    """Return the sparsity of the rows in the metric of M.
+
+    augmented : M is replaced by M + A^T W A, with the rows of the equalities.
+    """
+    first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
+    if augmented:
+        for row in e.rows:
+            for j in row.A.entries:
+                first[j] = min(first[j], *row.A.entries)
+    count = len(e.rows)
+    columns = [set(row.A.entries) for row in e.every_row]
+    for k, law in enumerate(e.laws):
+        if law.slider:
+            columns[count + k].add(law.slider.coordinate)
+        if law.normal >= 0:
+            columns[count + law.normal] |= columns[count + k]
+    reach = [_reach(own, first) for own in columns]
+    near = _overlapping(reach, len(first)) if e.laws else [[] for _ in reach]
+    return RowPattern(first, [_ranges(own) for own in reach], near)
+
+
+def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
+    """Return ascending numbers as ranges (first, last + 1)."""
+    found: list[tuple[int, int]] = []
+    for j in numbers:
+        if found and found[-1][1] == j:
+            found[-1] = found[-1][0], j + 1
+        else:
+            found.append((j, j + 1))
+    return found
+
+
+def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
+    """Return for each row the rows, ascending, that share a column of n with it."""
+    holders: list[list[int]] = [[] for _ in range(n)]
+    for k, own in enumerate(reach):
+        for j in own:
+            holders[j].append(k)
+    near: list[set[int]] = [set() for _ in reach]
+    for some in holders:
+        for k in some:
+            near[k].update(some)
+    return [sorted(x) for x in near]
+
+
+def _reach(columns: set[int], first: list[int]) -> list[int]:
+    """Return the rows, ascending, of L^-1 x that are not 0 for x with some elements."""
+    found: list[int] = []
+    last = -1
+    for i in range(min(columns, default=len(first)), len(first)):
+        if i in columns or first[i] <= last:
+            found.append(i)
+            last = i
+    return found
+
+
+def pattern(e: Equations) -> Pattern:
+    """Return the sparsity pattern of M and of the rows."""
+    starts, columns = [0], []
+    for A in e.slopes:
+        columns += list(A.entries)
+        starts.append(len(columns))
+    first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
+    return Pattern(first, starts, columns)
+
+
+def fill(p: Impulses, e: Equations, found: Pattern) -> None:
+    """Store in p the sparsity pattern, and each row's kind, contact and restitution."""
+    count, laws = len(e.rows), e.laws
+    p.inertia_first[:] = found.first
+    p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
+    p.row_kind[:] = [ALWAYS] * count + [law.kind.code for law in laws]
+    # Equalities come first.
+    for name in ("normal", "pair"):
+        numbers = (getattr(law, name) for law in laws)
+        shifted = [k + count if k >= 0 else -1 for k in numbers]
+        getattr(p, f"row_{name}")[:] = [-1] * count + shifted
+    p.row_restitution[:] = [0.0] * count + [law.restitution for law in laws]

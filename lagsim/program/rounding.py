@@ -1,0 +1,98 @@
+"""Bounds of the rounding errors of forces, accelerations and rates, as nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.language.evaluate import roundings
+from lagsim.methods.parts.control import scattered
+from lagsim.plan.plan import coupled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.ldl import Elimination
+
+
+def force_rounding_bounds(e: Equations) -> list[int]:
+    """Return nodes of rounding-error bounds of the forces (n,) and of the other rates.
+
+    Each force's bound is multiplied by a factor of its own with a pseudo-random sign,
+    so that errors of several forces do not cancel in an acceleration that they
+    determine.
+    """
+    g = e.graph
+    state = e.state
+    found = roundings(g, (*e.f, *e.other_rates), (*state, "t"), state)
+    force_rounding = [
+        g.call("add", g.call("abs", force), error)
+        for force, error in zip(e.f, found, strict=False)
+    ]
+    return [*_in_parts(g, force_rounding), *found[len(force_rounding) :]]
+
+
+def _inertial(e: Equations, elimination: Elimination) -> list[int]:
+    """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
+
+    Where M is close to singular (angles near gimbal lock) these errors dominate. Signs
+    are as in `force_rounding_bounds`.
+    """
+    g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
+    if e.chains is not None:
+        rates = [g.call("abs", x) for x in elimination.motion()[0]]
+        return _in_parts(g, e.chains.sizes(g, rates, moving))
+    off = [(i, *entry) for i, row in enumerate(e.M) if len(row.entries) > 1
+           for entry in row.entries.items()]  # fmt: skip
+    if not off:
+        return [g.zero] * len(e.q)
+    nodes = [node for *_, node in off]
+    varying = g.dependent(nodes, moving)
+    sizes: list[list[tuple[int, int]]] = [[] for _ in e.q]
+    errors = roundings(g, nodes, moving, e.q)
+    for (i, j, node), error in zip(off, errors, strict=True):
+        if node in varying:
+            rate = g.call("abs", elimination.motion()[0][j])
+            sizes[i].append((g.call("add", g.call("abs", node), error), rate))
+    return _in_parts(g, [g.product_sum(row) for row in sizes])
+
+
+def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
+    """Multiply each node of `sizes` by a fixed pseudo-random factor in +-[1, 2)."""
+    parts = (
+        (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
+        for k in range(len(sizes))
+    )
+    return [
+        g.call("mul", g.constant(part), x) for part, x in zip(parts, sizes, strict=True)
+    ]
+
+
+def rounding_bounds(e: Equations, elimination: Elimination) -> list[int]:
+    """Return bounds of the rounding errors of rates, as `dense.rounding` does."""
+    g, n = e.graph, len(e.q)
+    force_rounding = force_rounding_bounds(e)
+    pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
+    forces = [g.call("add", *pair) for pair in pairs]
+    found = [_size(g, x) for x in elimination.response(forces)]
+    label = coupled(e)
+    shares: dict[int, int] = {}
+    for row, square in zip(e.rows, elimination.reactions(), strict=True):
+        first = label[min(row.A.entries)] if row.A.entries else 0
+        shares[first] = g.call("add", shares.get(first, g.zero), square)
+    for i, inertia in enumerate(e.inertias):
+        if label[i] in shares and inertia != g.zero:
+            share = g.call("div", shares[label[i]], inertia)
+            root = g.call("sqrt", g.call("max", share, g.zero))
+            found[i] = g.call("add", found[i], root)
+    return [*found, *force_rounding[n:]]
+
+
+def _size(g: Graph, x: int) -> int:
+    """Return the node of |x|, which for x = c |y| with a constant c is |c| |y|."""
+    if g.ops[x] == "mul":
+        c, rest = g.value(g.args[x][0]), g.args[x][1]
+        if c is not None and g.ops[rest] == "abs":
+            return g.call("mul", g.constant(abs(c)), rest)
+    return g.call("abs", x)
