@@ -255,3 +255,17 @@ def words_below(*roots: Node) -> set[str]:
             else _WORD.findall(scalar.text)
         )
     }
+
+
+def value_of(node: Node, keys: tuple[str, ...]) -> Node:
+    """Return the value of the first of `keys` in a mapping; the node if it has none."""
+    below = {key.text: value for key, value in entries_of(node)}
+    return next((below[key] for key in keys if key in below), node)
+
+
+def with_value(node: Node, keys: tuple[str, ...], new: Node) -> Node:
+    """Return the node with the value that `value_of` returns replaced by `new`."""
+    if not isinstance(node, Mapping) or value_of(node, keys) is node:
+        return new
+    entries = ((k, new if k.text in keys else v) for k, v in node.entries)
+    return node._replace(entries=tuple(entries))

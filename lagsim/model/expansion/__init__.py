@@ -8,7 +8,6 @@ scalars have a `MemberReading` for their member. The reader then handles scalars
 from __future__ import annotations
 
 import re
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeGuard
 
 from lagsim import limits
@@ -16,6 +15,7 @@ from lagsim.language.names import HIDDEN, in_file
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
+from lagsim.model.expansion.scene import SceneExpansion
 from lagsim.model.expansion.scope import (
     Family,
     HiddenReading,
@@ -33,6 +33,8 @@ from lagsim.model.nodes import (
     Sequence,
     entries_of,
     items_of,
+    value_of,
+    with_value,
 )
 
 if TYPE_CHECKING:
@@ -128,7 +130,7 @@ class Expansion:
         self.frames: FrameReader | None = None
         # Hidden definitions of positions, by the scalars that they are of.
         self.moving: dict[str, Scalar] = {}
-        self._drawn: list[Drawn] = []
+        self.drawn: list[Drawn] = []
         self.points: dict[str, Family] = {}
         self.idle: list[str] = []
         self.broken: set[str] = set()
@@ -195,7 +197,7 @@ class Expansion:
         new["events"] = [
             (key, self.bound(node, reading, {"set": self._sets, "impulse": self._sets}))
             for entry in self._entries("events")
-            for key, reading, node in self._named(*entry, events)
+            for key, reading, node in self.named(*entry, events)
         ]
         new["definitions"] += self.hidden
         found: dict[str, Node] = {}
@@ -205,18 +207,19 @@ class Expansion:
                 found[section] = node._replace(entries=tuple(entries))
             elif entries:  # which the file does not write
                 found[section] = Mapping(tuple(entries), entries[0][0].place)
+        shown = SceneExpansion(self)
         if "output" in self._top:
             rules = {
                 "columns": self._names,
                 "reactions": self._names,
                 "sensitivities": self._names,
-                "plots": {"y": self._axis, "y2": self._axis},
+                "plots": {"y": shown.axis, "y2": shown.axis},
                 "sections": {"*": {"plot": self._names}},
             }
             found["output"] = self.bound(self._top["output"], None, rules)
         scene = self._top.get("scene")
-        if scene or self._drawn:
-            found["scene"] = self._scene(scene)
+        if scene or self.drawn:
+            found["scene"] = shown.scene(scene)
         return found
 
     def _make_frames(self) -> None:
@@ -237,7 +240,7 @@ class Expansion:
         from lagsim.model.expansion.bodies import Bodies
 
         bodies = Bodies(self, *given)
-        self._drawn = bodies.drawn
+        self.drawn = bodies.drawn
         for k, (key, value) in enumerate(entries_of(node)):
             if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):
                 reading = MemberReading(self.scope, {"bodies": tree})
@@ -456,7 +459,7 @@ class Expansion:
                 self._evaluate(name.text, value)
 
     def _evaluate(self, name: str, node: Node) -> None:
-        given = _inner(node, _VALUES["parameters"])
+        given = value_of(node, _VALUES["parameters"])
         if name in self._instead:
             text, reading = self._instead[name], None
         elif isinstance(given, Scalar):
@@ -502,7 +505,7 @@ class Expansion:
         shared = section == "constraints" and isinstance(node, Mapping) and any(
             key.text == "limit" for key, _ in node.entries
         )  # fmt: skip
-        node = _inner(node, _VALUES[section])
+        node = value_of(node, _VALUES[section])
         if one.parsed.ranged and isinstance(node, Sequence) and node.items:
             node = node.items[0]
         if isinstance(node, Sequence) and shared:
@@ -578,9 +581,9 @@ class Expansion:
             kept = (e for e in node.entries if e[0].text != "components")
             node = node._replace(entries=tuple(kept))
         self._count += max(0, len(letters) - 1) * len(one.members)
-        inner, values = _inner(node, keys), [node] * len(one.members)
+        inner, values = value_of(node, keys), [node] * len(one.members)
         if parsed.ranged and isinstance(inner, Sequence):
-            values = [_with_inner(node, keys, item) for item in inner.items]
+            values = [with_value(node, keys, item) for item in inner.items]
         if self._is_one_vector(inner, letters, one):
             text = f"`{key.text}` has {len(one.members)} members, each a vector of "
             text += (
@@ -637,7 +640,7 @@ class Expansion:
         self, node: Node, keys: tuple[str, ...], reading: MemberReading, key: Scalar
     ) -> Node:
         """Return the value of an entry for one component of a member."""
-        inner, outer = _inner(node, keys), reading
+        inner, outer = value_of(node, keys), reading
         if reading.component is None:
             new = self.bound(inner, reading)
         else:
@@ -650,7 +653,7 @@ class Expansion:
                 text = f"`{key.text}` is a vector of {reading.size}, found a list of "
                 self.report("wrong-count", f"{text}{len(inner.items)}", inner)
                 return Broken(inner.place)
-        return new if inner is node else _with_inner(self.bound(node, outer), keys, new)
+        return new if inner is node else with_value(self.bound(node, outer), keys, new)
 
     # Sections that refer to names
 
@@ -734,38 +737,7 @@ class Expansion:
         )
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
 
-    def _scene(self, node: Node | None) -> Node:
-        """Return the section `scene`, its points, links and shapes by members."""
-        if node is not None and not isinstance(node, Mapping):
-            return node
-        entries: list[Entry] = []
-        if node:  # points first, which others name
-            given = sorted(node.entries, key=lambda entry: entry[0].text != "points")
-            rules = {"points": self._points, "links": self._links}
-            whole = self.bound(Mapping(tuple(given), node.place), None, rules)
-            entries += entries_of(whole)
-        shapes = next((e for e in entries if e[0].text == "shapes"), None)
-        if self._drawn or (shapes and isinstance(shapes[1], Mapping)):
-            from lagsim.model.expansion.bodies import Shapes
-
-            at, old = shapes or (self._drawn[0].kind[0], None)
-            writer = Shapes(self)
-            found = (*writer.given(old), *writer.of_bodies(self._drawn))
-            entries = [entry for entry in entries if entry is not shapes]
-            entries.append((at._replace(text="shapes"), Mapping(found, at.place)))
-        return Mapping(tuple(entries), node.place if node else entries[0][0].place)
-
-    def _points(self, node: Node, reading: MemberReading) -> Node:
-        if not isinstance(node, Mapping):
-            return self.bound(node, reading)
-        found = [
-            (full, self.spread(one, reading))
-            for entry in node.entries
-            for full, reading, one in self._named(*entry, self.points)
-        ]
-        return node._replace(entries=tuple(found))
-
-    def _named(
+    def named(
         self, key: Scalar, node: Node, space: dict[str, Family]
     ) -> Iterator[tuple[Scalar, MemberReading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
@@ -803,32 +775,6 @@ class Expansion:
         names = {key.text.partition("(")[0] for key, _ in node.entries}
         broken = not found and not names.isdisjoint(self.broken)
         return Broken(node.place) if broken else node._replace(entries=found)
-
-    def _links(self, node: Node, reading: MemberReading) -> Node:
-        """Return the links of a scene.
-
-        A link to a family joins its consecutive points.
-        """
-        if not isinstance(node, Sequence):
-            return self.bound(node, reading)
-        links = (link for item in node.items for link in self._joining(item))
-        return node._replace(items=tuple(links))
-
-    def _joining(self, node: Node) -> list[Node]:
-        inner = _inner(node, ("points",))
-        if inner is not node:
-            length = _inner(node, ("length",))
-            if length is not node:
-                node = _with_inner(node, ("length",), self.bound(length))
-            return [_with_inner(node, ("points",), x) for x in self._joining(inner)]
-        if not isinstance(node, Sequence):
-            return [node]
-        names = [n for item in node.items for n in self.denoted(item, self.points)]
-        if any(isinstance(name, Broken) for name in names):
-            return [Broken(node.place)]
-        if len(names) == len(node.items):
-            return [node._replace(items=tuple(names))]
-        return [node._replace(items=pair) for pair in pairwise(names)]
 
     def denoted(
         self,
@@ -871,49 +817,3 @@ class Expansion:
             return self.bound(node, reading)
         items = (n for item in node.items for n in self.denoted(item))
         return node._replace(items=tuple(items))
-
-    def _axis(self, node: Node, _: MemberReading) -> Node:
-        curves = [c for item in items_of(node) for c in self._curves(item)]
-        if len(curves) == 1 and not isinstance(node, Sequence):
-            return curves[0]
-        return Sequence(tuple(curves), node.place)
-
-    def _curves(self, node: Node) -> list[Node]:
-        """Return the expressions of a plot's curve: one per member and component."""
-        if not isinstance(node, Scalar):
-            return [node]
-        try:
-            parsed = parsed_key(node.text)
-        except ExpressionError:
-            parsed = None
-        meant = self.scope.reference(parsed.name) if parsed else None
-        if meant and meant.broken:
-            return [Broken(node.place)]
-        if parsed and meant and (meant.indexed or not parsed.subscripts):
-            return [
-                self.bound(n._replace(text=in_file(n.text)))
-                if isinstance(n, Scalar)
-                else n
-                for n in self.denoted(node)
-            ]
-        spread = self.spread(node, self.plain)
-        if not isinstance(spread, Sequence):
-            return [spread]
-        return [
-            self.bound(node._replace(text=f"({node.text}).{c}"))
-            for c in trees.components(len(spread.items))
-        ]
-
-
-def _inner(node: Node, keys: tuple[str, ...]) -> Node:
-    """Return the value of the first of `keys` in a mapping; the node if it has none."""
-    below = {key.text: value for key, value in entries_of(node)}
-    return next((below[key] for key in keys if key in below), node)
-
-
-def _with_inner(node: Node, keys: tuple[str, ...], new: Node) -> Node:
-    """Return the node with the value that `_inner` returns replaced by `new`."""
-    if not isinstance(node, Mapping) or _inner(node, keys) is node:
-        return new
-    entries = ((k, new if k.text in keys else v) for k, v in node.entries)
-    return node._replace(entries=tuple(entries))
