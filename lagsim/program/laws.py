@@ -45,7 +45,7 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.methods.parts.state import of_model
-from lagsim.native.kernels.words import external
+from lagsim.native.kernels.words import bits, external, from_bits
 from lagsim.program import mass
 from lagsim.tolerances import OVERFLOW
 
@@ -80,32 +80,36 @@ def couple(p: Parameters, sliding: int) -> None:
         else:
             copy_within(p, i, row, push)
     for g in range(int(p.groups)):
-        couple_group(p, int(p.group_starts[g]), int(p.group_ends[g]), g)
+        couple_group(p, bits(p.group_starts[g]), bits(p.group_ends[g]), g)
 
 
 def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
     """Assemble the matrix S of group g, the rows with places from begin to end - 1."""
     n, count = p.n, end - begin
-    matrix = p.S[int(p.group_matrices[g]) :]
+    matrix = p.S[bits(p.group_matrices[g]) :]
     for k in range(begin, end):
         i = int(p.order[k])
         row, entries = p.Y[k * n :], matrix[(k - begin) * count :]
-        entries[:count] = 0.0
         square = product_within(p, i, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
-        for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
-            other = int(p.near_rows[e])
-            if p.row_holds[other] > 0.0:
-                place = int(p.row_place[other])
-                product = product_within(p, i, row, p.Z[place * n :])
-                entries[place - begin] = product * scale
+        if mass.WHOLE:
+            for j in range(count):
+                entries[j] = product_within(p, i, row, p.Z[j * n :]) * scale
+        else:
+            entries[:count] = 0.0
+            for e in range(bits(p.near_starts[i]), bits(p.near_starts[i + 1])):
+                j = bits(p.near_rows[e])
+                if p.row_holds[j] > 0.0:
+                    place = bits(p.row_place[j])
+                    product = product_within(p, i, row, p.Z[place * n :])
+                    entries[place - begin] = product * scale
         p.w[k] *= scale
 
 
 def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
     """Add a multiple of row k to `out` (n,), within the reach of row i."""
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+    for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+        j, end = mass.range_begin(p, e), mass.range_end(p, e)
         out[j:end] += factor * p.A[k * p.n + j : k * p.n + end]
 
 
@@ -115,30 +119,30 @@ def forward_within(p: Parameters, i: int, out: Floats) -> None:
     x is p.u (n,), which is 0 outside of that reach.
     """
     n, u = p.n, p.u
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        for c in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+    for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+        for c in range(mass.range_begin(p, e), mass.range_end(p, e)):
             value = u[c]
-            for j in range(int(p.inertia_first[c]), c):
+            for j in range(mass.first_column(p.inertia_first, c), c):
                 value -= p.L[c * n + j] * u[j]
             u[c] = value / p.L[c * n + c]
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        c, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+    for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+        c, end = mass.range_begin(p, e), mass.range_end(p, e)
         out[c:end] = u[c:end]
         u[c:end] = 0.0
 
 
 def copy_within(p: Parameters, i: int, x: Floats, out: Floats) -> None:
     """Copy x (n,) to `out` (n,), within the reach of row i."""
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+    for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+        j, end = mass.range_begin(p, e), mass.range_end(p, e)
         out[j:end] = x[j:end]
 
 
 def product_within(p: Parameters, i: int, a: Floats, b: Floats) -> float:
     """Return the sum of a_j b_j over the columns j in the reach of row i."""
     found = 0.0
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+    for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+        for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
             found += a[j] * b[j]
     return found
 
@@ -178,8 +182,8 @@ def impress(p: Parameters) -> None:
     n = p.n
     for k in range(int(p.ranked)):
         i = int(p.order[k])
-        for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-            j, end = int(p.reach_begins[e]), int(p.reach_ends[e])
+        for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+            j, end = mass.range_begin(p, e), mass.range_end(p, e)
             p.u[j:end] += p.w[k] * p.Z[k * n + j : k * n + end]
 
 
@@ -204,9 +208,9 @@ def share_out(p: Parameters) -> None:
 def solve_rows(p: Parameters) -> None:
     """Solve S x = p.w in place, group by group; nan where S is singular."""
     for g in range(int(p.groups)):
-        begin = int(p.group_starts[g])
-        count = int(p.group_ends[g]) - begin
-        S, band = p.S[int(p.group_matrices[g]) :], int(p.group_bands[g])
+        begin = bits(p.group_starts[g])
+        count = bits(p.group_ends[g]) - begin
+        S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
         solve_in_place(count, band, S, p.factors, p.w[begin:])
 
 
@@ -495,17 +499,17 @@ def group_rows(p: Parameters) -> None:
 
     The rows of a group are ascending in p.order, as are the groups by their first rows.
     """
-    p.row_group[:] = -1.0
     groups = 0
-    begin = 0.0
-    matrix = 0.0
+    begin = 0
+    matrix = 0
+    p.row_group[:] = -1.0
     for k in range(p.m):
         if p.row_holds[k] > 0.0 and p.row_group[k] < 0.0:
             size = join_group(p, k, groups)
-            p.group_starts[groups] = begin
-            p.group_ends[groups] = begin  # advanced by each row below
-            p.group_matrices[groups] = matrix
-            p.group_bands[groups] = 0.0
+            p.group_starts[groups] = from_bits(begin)
+            p.group_ends[groups] = from_bits(begin)  # advanced by each row below
+            p.group_matrices[groups] = from_bits(matrix)
+            p.group_bands[groups] = from_bits(0)
             begin += size
             matrix += size * size
             groups += 1
@@ -514,10 +518,10 @@ def group_rows(p: Parameters) -> None:
     for k in range(p.m):
         if p.row_holds[k] > 0.0:
             g = int(p.row_group[k])
-            place = p.group_ends[g]
-            p.row_place[k] = place
-            p.order[int(place)] = k
-            p.group_ends[g] = place + 1.0
+            place = bits(p.group_ends[g])
+            p.row_place[k] = from_bits(place)
+            p.order[place] = k
+            p.group_ends[g] = from_bits(place + 1)
     for k in range(int(p.ranked)):
         widen_band(p, k)
 
@@ -535,8 +539,8 @@ def join_group(p: Parameters, first: int, number: int) -> int:
     while done < count:
         i = int(queue[done])
         done += 1
-        for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
-            j = int(p.near_rows[e])
+        for e in range(bits(p.near_starts[i]), bits(p.near_starts[i + 1])):
+            j = bits(p.near_rows[e])
             if p.row_holds[j] > 0.0 and p.row_group[j] < 0.0:
                 p.row_group[j] = number
                 queue[count] = j
@@ -548,10 +552,11 @@ def widen_band(p: Parameters, k: int) -> None:
     """Widen the band of a group by the neighbours of the row with place k."""
     i = int(p.order[k])
     g = int(p.row_group[i])
-    for e in range(int(p.near_starts[i]), int(p.near_starts[i + 1])):
-        j = int(p.near_rows[e])
+    for e in range(bits(p.near_starts[i]), bits(p.near_starts[i + 1])):
+        j = bits(p.near_rows[e])
         if p.row_holds[j] > 0.0:
-            p.group_bands[g] = max(p.group_bands[g], abs(p.row_place[j] - k))
+            far = bits(p.row_place[j]) - k  # row j has row i as a neighbour, too
+            p.group_bands[g] = from_bits(max(bits(p.group_bands[g]), far))
 
 
 def elapsed_part(t: float, p: Parameters, k: int) -> float:
@@ -632,8 +637,8 @@ def keep_still(p: Parameters) -> None:
             count = 0
             place = 0
             i = first + k
-            for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-                for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+            for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+                for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
                     if row[j] != 0.0:
                         count += 1
                         place = j

@@ -15,9 +15,14 @@ from math import nan, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import Parameters
+from lagsim.native.kernels.words import bits
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
+
+# Whether each row of L and of the constraints counts as reaching all coordinates, and
+# all other rows: where lists would cost more than they save. Set by the translator.
+WHOLE = False
 
 
 def factor(p: Parameters) -> None:
@@ -45,18 +50,28 @@ def cholesky(n: int, first: Floats, L: Floats) -> None:
     >>> L.tolist()
     [2.0, 0.0, 1.0, 2.0]
     """
-    for i in range(n):
-        begin = int(first[i])
-        for j in range(begin, i + 1):
-            value = L[i * n + j]
-            for k in range(max(begin, int(first[j])), j):
-                value -= L[i * n + k] * L[j * n + k]
-            if i > j:
-                L[i * n + j] = value / L[j * n + j]
-            elif value > 0.0:
-                L[j * n + j] = sqrt(value)
-            else:
-                L[j * n + j] = nan
+    if WHOLE:
+        for j in range(n):  # by columns, whose divisions do not wait for each other
+            for i in range(j, n):
+                reduce_element(n, i, j, 0, L)
+    else:
+        for i in range(n):
+            begin = int(first[i])
+            for j in range(begin, i + 1):
+                reduce_element(n, i, j, max(begin, int(first[j])), L)
+
+
+def reduce_element(n: int, i: int, j: int, begin: int, L: Floats) -> None:
+    """Replace M_ij in L (n, n) by L_ij, with the columns from `begin` to j - 1."""
+    value = L[i * n + j]
+    for k in range(begin, j):
+        value -= L[i * n + k] * L[j * n + k]
+    if i > j:
+        L[i * n + j] = value / L[j * n + j]
+    elif value > 0.0:
+        L[j * n + j] = sqrt(value)
+    else:
+        L[j * n + j] = nan
 
 
 def row_weight(n: int, M: Floats, row: Floats) -> float:
@@ -96,7 +111,7 @@ def forward(n: int, first: Floats, L: Floats, x: Floats) -> None:
     """Replace x (n,) by L^-1 x, L (n, n) lower triangular."""
     for i in range(n):
         value = x[i]
-        for j in range(int(first[i]), i):
+        for j in range(first_column(first, i), i):
             value -= L[i * n + j] * x[j]
         x[i] = value / L[i * n + i]
 
@@ -107,8 +122,15 @@ def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
         i = n - 1 - k
         value = x[i] / L[i * n + i]
         out[i] = value
-        begin = int(first[i])
+        begin = first_column(first, i)
         x[begin:i] -= L[i * n + begin : i * n + i] * value
+
+
+def first_column(first: Floats, i: int) -> int:
+    """Return the column of the first element of row i of L that counts."""
+    if WHOLE:
+        return 0
+    return int(first[i])
 
 
 def free_motion(p: Parameters) -> None:
@@ -123,10 +145,31 @@ def missing(p: Parameters, i: int) -> float:
     """Return b_i - A_i q'', the residual of row i on the level of accelerations."""
     A = p.A[i * p.n :]
     value = p.b[i]
-    for e in range(int(p.reach_starts[i]), int(p.reach_starts[i + 1])):
-        for j in range(int(p.reach_begins[e]), int(p.reach_ends[e])):
+    for e in range(first_range(p, i), first_range(p, i + 1)):
+        for j in range(range_begin(p, e), range_end(p, e)):
             value -= A[j] * p.motion[j]
     return float(value)
+
+
+def first_range(p: Parameters, i: int) -> int:
+    """Return the number of the first range of columns in the reach of row i."""
+    if WHOLE:
+        return i
+    return bits(p.reach_starts[i])
+
+
+def range_begin(p: Parameters, e: int) -> int:
+    """Return the first column of range e."""
+    if WHOLE:
+        return 0
+    return bits(p.reach_begins[e])
+
+
+def range_end(p: Parameters, e: int) -> int:
+    """Return the end of range e, exclusive."""
+    if WHOLE:
+        return p.n
+    return bits(p.reach_ends[e])
 
 
 def product(length: int, a: Floats, b: Floats) -> float:

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.methods.parts.parameters import ALWAYS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.methods.moreau import Impulses
     from lagsim.methods.parts.parameters import Parameters
@@ -35,6 +38,10 @@ class Pattern(NamedTuple):
         return sum(i - j + 1 for i, j in enumerate(self.first))
 
 
+# An operation on elements that are found by lists costs as much as this many others.
+LISTED = 2
+
+
 class RowPattern(NamedTuple):
     """Sparsity of A L^-T, of the rows of equalities and laws, with M = L L^T.
 
@@ -55,6 +62,20 @@ class RowPattern(NamedTuple):
     near: list[list[int]]
 
     @property
+    def whole(self) -> bool:
+        """Whether M and the rows are too closely coupled for lists to save time.
+
+        Counted are the elements in products of two rows of L, of A L^-T, and of both.
+        """
+        n, m = len(self.first), len(self.ranges)
+        heights = [i - k + 1 for i, k in enumerate(self.first)]
+        lengths = [sum(end - begin for begin, end in own) for own in self.ranges]
+        factored = sum(k * k for k in heights) + m * sum(heights)
+        coupled = sum(a * len(b) for a, b in zip(lengths, self.near, strict=True))
+        most = n * n * (n + m) // 2 + n * m * m * bool(coupled)
+        return LISTED * (factored + coupled) >= most
+
+    @property
     def sizes(self) -> dict[str, int]:
         """Sizes of the memory that `fill` fills."""
         return {
@@ -66,12 +87,17 @@ class RowPattern(NamedTuple):
         """Store the sparsity in the parameters of the kernels."""
         p.inertia_first[:] = self.first
         ranges = list(chain(*self.ranges))
-        p.reach_starts[:] = list(accumulate(map(len, self.ranges), initial=0))
-        p.reach_begins[:] = [begin for begin, _ in ranges]
-        p.reach_ends[:] = [end for _, end in ranges]
+        _store(p.reach_starts, accumulate(map(len, self.ranges), initial=0))
+        _store(p.reach_begins, (begin for begin, _ in ranges))
+        _store(p.reach_ends, (end for _, end in ranges))
         if p.laws:
-            p.near_starts[:] = list(accumulate(map(len, self.near), initial=0))
-            p.near_rows[:] = list(chain(*self.near))
+            _store(p.near_starts, accumulate(map(len, self.near), initial=0))
+            _store(p.near_rows, chain(*self.near))
+
+
+def _store(words: Floats, numbers: Iterable[int]) -> None:
+    """Store integers as the bits of doubles, which kernels read by `bits`."""
+    words.view("int64")[:] = list(numbers)
 
 
 def row_pattern(e: Equations, *, augmented: bool) -> RowPattern:

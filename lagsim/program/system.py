@@ -100,6 +100,8 @@ _TABULATE = (
 def kernels(system: System) -> Iterator[ProgramPart]:
     """Iterate over the kernels that a method calls besides the model's functions."""
     statics = {"LAWS": bool(system.laws)}
+    if system.has_loops:
+        statics["WHOLE"] = system.sparsity().whole
     ends: list[Callable[..., Any]] = []
     if system.moreau is not None:
         yield kernel_part([moreau.observe])
@@ -315,7 +317,7 @@ class System:
         name = "series" if series is not None else "dynamics" if loops else solved
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
-    def _sparsity(self) -> RowPattern:
+    def sparsity(self) -> RowPattern:
         """Return the sparsity of the rows, memoized for all values of parameters."""
         augmented = self.plan.augmented > 0.0
         if augmented not in self._row_patterns:
@@ -341,7 +343,7 @@ class System:
                 "row_count": len(self.equations.multipliers),
                 "inertial": self.moreau.inertial, "sloping": len(self.moreau.columns),
             }  # fmt: skip
-        sparsity = self._sparsity() if self.has_loops else None
+        sparsity = self.sparsity() if self.has_loops else None
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
         p = memory.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),

@@ -13,6 +13,7 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
 from lagsim.program.dense import position_step, solve_motion, velocity_step
+from lagsim.program.patterns import RowPattern
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 from tests.kernels import bind
 
@@ -65,9 +66,10 @@ def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:
     bind(kernel, MODEL)(0.0, y, p, out)
 
 
-@pytest.fixture(scope="module")
-def native() -> Any:
-    engine = Engine([cache.kernel_part([*KERNELS, *MODEL.values()]).object])
+def compiled(whole: bool) -> Any:
+    """Give the compiled kernels: of rows by their reaches, or of whole rows."""
+    statics = {"WHOLE": whole}
+    engine = Engine([cache.kernel_part([*KERNELS, *MODEL.values()], statics).object])
     pointer = ctypes.c_void_p
 
     def call(name: str, y: Floats, p: Parameters, out: Floats) -> None:
@@ -78,9 +80,19 @@ def native() -> Any:
     return call
 
 
-@pytest.fixture(params=["plain", "native"])
+@pytest.fixture(scope="module")
+def native() -> Any:
+    return compiled(whole=False)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Any:
+    return compiled(whole=True)
+
+
+@pytest.fixture(params=["plain", "native", "whole"])
 def call(request: pytest.FixtureRequest) -> Any:
-    return plain if request.param == "plain" else request.getfixturevalue("native")
+    return plain if request.param == "plain" else request.getfixturevalue(request.param)
 
 
 @dataclass(frozen=True)
@@ -102,8 +114,8 @@ class System:
         y = np.concatenate([np.ravel(part) for part in parts])
         p = Parameters.made(n=n, m=m, size=2 * n, loops=1, reached=m)
         p = Parameters(np.concatenate([p.flat, GUARD]))
-        p.reach_starts[:] = np.arange(m + 1)
-        p.reach_ends[:] = n  # every row may have any column
+        whole = [(0, n)]  # every row may have any column
+        RowPattern([0] * n, [whole] * m, [[]] * m).fill(p)
         rank = min(n, m) if self.expected is None else self.expected
         p.augmented, p.expected, p.reference = self.augmented, rank, self.reference
         p.least_sigma = 1.0

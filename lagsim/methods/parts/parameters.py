@@ -245,9 +245,10 @@ class Parameters(Laws):
 
     # Column of the first element of each row of L, M = L L^T, that is not always 0.
     inertia_first: Floats = array("n")
-    # The reach of a row: the columns of L^-1 A^T, and of the friction with the row's
-    # multiplier, that are not always 0, as ranges: the index of the first range of each
-    # row, and the first and the last column, exclusive, of each range.
+    # The following integers are stored as bits. The reach of a row: the columns of
+    # L^-1 A^T, and of the friction with the row's multiplier, that are not always 0, as
+    # ranges: the index of the first range of each row, and the first and the last
+    # column, exclusive, of each range.
     reach_starts: Floats = array(lambda p: each_row(p) + 1)
     reach_begins: Floats = array("reached")
     reach_ends: Floats = array("reached")
@@ -288,10 +289,10 @@ class Parameters(Laws):
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
     # Matrices of the groups of rows that hold, one after the other.
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
-    # Groups of rows that hold, coupled by overlapping reaches: their number, the places
-    # among all rows that hold where each begins and ends, where its matrix begins in S,
-    # and the largest distance of coupled rows in it. Of each row: 1 if it holds, else
-    # 0, and -1 before the first grouping; its group; its place.
+    # Groups of rows that hold, coupled by overlapping reaches: their number; as bits,
+    # the places among all rows that hold where each begins and ends, where its matrix
+    # begins in S, and the largest distance of coupled rows in it. Of each row: 1 if it
+    # holds, else 0, and -1 before the first grouping; its group; its place, as bits.
     groups: float
     group_starts: Floats = array(each_grouped)
     group_ends: Floats = array(each_grouped)
