@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import floor
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     Row = tuple[float, ...]
 
 CONSTRAINED = True
@@ -191,6 +194,11 @@ class Tableau:
         >>> euler.amplification(-0.5)
         0.5
         """
+        if (coefficients := self._polynomial) is not None:
+            found = 0j
+            for coefficient in coefficients:
+                found = found * z + coefficient
+            return abs(found)
         import numpy as np
 
         s = len(self.B)
@@ -199,3 +207,23 @@ class Tableau:
             A[i, : len(row)] = row
         stages = np.linalg.solve(np.eye(s) - z * A, np.ones(s))
         return float(abs(1.0 + z * np.dot(self.B, stages)))
+
+    @cached_property
+    def _polynomial(self) -> list[float] | None:
+        """Coefficients of R, highest power first, or None for an implicit method.
+
+        R(z) = 1 + sum over k of z^k B^T A^(k-1) 1: A of an explicit method is nilpotent.
+        """
+        rows = self.A[: len(self.B)]
+        if any(len(row) > i for i, row in enumerate(rows)):
+            return None
+        found, stages = [1.0], [1.0] * len(rows)
+        for _ in rows:
+            found.append(_dot(self.B, stages))
+            stages = [_dot(row, stages) for row in rows]
+        return found[::-1]
+
+
+def _dot(a: Iterable[float], b: Iterable[float]) -> float:
+    """Return the sum of products of two sequences, up to the end of the shorter."""
+    return sum(x * y for x, y in zip(a, b, strict=False))
