@@ -164,7 +164,17 @@ def codes():
 def known():
     """Return the module with the types of the codes of errors and warnings."""
     parts = [KNOWN]
-    for name, rows in (("ErrorCode", errors()), ("WarningCode", cautions())):
+    prefix = "expression-"
+    kinds = {
+        "ErrorCode": errors(),
+        "WarningCode": cautions(),
+        # Codes of `ExpressionError`: one without a row is reported elsewhere.
+        "ExpressionCode": [
+            "silent",
+            *(x.removeprefix(prefix) for x in errors() if x.startswith(prefix)),
+        ],
+    }
+    for name, rows in kinds.items():
         codes_of = "".join(f'    "{code}",\n' for code in sorted(rows))
         parts.append(f"{name} = Literal[\n{codes_of}]\n")
     return "".join(parts)

@@ -211,3 +211,21 @@ WarningCode = Literal[
     "unused-parameter",
     "vanishing-gradient",
 ]
+ExpressionCode = Literal[
+    "arity",
+    "component",
+    "frame",
+    "member",
+    "name",
+    "not-finite",
+    "number",
+    "parenthesis",
+    "range",
+    "silent",
+    "size",
+    "subscript",
+    "syntax",
+    "too-long",
+    "too-many",
+    "unknown-function",
+]

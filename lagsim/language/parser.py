@@ -12,7 +12,7 @@ import math
 import re
 import unicodedata
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
 from lagsim.errors import did_you_mean
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
@@ -20,6 +20,7 @@ from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from lagsim.codes.known import ErrorCode, ExpressionCode
     from lagsim.language.graph import Graph
 
     # Of the tables of a file: names and arities; names and what makes their nodes.
@@ -28,21 +29,31 @@ if TYPE_CHECKING:
 
 
 # Code of a fault that is reported elsewhere.
-SILENT = "silent"
+SILENT: Final = "silent"
 
 
 class ExpressionError(Exception):
     """Fault in an expression: its place in the text, a message, and a hint."""
 
     def __init__(
-        self, offset: int, length: int, text: str, hint: str = "", code: str = "syntax"
+        self,
+        offset: int,
+        length: int,
+        text: str,
+        hint: str = "",
+        code: ExpressionCode = "syntax",
     ) -> None:
         super().__init__(text)
         self.offset = offset
         self.length = max(1, length)
         self.text = text
         self.hint = hint
-        self.code = code
+        self.code: ExpressionCode = code
+
+    @property
+    def reported_code(self) -> ErrorCode:
+        """Code with which the fault is reported, of a row of `lagsim.codes`."""
+        return cast("ErrorCode", f"expression-{self.code}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Return constructor and arguments for pickle, used for stored models."""
@@ -62,7 +73,9 @@ class Token(NamedTuple):
     text: str
     offset: int
 
-    def fault(self, text: str, hint: str = "", code: str = "syntax") -> ExpressionError:
+    def fault(
+        self, text: str, hint: str = "", code: ExpressionCode = "syntax"
+    ) -> ExpressionError:
         """Return an ExpressionError with the place of this token."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 

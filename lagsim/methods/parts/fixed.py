@@ -212,7 +212,7 @@ class Tableau:
     def _polynomial(self) -> list[float] | None:
         """Coefficients of R, highest power first, or None for an implicit method.
 
-        R(z) = 1 + sum over k of z^k B^T A^(k-1) 1: A of an explicit method is nilpotent.
+        R(z) = 1 + sum over k of z^k B^T A^(k-1) 1, where A is nilpotent.
         """
         rows = self.A[: len(self.B)]
         if any(len(row) > i for i, row in enumerate(rows)):

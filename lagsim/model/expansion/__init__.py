@@ -8,7 +8,7 @@ scalars have a `MemberReading` for their member. The reader then handles scalars
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeGuard
 
 from lagsim import limits
 from lagsim.language.names import HIDDEN, in_file
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator
     from collections.abc import Mapping as MappingType
 
+    from lagsim.codes.known import ErrorCode, ExpressionCode
+    from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Parsed, ParsedRelation
     from lagsim.model.expansion.bodies import Drawn, FrameReader
@@ -67,6 +69,15 @@ _COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 Rules: TypeAlias = "Callable[[Node, MemberReading], Node] | dict[str, Any] | None"
 Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
+
+
+class Report(Protocol):
+    """Function that records a fault: code, text, place and hint."""
+
+    def __call__(
+        self, code: ErrorCode, text: str, at: Place | Node | None, hint: str = "", /
+    ) -> None:
+        """Record a fault."""
 
 
 class _Given(NamedTuple):
@@ -113,7 +124,7 @@ class Expansion:
         self,
         root: Node,
         instead: MappingType[str, str],
-        report: Callable[..., None],
+        report: Report,
         is_unit: Callable[[str], bool],
         graph: Graph,
         built_in: Collection[str],
@@ -305,7 +316,7 @@ class Expansion:
         """Report a fault in a scalar."""
         if fault.code != SILENT:
             place = scalar.place_of(fault.offset, fault.length)
-            self.report(f"expression-{fault.code}", fault.text, place, fault.hint)
+            self.report(fault.reported_code, fault.text, place, fault.hint)
 
     def _key(
         self,
@@ -366,7 +377,7 @@ class Expansion:
             if count > limits.MEMBERS:
                 text = f"the families of this file have {count:,} members, "
                 text += f"more than {limits.MEMBERS:,}"
-                code = SILENT if self.scope.full else "too-many"
+                code: ExpressionCode = SILENT if self.scope.full else "too-many"
                 self.scope.full = True
                 raise token.fault(text, "", code)
             found = [
@@ -705,18 +716,19 @@ class Expansion:
         parsed, members = found
         if family.broken:
             return None
-        code, text = "", f"`{parsed.name}` is no family"
+        code: ErrorCode | None = None
+        text = f"`{parsed.name}` is no family"
         if family.indexed != bool(parsed.subscripts):
-            code = "subscript"
+            code = "expression-subscript"
             if family.indexed:
                 text = f"`{parsed.name}` is a family: a subscript is missing"
         elif missing := family.missing(parsed.name, members):
-            code, text = "member", missing
+            code, text = "expression-member", missing
         elif parsed.letter and parsed.letter not in family.letters:
-            code = "component"
+            code = "expression-component"
             text = f"`{parsed.name}` has no component `.{parsed.letter}`"
         if code:
-            self.report(f"expression-{code}", text, key)
+            self.report(code, text, key)
             return None
         return _Given(key, node, family, parsed, members)
 

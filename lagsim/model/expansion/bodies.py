@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from collections.abc import Sequence as SequenceType
 
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.parser import Steps
     from lagsim.model.expansion import Expansion
@@ -100,7 +101,7 @@ class SectionReader:
         self.x, self.scope, self.report = x, x.scope, x.report
 
     def refuse(
-        self, code: str, text: str, at: Place | Node, hint: str = ""
+        self, code: ErrorCode, text: str, at: Place | Node, hint: str = ""
     ) -> NoReturn:
         """Report a fault at a place or node, then raise an ExpressionError.
 

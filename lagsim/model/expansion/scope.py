@@ -37,6 +37,7 @@ from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator
 
+    from lagsim.codes.known import ExpressionCode
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Steps, Token
@@ -293,7 +294,7 @@ class Scope:
         except UnfitError as fault:
             if unknown := [a for a in args if self._is_unknown(a)]:
                 return unknown[0]  # the reader says so
-            code = "component" if op == "component" else "size"
+            code: ExpressionCode = "component" if op == "component" else "size"
             raise token.fault(fault.text, fault.hint, code) from None
 
     def _is_unknown(self, value: Value) -> bool:
@@ -399,7 +400,7 @@ class Scope:
         self._terms += count
         if self._terms > limits.TERMS:
             text = f"the sums of this file have more than {limits.TERMS:,} terms"
-            code = SILENT if self.full else "too-many"
+            code: ExpressionCode = SILENT if self.full else "too-many"
             self.full = True
             raise token.fault(text, f"this one has {count:,}", code)
         op = OVER_RANGES[token.text]
@@ -492,7 +493,7 @@ class Scope:
             raise token.fault(text, hint, self._once(names, "subscript"))
         return nearest
 
-    def _once(self, names: set[str], code: str) -> str:
+    def _once(self, names: set[str], code: ExpressionCode) -> ExpressionCode:
         """Return `code` for the first fault of parameters, else a silent code."""
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names

@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from lagsim import limits
 from lagsim.language import columns
@@ -594,7 +594,7 @@ class Expressions:
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty or fault.code == SILENT:
             return
-        code = cast("ErrorCode", f"expression-{fault.code}")
+        code = fault.reported_code
         place = scalar.place_of(fault.offset, fault.length)
         if not self.faults.is_known(code, place):
             hint = fault.hint

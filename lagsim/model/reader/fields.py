@@ -61,7 +61,7 @@ class Faults:
     def __len__(self) -> int:
         return len(self._problems)
 
-    def is_known(self, code: str, place: Place | None) -> bool:
+    def is_known(self, code: ErrorCode, place: Place | None) -> bool:
         """Whether this fault is already reported for another member."""
         return self.once is not None and (code, place) in self.once
 
