@@ -88,7 +88,8 @@ class Plan:
     lengths : tuple of float, length m
         Typical length of each row in the metric of M, see `usual_lengths`.
     constant : int
-        The matrices that are factored once in an arc: 2 for M and A, 1 for M, else 0.
+        The matrices that are factored once in an arc: 2 for M and A, with the rows of
+        laws, 1 for M, else 0.
     augmented : bool
         Whether M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
@@ -190,6 +191,13 @@ def structure(equations: Equations) -> Structure:
         and all(d is not None and d.most <= 2 for d in of_power),
         unknowns=len(equations.q) + len(rows),
     )
+
+
+def _law_rows_vary(equations: Equations) -> bool:
+    """Whether a row of a law depends on the state or on the time."""
+    g, moving = equations.graph, frozenset(equations.state) | {"t"}
+    rows = equations.every_row[len(equations.rows) :]
+    return bool(g.dependent([x for r in rows for x in r.A.entries.values()], moving))
 
 
 def _varies(equations: Equations, entries: list[int]) -> str:
@@ -656,6 +664,8 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     constant = (1 + scene.constant_rows) * scene.constant_mass
     # With the constraints, M is constant where they are.
     known = constant if not start.augmented or constant == 2 else 0
+    if _law_rows_vary(equations):
+        known = min(known, 1)
     return Plan(
         method=name,
         formulation=found.name,

@@ -27,7 +27,7 @@ Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import NOTE, Parameters
@@ -401,6 +401,7 @@ def gather(p: Parameters, out: Floats) -> None:
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
     join(p, label)
+    push_sizes(p, p.v)
     out[:n] = 0.0
     for k in range(p.m):
         row = p.A[k * n :]
@@ -411,15 +412,12 @@ def gather(p: Parameters, out: Floats) -> None:
             out[int(label[place])] += followed(p, k, place)
             continue
         first = 0
-        for j in range(n):
-            if row[j] != 0.0 and M[j * n + j] > 0.0:
-                square += row[j] * row[j] / M[j * n + j]
-                push = abs(p.f[j])
-                for i in range(n):
-                    if i != j:
-                        push += abs(M[j * n + i] * p.motion[i])
-                asked += abs(row[j]) * push / M[j * n + j]
-                first = j
+        for e in range(mass.first_range(p, k), mass.first_range(p, k + 1)):
+            for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
+                if row[j] != 0.0 and M[j * n + j] > 0.0:
+                    square += row[j] * row[j] / M[j * n + j]
+                    asked += abs(row[j]) * p.v[j] / M[j * n + j]
+                    first = j
         if square > 0.0:
             force = max(lam[k] * lam[k] * square, asked * asked / square)
             out[int(label[first])] += force
@@ -430,6 +428,17 @@ def gather(p: Parameters, out: Floats) -> None:
         if M[i * n + i] > 0.0:
             label[i] = sqrt(square / M[i * n + i])
     out[:n] = label[:n]
+
+
+def push_sizes(p: Parameters, out: Floats) -> None:
+    """Store |f_j| + sum_i |M_ji q_i''|, i not j, for each coordinate j in out (n,)."""
+    n = p.n
+    for j in range(n):
+        out[j] = abs(p.f[j])
+    for i in range(n):
+        for j in range(mass.first_column(p.inertia_first, i), i):
+            out[i] += abs(p.M[i * n + j] * p.motion[j])
+            out[j] += abs(p.M[i * n + j] * p.motion[i])
 
 
 def followed(p: Parameters, k: int, place: int) -> float:
@@ -459,22 +468,52 @@ def join(p: Parameters, label: Floats) -> None:
     for i in range(n):
         label[i] = i
     for _ in range(n):
-        changed = 0.0
-        for k in range(n + p.m):
-            # The rows of M, then of A.
-            row = p.terms[k * n :]
-            if LAWS and k >= n and own_place(p, k - n) >= 0:
-                continue
-            least = 1.0 * n
-            for j in range(n):
-                if row[j] != 0.0:
-                    least = min(least, label[j])
-            for j in range(n):
-                if row[j] != 0.0 and label[j] > least:
-                    label[j] = least
-                    changed = 1.0
-        if changed == 0.0:
+        changed = 0
+        for k in range(n):
+            begin = mass.first_column(p.inertia_first, k)
+            row = p.M[k * n :]
+            changed += lower(row, begin, k + 1, label, lowest(row, begin, k + 1, label))
+        for k in range(p.m):
+            if not (LAWS and own_place(p, k) >= 0):
+                changed += join_row(p, k, label)
+        if changed == 0:
             return
+
+
+def join_row(p: Parameters, k: int, label: Floats) -> int:
+    """Reduce labels of the coordinates in row k of A to the lowest; return how many."""
+    row = p.A[k * p.n :]
+    least = inf
+    for e in range(mass.first_range(p, k), mass.first_range(p, k + 1)):
+        begin, end = mass.range_begin(p, e), mass.range_end(p, e)
+        least = min(least, lowest(row, begin, end, label))
+    changed = 0
+    for e in range(mass.first_range(p, k), mass.first_range(p, k + 1)):
+        begin, end = mass.range_begin(p, e), mass.range_end(p, e)
+        changed += lower(row, begin, end, label, least)
+    return changed
+
+
+def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
+    """Return the least label of the coordinates j, begin <= j < end, with row_j != 0.
+
+    Infinity where there are none.
+    """
+    least = inf
+    for j in range(begin, end):
+        if row[j] != 0.0:
+            least = min(least, label[j])
+    return least
+
+
+def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
+    """Reduce labels of coordinates with row_j != 0 to `least`; return their number."""
+    changed = 0
+    for j in range(begin, end):
+        if row[j] != 0.0 and label[j] > least:
+            label[j] = least
+            changed += 1
+    return changed
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:

@@ -52,15 +52,18 @@ from lagsim.tolerances import OVERFLOW
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
+WHOLE = False  # as in `mass`; set by the translator
+
 
 def couple(p: Parameters, sliding: int) -> None:
-    """Assemble the matrices S of the linear systems for multipliers of rows that hold.
+    """Assemble and factor the matrices S of the systems for multipliers that hold.
 
     S = Y^T Z, with Y = L^-1 A^T of the rows of one group.
 
     Z is L^-1 times the generalized force of a unit multiplier of each row, with the
-    friction proportional to it if `sliding` is 1. Each row of S, and of the right side
-    in p.w, is scaled by |Y_k|^-2.
+    friction proportional to it if `sliding` is 1. Each row k of S is scaled by
+    p.scales[k] = |Y_k|^-2. Factors are in p.S, their pivots in p.factors. Where S is
+    singular, p.scales is nan for the rows of its group.
     """
     n = p.n
     p.u[:] = 0.0
@@ -84,7 +87,7 @@ def couple(p: Parameters, sliding: int) -> None:
 
 
 def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
-    """Assemble the matrix S of group g, the rows with places from begin to end - 1."""
+    """Assemble and factor S of group g, the rows with places from begin to end - 1."""
     n, count = p.n, end - begin
     matrix = p.S[bits(p.group_matrices[g]) :]
     for k in range(begin, end):
@@ -92,7 +95,8 @@ def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
         row, entries = p.Y[k * n :], matrix[(k - begin) * count :]
         square = product_within(p, i, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
-        if mass.WHOLE:
+        p.scales[k] = scale
+        if WHOLE:
             for j in range(count):
                 entries[j] = product_within(p, i, row, p.Z[j * n :]) * scale
         else:
@@ -103,7 +107,9 @@ def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
                     place = bits(p.row_place[j])
                     product = product_within(p, i, row, p.Z[place * n :])
                     entries[place - begin] = product * scale
-        p.w[k] *= scale
+    band = bits(p.group_bands[g])
+    if decompose(1, count, band, matrix, p.factors[begin:]) == 0:
+        p.scales[begin:end] = nan
 
 
 def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
@@ -205,13 +211,22 @@ def share_out(p: Parameters) -> None:
                 out[first + k] *= out[first + int(p.law_normal[k])]
 
 
-def solve_rows(p: Parameters) -> None:
-    """Solve S x = p.w in place, group by group; nan where S is singular."""
+def solve_rows(p: Parameters, sliding: int) -> None:
+    """Solve S x = p.w in place, group by group; nan where S is singular.
+
+    sliding : as for `couple`, which is called if the factors are not known.
+    """
+    if p.factored < 2.0:
+        couple(p, sliding)
+        p.factored = p.lasting
+    for k in range(int(p.ranked)):
+        p.w[k] *= p.scales[k]
     for g in range(int(p.groups)):
         begin = bits(p.group_starts[g])
-        count = bits(p.group_ends[g]) - begin
-        S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
-        solve_in_place(count, band, S, p.factors, p.w[begin:])
+        if p.scales[begin] < OVERFLOW:  # else not a number
+            count = bits(p.group_ends[g]) - begin
+            S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
+            solve(1, count, band, S, p.factors[begin:], p.w[begin:])
 
 
 def solve_in_place(count: int, band: int, S: Floats, pivots: Floats, x: Floats) -> None:
@@ -240,6 +255,7 @@ def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
     a bound that it has reached.
     """
     lam = out[p.m - p.laws :]
+    p.factored = min(p.factored, 1.0)  # S is overwritten
     count = products(p)
     forces, y, step = p.diagonal, p.w, p.share_step
     for i in range(count):
@@ -467,16 +483,16 @@ def correct(p: Parameters) -> None:
 
     On entry p.w holds minus the residuals of these rows.
     """
+    solve_rows(p, 0)
     p.u[:] = 0.0
-    couple(p, 0)
-    solve_rows(p)
     impress(p)
 
 
 def hold(p: Parameters) -> None:
     """Factor M, and store the indices of the rows that hold in p.order, by groups.
 
-    p.ranked is their number. Groups are those of the last call if the same rows hold.
+    p.ranked is their number. Groups are those of the last call if the same rows hold,
+    and so are factors of S where M, A and the friction of the rows are constant.
     """
     first = p.m - p.laws
     changed = 0
@@ -489,9 +505,20 @@ def hold(p: Parameters) -> None:
     if changed > 0:
         group_rows(p)
         p.Z[:] = 0.0  # and stays 0 out of reach
+    p.lasting = p.constant if no_slip_has_force(p) else min(p.constant, 1.0)
+    if changed > 0 or p.lasting < 2.0:
+        p.factored = min(p.factored, 1.0)
     if p.factored < 1.0:
         mass.factor(p)
-    p.factored = min(p.constant, 1.0)
+
+
+def no_slip_has_force(p: Parameters) -> bool:
+    """Whether no multiplier of a contact causes friction."""
+    for k in range(p.laws):
+        slides = p.law_mode[k] == SLIDING or p.law_mode[k] == REDUNDANT
+        if slides and p.law_kind[k] == SLIP:
+            return False
+    return True
 
 
 def group_rows(p: Parameters) -> None:
@@ -615,8 +642,7 @@ def respond(p: Parameters) -> None:
     count = int(p.ranked)
     for k in range(count):
         p.w[k] = mass.missing(p, int(p.order[k]))
-    couple(p, 1)
-    solve_rows(p)
+    solve_rows(p, 1)
     p.u[:] = p.v
     impress(p)
     share_out(p)

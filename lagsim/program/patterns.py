@@ -55,14 +55,18 @@ class RowPattern(NamedTuple):
     near : list of list of int, length m
         Rows, ascending, whose reaches overlap with that of each row. Empty where there
         are no laws.
+    whole : bool
+        Whether every row of L and of the constraints counts as full, and all rows as
+        coupled, so that kernels need no lists.
     """
 
     first: list[int]
     ranges: list[list[tuple[int, int]]]
     near: list[list[int]]
+    whole: bool = False
 
     @property
-    def whole(self) -> bool:
+    def is_dense(self) -> bool:
         """Whether M and the rows are too closely coupled for lists to save time.
 
         Counted are the elements in products of two rows of L, of A L^-T, and of both.
@@ -119,7 +123,12 @@ def row_pattern(e: Equations, *, augmented: bool) -> RowPattern:
             columns[count + law.normal] |= columns[count + k]
     reach = [_reach(own, first) for own in columns]
     near = _overlapping(reach, len(first)) if e.laws else [[] for _ in reach]
-    return RowPattern(first, [_ranges(own) for own in reach], near)
+    found = RowPattern(first, [_ranges(own) for own in reach], near)
+    if not found.is_dense:
+        return found
+    n, m = len(first), len(reach)
+    near = [list(range(m)) for _ in reach] if e.laws else near
+    return RowPattern([0] * n, [[(0, n)] for _ in reach], near, whole=True)
 
 
 def _ranges(numbers: list[int]) -> list[tuple[int, int]]:

@@ -235,7 +235,7 @@ class System:
         layout = self._layout(p)
         kernel_part(*of_method(self, plan.method)).begin()
         written = graph_part(
-            keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
+            keys.fingerprint(equations.graph, code, layout, plan.tape, self._manner),
             lambda: self._code(code, layout),
         )
         self._p_size = written.p_size
@@ -255,7 +255,13 @@ class System:
             return tapes.generate(g, made, layout)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, functions, layout, MANNER)
+        return straight_line.generate(g, functions, layout, self._manner)
+
+    @property
+    def _manner(self) -> Manner:
+        """How the code of the model's functions is generated."""
+        matrices = (self.n + self.m) * self.n
+        return MANNER._replace(blank=(("dynamics", matrices), ("geometry", matrices)))
 
     @property
     def has_loops(self) -> bool:

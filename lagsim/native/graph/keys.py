@@ -77,11 +77,15 @@ class Manner(NamedTuple):
         Called at most once in a step.
     rare : tuple of str
         Called in few steps.
+    blank : tuple of (str, int)
+        Functions whose first results, this many, are not stored where they are
+        identically 0: their memory is 0 there from the beginning, and stays so.
     """
 
     contracted: tuple[str, ...] = ()
     once: tuple[str, ...] = ()
     rare: tuple[str, ...] = ()
+    blank: tuple[tuple[str, int], ...] = ()
 
 
 PLAIN = Manner()

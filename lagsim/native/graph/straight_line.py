@@ -476,6 +476,7 @@ def generate(
     scratch = layout.size + len(fixed)
     writers = [FunctionWriter(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
+    blank = dict(manner.blank)
     for name, nodes in functions.items():
         writer = FunctionWriter(g, layout, scratch, contract=name in manner.contracted)
         writers.append(writer)
@@ -484,7 +485,9 @@ def generate(
             continue
         stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
         cleared = 0
-        if nodes.count(g.zero) > FEW_ZEROS:
+        if name in blank:
+            stores = [x for x in stores if x[0] != g.zero or x[1][1] >= blank[name]]
+        elif nodes.count(g.zero) > FEW_ZEROS:
             cleared = len(nodes)
             stores = [store for store in stores if store[0] != g.zero]
         longest = 1 if name in (*manner.once, *manner.rare) else LONG
