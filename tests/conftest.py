@@ -15,6 +15,8 @@ import collections
 import gc
 import os
 import signal
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -66,6 +68,13 @@ QUICK = "not slow and not nightly"
 
 # What tests start shows where it is when `finished` ends it.
 os.environ.setdefault("PYTHONFAULTHANDLER", "1")
+# Byte code is kept in any case, and outside of the tree where none is wanted in it: to
+# compile tests and lagsim takes nine seconds of each process that runs tests.
+if sys.dont_write_bytecode:
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache/bytecode")
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 @pytest.hookimpl(wrapper=True)

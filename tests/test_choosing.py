@@ -132,6 +132,7 @@ def test_imports_within_functions_find_what_they_name():
                 assert there, f"{path}: {name} of {source}"
 
 
+@pytest.mark.slow
 def test_a_slow_test_without_its_fixture_fails_a_quick_run(tmp_path):
     text = "import pytest\n@pytest.mark.slow\ndef test_a(nowhere): pass\n"
     done = pytest_of(tmp_path, f"{text}def test_b(): pass\n")
@@ -150,7 +151,10 @@ def test_b(): time.sleep(1.0)
 @pytest.mark.parametrize(
     ("variables", "fails", "shown"),
     [
-        ({"LAGSIM_TEST_SKIPS": "0"}, True, "1 tests are skipped, 0 may be"),
+        pytest.param(
+            {"LAGSIM_TEST_SKIPS": "0"}, True, "1 tests are skipped, 0 may be",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             {"LAGSIM_TEST_SKIPS": "1"}, False, "1 passed, 1 skipped",
             marks=pytest.mark.slow,

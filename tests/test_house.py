@@ -1,6 +1,7 @@
 """The modules in no room of the house, and names with one meaning each."""
 
 import ast
+import functools
 import re
 from collections import Counter
 
@@ -16,6 +17,7 @@ GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 WORDS = re.findall(r"(?m)^\| ([^|]+) \|.*\| (`[^|]+) \|$", GLOSSARY)
 
 
+@functools.cache
 def classes_of(path):
     """Return the names of the classes that a module defines."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -20,6 +20,10 @@ Long = np.longdouble
 CLOSE = 1e-14
 
 
+# Tests of a tool of the nightly hunts: quick tests need it only in a few cases.
+pytestmark = pytest.mark.slow
+
+
 def a_scene(*items, duration=10.0, step=0.5, **more):
     return Scene("test", items, more.pop("start", 0.0), duration, step, **more)
 

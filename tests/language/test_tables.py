@@ -146,11 +146,11 @@ def test_enclosures_hold_all_values(how, outside, two):
     f = called(g, *table, args)
     nodes = [f, *tangent(g, [f], {t: g.one}), g.args[f][-1]]
     random = np.random.default_rng(3)
-    for width in (0.0, 1e-6, 0.3, 1.0, 8.0):
+    for width in (0.0, 1e-6, 0.3, 8.0):
         lo = np.concatenate([random.uniform(-4.0, 5.0, 40), X])
         hi = lo + width
         found = Enclosures(g, nodes, {}, ("t",))(lo, hi)
-        for part in (0.0, 0.25, 0.5, 1.0):
+        for part in (0.0, 0.4, 1.0):
             exact = evaluate_rows(g, nodes, {"t": lo + part * width}, len(lo))
             for enclosure, value in zip(found, exact, strict=True):
                 nan = np.isnan(value)

@@ -336,7 +336,9 @@ def test_an_event_at_the_ground_counts_each_impact(at, e, ground, unit, options)
         assert len(struck) >= math.log(tolerance) / (2 * math.log(e))
 
 
-@pytest.mark.parametrize("name", ["dop853", "euler", "rk4"])
+@pytest.mark.parametrize(
+    "name", ["dop853", "rk4", pytest.param("euler", marks=pytest.mark.slow)]
+)
 def test_what_an_impact_makes_true_for_the_shortest_flight(name):
     """A ball's rate becomes positive at every impact, also where a step is a flight.
 

@@ -10,7 +10,7 @@ from tests.support import SHIPPED, run
 
 # Loops over rows that depend, impacts, events; the others wait for the slow suite.
 FEW = [
-    ("heavy-top-quaternion", "radau"),
+    pytest.param("heavy-top-quaternion", "radau", marks=pytest.mark.slow),
     ("newtons-cradle", "auto"),
     ("hopper", "dop853"),
 ]

@@ -410,7 +410,7 @@ output:
 """
 
 
-@pytest.mark.parametrize("name", ["auto", "rk4"])
+@pytest.mark.parametrize("name", ["auto", pytest.param("rk4", marks=pytest.mark.slow)])
 def test_impacts_on_a_section_and_past_it(name):
     fall = 1.0 / math.sqrt(5.0)
     steps = {} if name != "rk4" else {"step": 0.01}

@@ -352,7 +352,9 @@ def test_families_and_vectors_are_kicked_by_members_and_components():
         assert result[name][-1] == pytest.approx(value, abs=JUMP), name
 
 
-@pytest.mark.parametrize("frame", ["quaternion", "angles"])
+@pytest.mark.parametrize(
+    "frame", ["angles", pytest.param("quaternion", marks=pytest.mark.slow)]
+)
 def test_a_kick_along_an_angular_velocity(frame):
     """Principal inertias 1, 2, 3: the components of omega rise by J/inertia."""
     names = (

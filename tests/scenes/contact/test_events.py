@@ -241,7 +241,9 @@ def test_a_run_may_stop_on_the_way_between_bounces():
     assert found.t[-1] == pytest.approx(first, abs=GLOBAL)
 
 
-@pytest.mark.parametrize("method", ["euler", "rattle", "rk4"])
+@pytest.mark.parametrize(
+    "method", ["rattle", "rk4", pytest.param("euler", marks=pytest.mark.slow)]
+)
 def test_ground_that_rises_within_a_step_strikes(method):
     floor = contact("y >= 0.5*exp(-((t - 0.35)/0.001)^2) - 0.001", 0)
     text = scene("y", "y_dot^2/2", "0", {"floor": floor}, {"y": 0}, duration=0.4)
