@@ -263,8 +263,9 @@ class Kinks:
         points : tuple of Point
             The ends of a straight path.
         sides : mapping of int to float
+            Of the start, by the number of a surface: -1 or 1, or a whole number.
         pinned : mapping of int to float
-            Levels that are left out.
+            Surfaces that are left out, with their levels.
         beyond : bool
             Whether the path continues beyond its end; surfaces are then expanded
             linearly from its start.

@@ -127,7 +127,7 @@ class Function(NamedTuple):
 
     @property
     def rounds(self) -> bool:
-        """Whether the value is rounded: neither an argument nor a whole number."""
+        """Whether the value is rounded, as it is unless it is an argument or whole."""
         return not (self.exact or self.step or self.branches or self.condition)
 
 

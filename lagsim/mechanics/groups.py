@@ -204,9 +204,9 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
 def _of_groups(
     e: Equations, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
-    """Return the work of each group with power or impacts.
+    """Return the work of each group on which forces have power or impacts act.
 
-    () where terms mix groups.
+    () where a term of an energy or a power depends on several groups.
     """
     g = e.graph
     energies, _ = shared(e, found, e.energy)

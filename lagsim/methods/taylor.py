@@ -325,7 +325,10 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
 
 
 def bound(term: float, shrink: float, k: int) -> float:
-    """Return log h of the longest step h for which the term y_k h^k is small enough."""
+    """Return log h of the longest step h with `term` h^k at most e^shrink.
+
+    term : |y_k|, the size of the coefficient of order k in tolerances.
+    """
     part = 1.0 / k
     found = (shrink - log(max(term, LEAST_NUMBER))) * part
     return found if term > LEAST_NUMBER else UNBOUNDED

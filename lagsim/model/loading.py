@@ -475,7 +475,7 @@ class _Case:
         return Diagnosis(Problem(code, text, place, hint), line)
 
     def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
-        """Return a diagnosis with a placeholder for the faulty value in `repaired`."""
+        """Return a diagnosis; its repaired text has a placeholder for the value."""
         found, entry = self.fault(text, hint, at), self.entry
         if entry is None:
             return found

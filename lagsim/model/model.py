@@ -531,7 +531,7 @@ class Stated(Protocol):
         """Return the inconsistent units of the file, with their places."""
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Return `model`, of this file, with `output.reactions` as coordinates.
+        """Return `model` with the definitions in `output.reactions` as coordinates.
 
         The new model is on the graph of `model`. It has no constraint between these
         definitions and their expressions; the second result has these expressions,

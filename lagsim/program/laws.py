@@ -304,9 +304,11 @@ def products(p: Parameters) -> int:
 
 
 def share_by(p: Parameters, count: int, y: Floats) -> float:
-    """Compute the bounded multipliers P(A A_h^T y), in p.share_found (laws,).
+    """Compute multipliers within their bounds in p.share_found (laws,).
 
-    Return the value of the convex function that y minimises.
+    They are the projection onto the bounds of the combination, with the factors y
+    (count,), of the `count` rows stored in p.free. Return the value of the convex
+    function whose minimum over y is the solution.
     """
     laws = p.laws
     found = 0.0

@@ -131,7 +131,7 @@ class ModelNames:
 
 
 class UnicodeNames(ModelNames):
-    """Greek letters, subscripts, and dots above."""
+    """Names in Unicode: Greek letters, subscripts, and dots above for rates."""
 
     of_multiplier, below = "λ_{}", "_{}"
     letters: ClassVar = {

@@ -309,9 +309,9 @@ def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
 
 
 class _Rest(NamedTuple):
-    """Sizes and errors by rounding of columns (columns,) of coordinates at rest.
+    """Sizes and rounding errors of the columns of coordinates at rest.
 
-    Both are 0 of other columns.
+    Both have shape (columns,), with 0 for the columns of other coordinates.
     """
 
     sizes: Floats

@@ -143,6 +143,7 @@ def test_columns_that_are_not_there_are_told(result):
             call()
 
 
+@pytest.mark.drawn
 def test_a_result_in_a_line_and_on_a_page(result, tmp_path):
     assert repr(result) == "<Result of swing <1> & 2: done, t = 0 to 2, 201 rows>"
     page = Texts(result._repr_html_())

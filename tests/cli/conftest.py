@@ -11,6 +11,7 @@ import pytest
 
 from lagsim.cli import main
 from lagsim.run.observers.monitors import ResidualMonitor
+from tests.blank_pictures import blank_pictures  # noqa: F401  a fixture
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ def rows(folder):
     return list(csv.DictReader(text.splitlines()))
 
 
+@pytest.mark.drawn
 def test_the_files_the_table_and_the_document(lagsim, write):
     called = lagsim("bench", write(PENDULUM), *SOME, code=0, err="")
     folder = Path("results/model/bench")

@@ -135,6 +135,7 @@ def test_an_impacts_rows_are_before_and_after(pair):
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_two_folders_and_a_picture(lagsim, write):
     file = write(ON_THE_CURVE)
     for folder, rtol in (("a", "1e-11"), ("b", "1e-6")):

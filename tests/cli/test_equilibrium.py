@@ -25,6 +25,7 @@ initial:
 """
 
 
+@pytest.mark.drawn
 @pytest.mark.slow
 def test_files_and_summary(lagsim, write):
     called = lagsim("equilibrium", write("name: double\n" + DOUBLE), code=0, err="")

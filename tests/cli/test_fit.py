@@ -26,6 +26,7 @@ def data():
     return put
 
 
+@pytest.mark.drawn
 @pytest.mark.slow
 def test_files_and_summary(lagsim, write, data):
     path = write(MODEL)

@@ -13,6 +13,7 @@ from tests.support import MODELS
 NAMED = "name: absorber\n" + ABSORBER
 
 
+@pytest.mark.drawn
 @pytest.mark.slow
 def test_files_and_summary(lagsim, write):
     path = write(NAMED)

@@ -100,6 +100,7 @@ def page_of(path):
     return recorded(path.read_text("utf-8"))
 
 
+@pytest.mark.drawn
 def test_a_picture_and_a_page(overlay, tmp_path):
     told = overlay("soft", "hard")
     assert (told.code, told.err) == (0, "")
@@ -120,6 +121,7 @@ def test_o_says_what_is_made(overlay, tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize(
     ("name", "begins"), [("it.svg", b"<?xml"), ("it.pdf", b"%PDF")]
 )
@@ -190,6 +192,7 @@ def test_side_by_side_in_a_browser(overlay, tmp_path):
     assert np.allclose(points["ball/point"], expected, atol=1e-6)
 
 
+@pytest.mark.drawn
 def test_the_title_is_the_model(overlay, tmp_path):
     # Models that are read from a text have no other name.
     with noted() as drawing:

@@ -22,6 +22,7 @@ def result(lagsim, write):
     return "results/spring"
 
 
+@pytest.mark.drawn
 def test_peaks_are_told_and_files_written(lagsim, result):
     called = lagsim(
         "spectrum", result, "x", "-o", "x.svg", "-o", "x.csv", code=0, err=""

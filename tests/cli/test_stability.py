@@ -23,6 +23,7 @@ def rows(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_the_files_the_table_and_the_document(lagsim, write):
     called = lagsim("stability", write(OSCILLATOR), *SOME, code=0, err="")
     folder = Path("results/model/stability")

@@ -99,7 +99,7 @@ def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
     """
 
     def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-        """Write the values that the declaration's comment describes."""
+        """Write the values of the model function `name` at (t, y) to `out`."""
 
     function.__name__ = function.__qualname__ = name
     return external(function)

@@ -326,7 +326,7 @@ def may_change(s: Events) -> bool:
 
 
 def error_of_value(s: Events, k: int) -> float:
-    """Return the error of condition k's value by a state's error of a tolerance."""
+    """Return the error of condition k's value if each state is off by a tolerance."""
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     found = 0.0
     for i in range(s.dynamic.stop):

@@ -99,7 +99,7 @@ def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -
 
 
 def has(tree: Tree, *ops: str) -> bool:
-    """Whether a tree contains one of some operations."""
+    """Whether a tree contains one of the operations `ops`."""
     return tree.op in ops or any(has(a, *ops) for a in tree.args)
 
 

@@ -105,7 +105,7 @@ class Family:
         return f"there is no `{dotted(name, found)}`: {self.described()}"
 
     def described(self) -> str:
-        """Return a text on the members, for messages."""
+        """Return a phrase for messages that names the first and the last member."""
         if not self.members:
             return f"`{self.name}` has no members"
         ends = (min(self.members), max(self.members))

@@ -95,7 +95,7 @@ def _number(node: Node) -> Scalar | None:
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
     """Return the members of `every` from the first to the last of `names`, and more.
 
-    before, after : how many members are added at both ends.
+    before, after : numbers of members added before the first and after the last.
     """
     if len(names) == 1 and "." not in names[0]:
         return names

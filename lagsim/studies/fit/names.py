@@ -50,7 +50,7 @@ class Varied(NamedTuple):
 def own_values(
     model: Model, texts: Mapping[str, str], records: int
 ) -> list[dict[str, float]]:
-    """Return the values that one record alone has, by name, of each record.
+    """Return, for each record, the values that belong to it alone, by name.
 
     Parameters
     ----------
