@@ -145,7 +145,7 @@ def own_one_by_one(case, rtol):
 def own_ensemble(case, rtol):
     """Give lagsim's, as a sweep of ends makes them."""
     from lagsim.studies.bench import Own
-    from lagsim.studies.sweep.runs import Ensemble, refusal
+    from lagsim.studies.sweep.batches import Ensemble, refusal
 
     session = Own(case, "auto", "auto", rtol).session
     assert not refusal(session), refusal(session)

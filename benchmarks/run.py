@@ -19,7 +19,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 PARTS = (
     "whole_run", "first_run", "chains", "rods", "many", "andrews", "structure",
-    "million_rows", "compare", "contacts", "laws", "analyses",
+    "million_rows", "compare", "contacts", "laws", "analyses", "sweeps",
 )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from lagsim.outputs.notebook import (
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.runs import SweepRows, grid_of
+from lagsim.studies.sweep.grid import SweepRows, grid_of
 from lagsim.studies.sweep.sweeping import (
     MANIFEST,
     cells,

@@ -39,7 +39,7 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.runs import EXAMPLE, Axis, Grid, SweepRows, parse_axes
+from lagsim.studies.sweep.grid import EXAMPLE, Axis, Grid, SweepRows, parse_axes
 from lagsim.studies.sweep.sweeping import (
     CHART,
     JOURNAL,

@@ -738,24 +738,15 @@ class Run:
 
     def trajectory(self, ending: Ending) -> Trajectory:
         """Return the result of the run that ends by `ending`."""
-        arc, recorder = self.arc, self.recorder
-        state, evaluations = arc.state, int(arc.state.evaluations)
+        arc, recorder, state = self.arc, self.recorder, self.arc.state
         extents = zip(state.low.tolist(), state.high.tolist(), strict=True)
-        all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
         return Trajectory(
             outcome=ending.outcome,
             reason=reason_of(arc, ending, self.cut),
             start=arc.settings.start,
             end=arc.t if self.cut is None else recorder.last,
             rows=recorder.rows,
-            statistics=Statistics(
-                arc.steps,
-                int(state.rejections),
-                evaluations,
-                int(state.factorisations) + (1 if all_constant else evaluations),
-                state.smallest_step or None,
-                self.arcs,
-            ),
+            statistics=statistics_of(arc, self.arcs),
             events=tuple(sorted(recorder.events, key=attrgetter("time"))),
             event_counts=dict(recorder.counts),
             warnings=(
@@ -768,6 +759,23 @@ class Run:
             extents=dict(zip(arc.system.state, extents, strict=True)),
             largest_energy=float(state.energy),
         )
+
+
+def statistics_of(arc: Arc, arcs: int) -> Statistics:
+    """Return the counts of the work done up to an arc's current time.
+
+    arcs : number of arcs of the run.
+    """
+    state, evaluations = arc.state, int(arc.state.evaluations)
+    all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
+    return Statistics(
+        arc.steps,
+        int(state.rejections),
+        evaluations,
+        int(state.factorisations) + (1 if all_constant else evaluations),
+        state.smallest_step or None,
+        arcs,
+    )
 
 
 def _sources(arc: Arc) -> Iterator[Source]:

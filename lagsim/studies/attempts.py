@@ -311,6 +311,15 @@ class Allowance:
         """Return the number of steps within `operations` and within the allowance."""
         return int(min(operations, self.left) / other.step)
 
+    def steps_beside(
+        self, session: Session, trajectory: Trajectory, other: Repeat
+    ) -> int:
+        """Return the number of steps that a repeat of a run may take."""
+        own = own_cost(session.system, trajectory)
+        operations = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
+        operations += MOST_ARCS * ARC * trajectory.statistics.arcs
+        return self.steps(other, operations)
+
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
         """Subtract the cost of a run by the means `other`."""
         made = trajectory.statistics
@@ -381,7 +390,7 @@ def tightened(plan: Plan, times: float) -> Plan:
     return replace(plan, rtol=rtol, atol=atol)
 
 
-def _steps(trajectory: Trajectory) -> tuple[float | None, ...]:
+def steps_of(trajectory: Trajectory) -> tuple[float | None, ...]:
     """Return the counts of steps and the shortest step, which identify the steps.
 
     Runs with equal values are taken to have equal steps.
@@ -657,20 +666,20 @@ class Attempts:
                 text = f"a repeat by {plan.method} is not valid itself: {wrong}"
                 found = Failed(text)
             elif plan.method == session.plan.method and (
-                _steps(repeated) == _steps(trajectory)
+                steps_of(repeated) == steps_of(trajectory)
             ):
                 text = f"a repeat by {plan.method} took the same steps as the run"
                 found = Failed(text)
             elif repeated.outcome.complete or repeated.end >= end:
                 runs = trajectory, repeated
                 bar = compared(session.case, runs, plan, run.checkpoints, again)
-                return self._by_own_steps(run, bar, always=always)
+                return self._by_ownsteps_of(run, bar, always=always)
             else:
                 where = f"{plan.method} ended at t = {repeated.end:.6g}"
                 found = Failed(f"a repeat did not finish: {where}")
         return found
 
-    def _by_own_steps(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
+    def _by_ownsteps_of(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
         """Return the error bar of fixed steps from shorter steps, if far smaller.
 
         A repeat with error control can be less accurate than the run. If both agree
@@ -746,10 +755,7 @@ class Attempts:
         assert self.allowance is not None
         most = MOST_STEPS
         if not always:
-            own = own_cost(run.session.system, run.trajectory)
-            operations = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
-            operations += MOST_ARCS * ARC * run.trajectory.statistics.arcs
-            most = self.allowance.steps(other, operations)
+            most = self.allowance.steps_beside(run.session, run.trajectory, other)
         limited = other.limited(most)
         evidence = Evidence(limited)
         found = limited.run(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lagsim.codes import errors
-from lagsim.studies.sweep.runs import MOST_RUNS
+from lagsim.studies.sweep.grid import MOST_RUNS
 from tests.cli._results import names
 from tests.small_scenes import (
     CAPTION,

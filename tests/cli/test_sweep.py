@@ -16,7 +16,8 @@ import pytest
 from lagsim.cli.sweep import _names as completed
 from lagsim.outputs.results import PART
 from lagsim.program.system import System
-from lagsim.run.observers.monitors import ResidualMonitor
+from lagsim.studies.sweep.batches import Judge
+from lagsim.studies.sweep.runs import Runs
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import document, manifest, names, started, table, waited
 from tests.patience import finished
@@ -206,11 +207,7 @@ def test_the_shell_completes_names(write, tmp_path, monkeypatch):
 def test_an_interrupted_sweep_goes_on_where_it_was(
     lagsim, write, interrupted, monkeypatch
 ):
-    def begin(self, columns):
-        begun.append(self)
-        return taken(self, columns)
-
-    begun, taken = [], ResidualMonitor.__init__
+    begun = []
     whole = ("sweep", write(SPRING), "K=20:30:8", *QUICK, "-j", 1)
     lagsim(*whole, "-o", "expected")
     interrupted(6, *whole, "-o", "out")
@@ -218,7 +215,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(
     assert (
         len((Path("out") / NAME).read_bytes().splitlines()) == 1 + 6
     )  # the last is whole
-    monkeypatch.setattr(ResidualMonitor, "__init__", begin)
+    on_each_run(monkeypatch, lambda: begun.append(1))
     assert lagsim(*whole, "-o", "out", "--resume").code == 0
     assert len(begun) == 2
     assert names("out") == ["sweep.csv", "sweep.json"]
@@ -235,6 +232,20 @@ def test_a_sweep_that_is_whole_is_left_as_it_is(lagsim, write):
     assert (Path("out") / "sweep.json").read_bytes() == before
 
 
+def on_each_run(monkeypatch, begin):
+    """Call `begin` before each run, one made separately or in a batch."""
+
+    def before(made):
+        def run(*arguments):
+            begin()
+            return made(*arguments)
+
+        return run
+
+    monkeypatch.setattr(Runs, "row", before(Runs.row))
+    monkeypatch.setattr(Judge, "run", before(Judge.run))
+
+
 @pytest.fixture
 def interrupted(lagsim, monkeypatch):
     """Give a function that interrupts a sweep in the run of a number, from 1."""
@@ -242,15 +253,13 @@ def interrupted(lagsim, monkeypatch):
     def interrupt(run, *sweep):
         begun = []
 
-        def begin(self, columns):
-            begun.append(self)
+        def begin():
+            begun.append(1)
             if len(begun) == run:
                 signal.raise_signal(signal.SIGINT)
-            return taken(self, columns)
 
-        taken = ResidualMonitor.__init__
         with monkeypatch.context() as patched:
-            patched.setattr(ResidualMonitor, "__init__", begin)
+            on_each_run(patched, begin)
             called = lagsim(*sweep)
         assert called.code == 130
         assert "--resume continues from there" in called.err
@@ -340,6 +349,7 @@ from lagsim.cli import main
 from lagsim.studies.sweep.runs import Runs
 
 def row(self, number, interrupt):
+    self._tried = True  # no batches
     if number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return taken(self, number, interrupt)

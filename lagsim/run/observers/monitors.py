@@ -167,6 +167,40 @@ def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
         return np.asarray(rows[:, energy] - rows[:, work])
 
 
+ENERGIES = ("energy", "kinetic", "potential", "lagrangian", "work")
+
+
+def energy_parts(columns: Sequence[str]) -> dict[str, int]:
+    """Return the index of each column of energy or work, by name."""
+    return {name: columns.index(name) for name in ENERGIES if name in columns}
+
+
+def energy_in_play(
+    places: Mapping[str, int], low: Floats, high: Floats, between_rows: float
+) -> float:
+    """Return the energy in play of rows with these extremes of their columns.
+
+    See `EnergyMonitor.energy_in_play`.
+
+    Parameters
+    ----------
+    places : mapping of str to int
+        Columns, see `energy_parts`.
+    low, high : ndarray, shape (columns,)
+        Least and greatest values.
+    between_rows : float
+        Largest energy at the ends of steps.
+    """
+    if not np.isfinite(low[places["energy"]]):
+        return 0.0
+    found = [high[k] - low[k] for name, k in places.items() if name != "energy"]
+    if math.isfinite(between_rows):
+        found.append(between_rows)
+    k = places["kinetic" if "kinetic" in places else "energy"]
+    found.append(max(abs(high[k]), abs(low[k])))
+    return float(np.max(found))
+
+
 class EnergyMonitor:
     """Monitor of energy - work and of the states, from a subset of the rows.
 
@@ -195,8 +229,7 @@ class EnergyMonitor:
         self._work = columns.index("work") if "work" in columns else None
         own = [k for k, name in enumerate(columns) if name.startswith("work.")]
         self._works = own or ([] if self._work is None else [self._work])
-        shown = ("kinetic", "potential", "lagrangian", "work")
-        self._parts = {name: columns.index(name) for name in shown if name in columns}
+        self._parts = energy_parts(columns)
         self._held = [k for k, name in enumerate(columns) if made(name, FORCE)]
         self._extremes = Extremes(len(columns))
         self._kept = np.empty((0, 2 + self._shown + len(self._works)))
@@ -257,15 +290,7 @@ class EnergyMonitor:
         by its `lagrangian` alone, the range of the Lagrangian or the largest |energy|.
         """
         low, high = self._extremes.low, self._extremes.high
-        if not np.isfinite(low[self._energy]):
-            return 0.0
-        found = [high[k] - low[k] for k in self._parts.values()]
-        if math.isfinite(self.between_rows):
-            found.append(self.between_rows)
-        alone = "kinetic" if "kinetic" in self._parts else "energy"
-        k = self._parts.get(alone, self._energy)
-        found.append(max(abs(high[k]), abs(low[k])))
-        return float(np.max(found))
+        return energy_in_play(self._parts, low, high, self.between_rows)
 
     @property
     def ranges(self) -> Floats:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.studies.sweep.runs import Axis, SweepRows
+    from lagsim.studies.sweep.grid import Axis, SweepRows
 
     Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from lagsim.outputs.manifest import head
 from lagsim.outputs.results import write_atomically
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.sweep.runs import (
+from lagsim.studies.sweep.grid import (
     COMPLETE,
     ERROR,
     OUTCOME,
@@ -40,8 +40,8 @@ from lagsim.studies.sweep.runs import (
     SweepRows,
     grid_of,
     refuse_many,
-    runs_of,
 )
+from lagsim.studies.sweep.runs import runs_of
 from lagsim.studies.trials import DIED
 from lagsim.studies.workers import Died, Hired, in_batches, processes
 from lagsim.version import __version__

@@ -4,7 +4,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.runs import SweepRows, parse_axes
+from lagsim.studies.sweep.grid import SweepRows, parse_axes
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM

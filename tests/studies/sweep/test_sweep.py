@@ -13,7 +13,9 @@ from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
-from lagsim.studies.sweep.runs import Runs, SweepRows, grid_of, parse_axes
+from lagsim.studies.sweep.batches import Batch
+from lagsim.studies.sweep.grid import SweepRows, grid_of, parse_axes
+from lagsim.studies.sweep.runs import Runs
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM, orbit, power
@@ -133,23 +135,69 @@ ENDS = [
 ]  # fmt: skip
 
 
-def assert_those_of_runs_alone(scene, asked, *, ends=False):
+# Runs in batches with their repeats: few rows, an end between rows, blocks of rows,
+# measures, methods of all kinds; starts and parameters that follow, first-order states.
+LAGGING = """
+parameters: {k: 20, m: 1.5, w: sqrt(k/m)}
+coordinates: {x: {}}
+states: {s: {rate: x - w*s/2}}
+energy: {kinetic: m*x_dot^2/2, potential: k*x^2/2}
+forces: {x: 0.1*s - 0.2*x_dot}
+initial: {x: 1, x_dot: 0.1*w, s: 0.2}
+simulation: {duration: 3, output_step: 0.05}
+"""
+APART_GROUPS = """
+parameters: {k: 20, m: 1.5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: k*(x^2 + y^4)/2}
+initial: {x: 1, y: 0.5}
+simulation: {output_step: 0.1}
+"""
+TOGETHER = [
+    ("elastic-pendulum", {"rtol": 1e-9}),
+    ("elastic-pendulum", {"method": "dop853", "duration": 3.01}),
+    ("elastic-pendulum", {"name": "l", "output_step": 0.3}),
+    ("elastic-pendulum", {"output_step": 0.003, "error_bar": "always"}),
+    ("elastic-pendulum-forced", {"method": "radau", "duration": 2, "from_": "0.5"}),
+    ("double-pendulum", {"method": "taylor", "atol": 1e-9}),
+    ("kepler", {"error_bar": "never"}),
+    ("forced-oscillator", {"output_step": 0.02}),
+    (LAGGING, {"duration": 3}),
+]
+# Runs that no batch makes: chaos, energy that is not conserved, rest, groups.
+APART = [
+    ("double-pendulum", {"rtol": 1e-5, "duration": 25, "output_step": 0.1}),
+    ("double-pendulum", {"rtol": 1e-1, "method": "dop853", "output_step": 2}),
+    (PENDULUM, {"name": "theta", "values": (0.5, 0, 0), "duration": 2}),
+    (APART_GROUPS, {"duration": 2}),
+]
+
+
+def assert_those_of_runs_alone(scene, asked, *, ends=False, bars="never"):
     source = scene if "\n" in scene else str(MODELS / f"{scene}.yaml")
     model = lagsim.load(source)
     usual = {p.name: p.value for p in model.parameters}
     name = asked.pop("name", next(iter(usual)))
     values = asked.pop("values", None) or [usual[name], 1.02 * usual[name]]
-    jobs = asked.pop("jobs", 1)
-    swept = lagsim.sweep(model, {name: values}, jobs=jobs, ends=ends, **asked)
+    jobs, since = asked.pop("jobs", 1), asked.pop("from_", None)
+    asked = {"error_bar": bars} | asked
+    if ends:
+        asked.pop("error_bar")
+    swept = lagsim.sweep(
+        model, {name: values}, jobs=jobs, ends=ends, from_=since, **asked
+    )
     assert swept.record["compiled"] == 1 or not ends
     for k, value in enumerate(values):
         single = {"error_bar": "never"} | asked
         alone = lagsim.simulate(lagsim.load(source, **{name: repr(value)}), **single)
         assert swept["outcome"][k] == alone.outcome
+        error = alone.error.relative if alone.error else math.nan
+        assert ends or np.array_equal(swept["error"][k], error, equal_nan=True)
         for column in alone.columns[1:]:
             rows = alone[column]
             own = {"end": rows[-1]}
             if not ends:
+                rows = rows[alone.t >= float(since or 0)]
                 own |= {"min": np.fmin.reduce(rows), "max": np.fmax.reduce(rows)}
             told = [swept[f"{column}.{x}"][k] for x in own]
             assert np.array_equal(told, list(own.values()), equal_nan=True), column
@@ -165,6 +213,33 @@ def test_rows_are_those_of_runs_alone(scene, options):
 @pytest.mark.parametrize(("scene", "options"), ENDS)
 def test_ends_are_those_of_runs_alone(scene, options):
     assert_those_of_runs_alone(scene, {"duration": 6} | options, ends=True)
+
+
+def batched(monkeypatch):
+    """Return a list that receives whether each run of a batch was made by it."""
+    made, rows = [], Batch.rows
+
+    def counted(self, *arguments):
+        found = rows(self, *arguments)
+        made.extend(row is not None for row in found)
+        return found
+
+    monkeypatch.setattr(Batch, "rows", counted)
+    return made
+
+
+@pytest.mark.parametrize(("scene", "options"), TOGETHER)
+def test_runs_of_a_batch_are_those_of_runs_alone(scene, options, monkeypatch):
+    made = batched(monkeypatch)
+    assert_those_of_runs_alone(scene, {"duration": 6} | options, bars="auto")
+    assert made == [True]  # the first run shows how the others are made
+
+
+@pytest.mark.parametrize(("scene", "options"), APART)
+def test_runs_that_no_batch_makes_are_those_of_runs_alone(scene, options, monkeypatch):
+    made = batched(monkeypatch)
+    assert_those_of_runs_alone(scene, options, bars="auto")
+    assert not any(made)
 
 
 # Pictures

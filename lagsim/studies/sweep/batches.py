@@ -1,0 +1,528 @@
+"""Runs of a sweep by calls of a kernel in one memory, many at a time.
+
+A run without constraints, switches and events is a few calls of the kernel, and so is
+its repeat: no session is made for it, and no observers. The starts of a batch are
+examined together. The numbers of a run are equal in every bit to those of a separate
+run. A run is made separately if its start needs a full examination, if it does not
+reach its end, if its energy is not conserved, if its repeat disagrees, or if `refusal`
+rejects the model.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import zlib
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.admissibility.refusal import clear_starts, needs_no_solve
+from lagsim.errors import LagsimError
+from lagsim.mechanics.groups import groups
+from lagsim.methods.parts.state import BLOCK_FULL
+from lagsim.methods.parts.state import DONE as ENDED
+from lagsim.program.localized import names_in_exponents
+from lagsim.run.arc import LONG
+from lagsim.run.arcs import Run, statistics_of
+from lagsim.run.interrupt import ASKED
+from lagsim.run.observers import Extremes, Measures
+from lagsim.run.observers.monitors import MOST_ROWS, energy_in_play, energy_parts
+from lagsim.run.session import wanted
+from lagsim.run.trajectory import Outcome, Trajectory
+from lagsim.studies.attempts import (
+    BUDGET,
+    LEAST_ROWS,
+    RESOLVED_BY,
+    Allowance,
+    ErrorBars,
+    by_other_means,
+    own_cost,
+    steps_of,
+)
+from lagsim.studies.audit.evidence import UNEXPLAINED
+from lagsim.studies.sweep.grid import NOTHING, SweepInput, SweepRow, value_of
+from lagsim.tolerances import (
+    ENERGY_DRIFT,
+    NO_MOTION,
+    SAME_STEP,
+    SUM_ROUNDOFF,
+    UNIT_ROUNDOFF,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.session import Session
+    from lagsim.studies.attempts import Repeat
+
+    # Parameters, each (runs,); positions, then velocities (runs, 2 n); swept values
+    # (runs, axes).
+    Values = tuple[dict[str, Floats], Floats, Floats]
+
+_WORD = re.compile(r"\w+")
+# A run whose rows are not computed is made separately if its energy less work changes
+# by more than this part of the bound of the audit.
+KEPT = 0.1
+ENERGIES = ("energy", "work", "kinetic", "potential")
+# Runs in a batch: some tens of milliseconds, without rows and with rows.
+ENDS_AT_ONCE, ROWS_AT_ONCE = 256, 32
+# Factor by which a range exceeds the bound below which a coordinate is at rest.
+CLEAR = 2.0
+DONE = Outcome.DONE.word
+
+
+def form_of(session: Session) -> int:
+    """Return a number that is equal for runs with equal compiled functions."""
+    watched = [(x.kind, x.power) for x in session.system.indicators]
+    return zlib.crc32(repr((session.plan.form, watched)).encode())
+
+
+def observer_of(session: Session) -> Extremes:
+    """Return the observer of the values of each column of a run."""
+    settings, columns = session.case.settings, len(session.columns.of_table)
+    if settings.measured_from is None:
+        return Extremes(columns)
+    # Row k is at start + k*output_step, rounded.
+    since = settings.measured_from - SAME_STEP * settings.output_step
+    return Measures(columns, since)
+
+
+def refusal(session: Session) -> str:
+    """Return the reason why a run needs more than calls of the kernel, or ""."""
+    plan, system = session.plan, session.system
+    if system.m or system.watched:
+        return "constraints and switches are located in each run separately"
+    if plan.reduction.eliminated:
+        return "eliminated coordinates are recovered in each run separately"
+    if system.model.until is not None:
+        return "`until` is located in each run separately"
+    if system.model.events:
+        return "events act in each run separately"
+    if plan.switches.modes or system.timed:
+        return "events at given times are located in each run separately"
+    if session.columns.wants_sections:
+        return "crossings of sections are located in each run separately"
+    return ""
+
+
+def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
+    """Return the reason why the rows of a run are computed separately, or ""."""
+    plan, settings = session.plan, session.case.settings
+    if settings.duration > (MOST_ROWS - 2) * settings.output_step:
+        return "rows are computed in blocks"
+    if bars is not ErrorBars.NEVER and plan.rtol is None:
+        return "a method with fixed steps is repeated by another one"
+    if plan.atol is None and len(groups(session.equations)) > 1:
+        return "the energies of decoupled groups are examined in each run separately"
+    return ""
+
+
+class Batch:
+    """Runs of one form, many at once.
+
+    Attributes
+    ----------
+    refusal : str
+        The reason why each run must be made separately, or "".
+    size : int
+        Number of runs of a batch.
+    """
+
+    def __init__(self, session: Session, work: SweepInput, columns: int) -> None:
+        self.session, self.work, self.grid = session, work, work.grid
+        self.columns, self.size = columns, ENDS_AT_ONCE if work.ends else ROWS_AT_ONCE
+        self.options = dict(work.options)
+        equations, axes = session.equations, self.grid.axes
+        names = {axis.name for axis in axes}
+        words = {word for x in axes for y in x.texts for word in _WORD.findall(y)}
+        self._follow = equations.model.stated.depends_on(names) or bool(words & names)
+        powers = names_in_exponents(equations, ())
+        self.refusal = refusal(session)
+        if session.case.settings.rest or not needs_no_solve(equations):
+            self.refusal = "start values are solved for by the constraints"
+        elif powers and (self._follow or not powers.isdisjoint(names)):
+            self.refusal = "a swept value is in an exponent"
+        if not self.refusal and not work.ends:
+            self.refusal = refusal_of_rows(session, work.error_bars)
+        if not self.refusal and work.ends:
+            self._ensemble = Ensemble(session)
+        elif not self.refusal:
+            self._judge = Judge(session, work.error_bars)
+
+    def rows(
+        self, numbers: Sequence[int], interrupt: Interrupt
+    ) -> list[SweepRow | None]:
+        """Return the rows of runs; None for a run that must be made separately.
+
+        After an interrupt there are fewer rows.
+        """
+        values = self._followed if self._follow else self._plain
+        parameters, starts, swept = values(numbers)
+        clear = self._clear(parameters, starts)
+        if not self.work.ends:
+            return self._judged(parameters, starts, swept, clear, interrupt)
+        ends = self._ensemble.ends(parameters, starts, interrupt)
+        if ends is None:
+            return []
+        clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
+        cells, form = ends.ended[:, None, : self.columns], form_of(self.session)
+        return [
+            SweepRow(tuple(own), DONE, True, None, "", cell, form) if plain else None
+            for own, cell, plain in zip(swept.tolist(), cells, clear, strict=True)
+        ]
+
+    def _judged(
+        self,
+        parameters: Mapping[str, Floats],
+        starts: Floats,
+        swept: Floats,
+        clear: Flags,
+        interrupt: Interrupt,
+    ) -> list[SweepRow | None]:
+        """Return the rows of runs with their extremes and errors, as `rows` does."""
+        form, judge = form_of(self.session), self._judge
+        judge.prepare(parameters)
+        found: list[SweepRow | None] = []
+        for k, own in enumerate(swept.tolist()):
+            run = judge.run(k, starts[k]) if clear[k] else None
+            row = SweepRow(tuple(own), DONE, True, None, "", NOTHING, form)
+            found.append(run and row._replace(error=run.error, numbers=run.cells))
+            if interrupt.asked:
+                break
+        return found
+
+    def _plain(self, numbers: Sequence[int]) -> Values:
+        """Return the values of runs where no expression depends on the swept names.
+
+        numbers : indices of the runs.
+        """
+        case = self.session.case
+        start = np.concatenate([case.start.q, case.start.v, case.start.s])
+        starts = np.repeat(start[None], len(numbers), 0)
+        parameters, swept = {}, []
+        for axis, places in self.grid.at(np.array(numbers)):
+            values = np.array(axis.values)[places]
+            swept.append(values)
+            if axis.starts:
+                starts[:, case.equations.state.index(axis.name)] = values
+            else:
+                parameters[axis.name] = values
+        return parameters, starts, np.array(swept).T
+
+    def _followed(self, numbers: Sequence[int]) -> Values:
+        """Return the values of runs where expressions depend on the swept names.
+
+        The model is bound to the values of each run; nan if that fails.
+        """
+        case, axes = self.session.case, self.grid.axes
+        unbound = case.model
+        names = [p.name for p in unbound.parameters]
+        sizes = len(names), len(case.equations.state), len(axes)
+        found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
+        for k, number in enumerate(numbers):
+            with contextlib.suppress(LagsimError):
+                model = unbound.bind(**self.grid.texts(number))
+                if wanted(model, "sweep", self.options) == case.settings:
+                    found[k] = [p.value for p in model.parameters]
+                    starts[k] = [x.value for x in model.initial[: sizes[1]]]
+                    swept[k] = [value_of(model, axis.name) for axis in axes]
+        return dict(zip(names, found.T, strict=True)), starts, swept
+
+    def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
+        """Mark runs (runs,) whose start is admissible without a full examination."""
+        case, equations = self.session.case, self.session.equations
+        known: dict[str, float | Floats] = {"t": case.settings.start}
+        known |= equations.model.parameter_values
+        known |= parameters
+        names = equations.state
+        moved = np.any(starts != starts[:1], axis=0)
+        for name, column, differ in zip(names, starts.T, moved, strict=True):
+            known[name] = column if differ else float(column[0])
+        given: Flags = np.all(np.isfinite(starts), axis=1)
+        return given & clear_starts(equations, known, len(starts))
+
+    def _keeps_energy(self, ends: Ends) -> Flags:
+        """Mark runs (runs,) in which energy less work is equal at both ends."""
+        names = self.session.columns.names
+        at = {x: names.index(x) for x in ENERGIES if x in names}
+        moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
+        drift = moved["energy"] - moved.get("work", 0.0)
+        size = np.abs(ends.ended[:, at.get("kinetic", at["energy"])])
+        play = np.maximum.reduce([size, *map(np.abs, moved.values())])
+        kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
+        return kept
+
+
+class Ends(NamedTuple):
+    """Results of several runs.
+
+    Attributes
+    ----------
+    codes : ndarray, shape (runs,)
+        Return codes of the kernel, see `methods.parts.state`: DONE, or a code of a run
+        that must be made separately.
+    begun, ended : ndarray, shape (runs, columns)
+        The first and the last row.
+    """
+
+    codes: Floats
+    begun: Floats
+    ended: Floats
+
+
+class Ensemble:
+    """Runs of a session, with other parameters and starts, in one kernel memory.
+
+    Only for sessions for which `refusal` returns "".
+
+    Attributes
+    ----------
+    session : Session
+        With a copy of the compiled system, whose memory the runs use.
+    arc : Arc
+        The arc of all runs; its state is that of the last run.
+    """
+
+    def __init__(self, session: Session) -> None:
+        # A repeat by another method works in the memory of the system's own method.
+        system = session.system.bound(session.system.model, session.system.plan)
+        self.session = session._replace(system=system)
+        run = Run(self.session.first_arc(), [])
+        run.begin()
+        self.arc = run.arc
+        self._start = run.arc.state.copy()
+        self.prepare({})
+
+    def prepare(self, parameters: Mapping[str, Floats]) -> None:
+        """Store the values of parameters of the next runs, each of shape (runs,)."""
+        self._places = [self.session.system.place(name) for name in parameters]
+        self._values = np.array(list(parameters.values())).T
+
+    def begin(self, k: int, start: Floats) -> None:
+        """Return to the start of run k, from `start` (2 n + l,)."""
+        arc, p = self.arc, self.session.system.p
+        arc.state.flat[:] = self._start.flat
+        arc.y[: len(start)] = start
+        if self._places:
+            p.flat[self._places] = self._values[k]
+        arc.runner.prepare()
+
+    def ends(
+        self,
+        parameters: Mapping[str, Floats],
+        starts: Floats,
+        interrupt: Interrupt | None = None,
+    ) -> Ends | None:
+        """Return the ends of runs; None after an interrupt.
+
+        Parameters
+        ----------
+        parameters : mapping of str to ndarray, shape (runs,)
+            Parameters that differ from the session.
+        starts : ndarray, shape (runs, 2 n + l)
+            Positions, velocities and first-order states.
+        """
+        arc = self.arc
+        codes = np.empty(len(starts))
+        rows = np.empty((len(starts), 2, self.session.system.rows_observed))
+        self.prepare(parameters)
+        for k, start in enumerate(starts):
+            self.begin(k, start)
+            first = arc.row()
+            codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            while code == BLOCK_FULL:
+                codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            rows[k] = arc.runner.tabulate(np.concatenate([first, arc.row()]))
+            if interrupt is not None and interrupt.asked:
+                return None
+        return Ends(codes, rows[:, 0], rows[:, 1])
+
+    def table(self, k: int, start: Floats, longest: float = 0.0) -> Floats | None:
+        """Return the rows (rows, columns) of run k, from `start` (2 n + l,).
+
+        None if the run has not reached its end before a source of events would examine
+        its steps. The last row is at the end.
+
+        longest : the longest step; 0 for no limit.
+        """
+        self.begin(k, start)
+        state, runner, tables = self.arc.state, self.arc.runner, list["Floats"]()
+        state.longest = longest
+        code = BLOCK_FULL
+        while code == BLOCK_FULL and state.steps < ASKED:
+            code = runner.advance(state, LONG, ASKED)
+            count = int(state.emitted)
+            if code == ENDED and count < len(runner.block):
+                runner.block[count, 0], runner.block[count, 1:] = state.t, state.y
+                count += 1
+            tables.append(runner.shown(count))
+        if code != ENDED or state.steps >= ASKED:
+            return None
+        if tables[-1][-1, 0] < state.t:
+            tables.append(runner.tabulate(self.arc.row()))
+        return tables[0] if len(tables) == 1 else np.concatenate(tables)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The result of the last run, which has reached its end."""
+        start, made = self.session.case.settings.start, statistics_of(self.arc, 1)
+        return Trajectory(Outcome.DONE, "", start, self.arc.t, 0, made)
+
+
+class Judged(NamedTuple):
+    """Result of a run: values of each column, and the estimated error or None."""
+
+    cells: Floats
+    error: float | None
+
+
+class Judge:
+    """Runs with rows and their repeats, judged as `Attempts` judges a plain run.
+
+    A run is plain if its audit has no finding, and its error is so small that neither
+    the horizon nor the motion of coordinates at rest matters.
+    """
+
+    def __init__(self, session: Session, bars: ErrorBars) -> None:
+        columns, equations = session.columns, session.equations
+        self._ensemble, self._bars = Ensemble(session), bars
+        energies = energy_parts(columns.names)
+        # The columns that judgements depend on.
+        dynamic = range(1 + self._ensemble.arc.state.dynamic.stop)
+        chosen = sorted({*dynamic, *equations.state_columns, *energies.values()})
+        self._chosen, place = np.array(chosen), chosen.index
+        self._energies = {name: place(k) for name, k in energies.items()}
+        # Time, coordinates and rates, first-order states.
+        self._state = [place(k) for k in equations.state_columns]
+        n = len(equations.q)
+        self._coordinates = [*range(1, 1 + n)]
+        self._rates = [*range(1 + n, 1 + 2 * n)]
+        self._valued = [*self._coordinates, *range(1 + 2 * n, len(self._state))]
+        names = *equations.q, *(x.name for x in equations.states)
+        self._components = [session.system.state.index(name) for name in names]
+        self._repeats: Ensemble | None = None
+        self._parameters: Mapping[str, Floats] = {}
+
+    def prepare(self, parameters: Mapping[str, Floats]) -> None:
+        """Store the values of parameters of the next runs, each of shape (runs,)."""
+        self._parameters = parameters
+        for ensemble in (self._ensemble, self._repeats):
+            if ensemble is not None:
+                ensemble.prepare(parameters)
+
+    def run(self, k: int, start: Floats) -> Judged | None:
+        """Return the result of run k; None if it must be made separately.
+
+        start : positions, velocities and first-order states, shape (2 n + l,).
+        """
+        own, error = self._ensemble, None
+        with np.errstate(all="ignore"):
+            table = own.table(k, start)
+            columns = self._sound(own, table)
+            if table is None or columns is None:
+                return None
+            if self._bars is not ErrorBars.NEVER:
+                error = self._error(k, start, columns)
+                if error is None:
+                    return None
+            observer = observer_of(own.session)
+            observer.add(table)
+        return Judged(observer.stacked, error)
+
+    def _sound(self, ensemble: Ensemble, table: Floats | None) -> Floats | None:
+        """Return the columns (chosen, rows) that judgements depend on.
+
+        None if they are not all finite, or if energy less work is not conserved.
+        """
+        if table is None:
+            return None
+        columns = np.ascontiguousarray(table[:, self._chosen].T)
+        # The sum is finite only if all its terms are.
+        if not np.isfinite(np.sum(columns)):
+            return None
+        places = self._energies
+        balance = columns[places["energy"]]
+        if "work" in places:
+            balance = balance - columns[places["work"]]
+        low, high = np.empty((2, len(columns)))
+        for k in places.values():
+            low[k], high[k] = columns[k].min(), columns[k].max()
+        between = float(ensemble.arc.state.energy)
+        in_play = energy_in_play(places, low, high, between)
+        drift = np.max(np.abs(balance - balance[0]))
+        return columns if drift <= ENERGY_DRIFT * in_play else None
+
+    def _error(self, k: int, start: Floats, columns: Floats) -> float | None:
+        """Return the error of run k, just made, by a repeat; None if it is not plain.
+
+        columns : ndarray, shape (chosen, rows)
+        """
+        session, run = self._ensemble.session, self._ensemble.trajectory
+        always = self._bars is ErrorBars.ALWAYS
+        rows = columns.shape[1]
+        expected = 2.0 * own_cost(session.system, run)
+        if rows < 2 or (expected > BUDGET and not always):
+            return None
+        finer = -(-LEAST_ROWS // rows)
+        other = next(by_other_means(session, run))
+        again = self._repeated(other, finer)
+        found = self._sound(again, again.table(k, start, other.session.longest_step))
+        if found is None:
+            return None
+        repeat = again.trajectory
+        if not always:
+            most = Allowance(session.system, run).steps_beside(session, run, other)
+            arc = int(other.limited(most).arc_steps)
+            if repeat.statistics.steps > most - arc:
+                return None
+        method = other.session.plan.method
+        if method == session.plan.method and steps_of(run) == steps_of(repeat):
+            return None
+        return self._difference(columns[self._state], found[self._state], finer)
+
+    def _repeated(self, other: Repeat, finer: int) -> Ensemble:
+        """Return the memory of repeats, with `finer` output steps in one of the run."""
+        if self._repeats is None:
+            spacing = self._ensemble.session.case.settings.output_step / finer
+            session = other.session.asking(output_step=spacing)
+            self._repeats = Ensemble(session)
+            self._repeats.prepare(self._parameters)
+        return self._repeats
+
+    def _difference(self, mine: Floats, theirs: Floats, finer: int) -> float | None:
+        """Return the error relative to ranges, as `attempts.compared` computes it.
+
+        None if another scale than the range of a coordinate might count.
+
+        Parameters
+        ----------
+        mine : ndarray, shape (1 + 2 n + l, rows)
+            Time, coordinates, rates and first-order states of the run.
+        theirs : ndarray, shape (1 + 2 n + l, finer rows)
+            The same of the repeat; the last row of both is that of the end.
+        """
+        assert self._repeats is not None
+        paired = theirs
+        if finer > 1:
+            paired = np.concatenate([theirs[:, :-1:finer], theirs[:, -1:]], axis=1)
+        if paired.shape != mine.shape:
+            return None
+        # The largest of all rows: roundoff bounds grow from row to row.
+        largest = np.max(np.abs(mine), axis=1)
+        worst = np.fmax(np.max(np.abs(paired - mine), axis=1), UNIT_ROUNDOFF * largest)
+        late = np.max(np.abs(mine[:1] * mine[self._rates]), axis=1)
+        places = self._coordinates
+        worst[places] = np.fmax(worst[places], UNIT_ROUNDOFF * late)
+        state, valued = self._repeats.arc.state, self._valued
+        low, high = state.low[self._components], state.high[self._components]
+        for rows in (mine, theirs):
+            low = np.fmin(low, np.min(rows, axis=1)[valued])
+            high = np.fmax(high, np.max(rows, axis=1)[valued])
+        sizes, worst, largest = high - low, worst[valued], largest[valued]
+        least = np.fmax(NO_MOTION * CLEAR * np.max(sizes), SUM_ROUNDOFF * largest)
+        if not (np.all(sizes > least) and np.all(worst <= RESOLVED_BY * sizes)):
+            return None
+        return float(np.max(worst / sizes))
