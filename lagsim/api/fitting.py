@@ -169,7 +169,7 @@ def fit(
     duration, method, formulation, atol
         Options of the runs, instead of the model's.
     jobs : int, optional
-        The number of processes, by default one for each core where that saves time.
+        The number of processes; by default one for each core, where that saves time.
 
     Returns
     -------

@@ -167,3 +167,37 @@ def test_help_explains_each_argument(name):
             "...", ", ".join(inspect.signature(lagsim.simulate).parameters)
         )
     assert set(inspect.signature(function).parameters) <= set(named.split(", "))
+
+
+# Parameters whose meaning depends on the function.
+VARIED = {"**values", "*columns", "error_bar", "starts", "values", "vary"}
+# Of a fit these stand together.
+OF_RUNS = {"duration", "method", "formulation", "atol"}
+
+
+def parameters_of(function):
+    """Return the descriptions of parameters in a docstring, by name."""
+    text = inspect.cleandoc(function.__doc__ or "")
+    found = re.search(r"Parameters\n-+\n(.*?)(\n\n\w+\n-+\n|\Z)", text, re.DOTALL)
+    parts = re.split(r"\n(?=\S)", found[1]) if found else []
+    heads = (part.partition("\n") for part in parts)
+    return {
+        name: " ".join(about.split())
+        for head, _, about in heads
+        for name in head.partition(" : ")[0].split(", ")
+    }
+
+
+def test_a_parameter_is_described_alike_everywhere():
+    shown = [getattr(lagsim, name) for name in lagsim.__all__]
+    functions = [x for x in shown if inspect.isfunction(x)]
+    methods = [vars(x).values() for x in shown if inspect.isclass(x)]
+    functions += [f for some in methods for f in some if inspect.isfunction(f)]
+    texts = {}
+    for function in functions:
+        own = OF_RUNS if function is lagsim.fit else set()
+        for name, text in parameters_of(function).items():
+            if name not in VARIED | own:
+                texts.setdefault(name, set()).add(text)
+    assert {"model", "folder", "jobs"} <= texts.keys()
+    assert {name: found for name, found in texts.items() if len(found) > 1} == {}

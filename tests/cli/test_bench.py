@@ -70,6 +70,7 @@ def test_the_files_the_table_and_the_document(lagsim, write):
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "-q")
     before = {path.name: path.read_bytes() for path in Path("out").iterdir()}
@@ -89,6 +90,7 @@ def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("form", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+@pytest.mark.drawn
 def test_a_chart_for_print(lagsim, write, form, begins):
     quick = ("--methods", "rk4", "--steps", "0.1:0.1", "--set", "g=1.62", "-o", "out")
     line = ("bench", write(PENDULUM), *quick, "--format", form, "--json")

@@ -62,6 +62,7 @@ def test_what_changed_is_named_and_annotated_at_its_line(
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_the_picture_says_what_differs_in_units(lagsim, stored, write):
     write(PENDULUM.replace("9.8", "9.9"), "pendulum.yaml")
     with noted() as drawing:

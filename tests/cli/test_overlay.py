@@ -46,6 +46,7 @@ def test_nothing_to_draw_is_said(lagsim, write):
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_a_run_that_fails_shows_how_far_it_came(lagsim, write, tmp_path):
     text = FALL + "scene: {points: {mass: [r, 0]}}\n"
     lagsim("run", write(text), "--no-plots", "--animate", "-o", "results", code=3)
@@ -205,6 +206,7 @@ def test_the_title_is_the_model(overlay, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.drawn
 def test_many_runs_are_told_by_what_was_swept(lagsim, write):
     file = write(PENDULUM, "pendulum.yaml")
     for name, wanted in (("g", "colour: g"), ("theta", "colour: θ at the start (rad)")):
