@@ -35,7 +35,8 @@ counts, else the best one.
    at a solution whose rows with nonzero multipliers are independent. With discs,
    Newton's method continues from there, or from a polygon of more corners; then once
    more with the single rows that hold eliminated, since masses of very different sizes
-   leave the directions of a disc at other scales.
+   leave the directions of a disc at other scales. Last, where all bounds are constant,
+   Newton's method for a smoothed minimum problem.
 3. Proximal point iteration: a small addition to the diagonal makes rows independent,
    and its effect on the solution is removed by iteration. Where rows with discs are
    dependent, this attempt is the first: it leads approximately to the least
@@ -284,6 +285,8 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
             yield from _beside_held(point)
         # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
         yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
+        if unit.own.all() and (unit.low[0] == -unit.high[0]).all() and _symmetric(unit):
+            yield _descend(unit, _smoothed(unit))
         return
     yield _MultiplierPoint(unit, _by_pivots(unit))
     yield _proximal(unit, FIRM, PROXIMAL)
@@ -356,7 +359,7 @@ def _start(unit: ComplementarityProblem) -> Floats:
     """
     D, start = unit.D, np.zeros(len(unit.c))
     plain = unit.own.all() and not unit.discs
-    if not plain or np.abs(D - D.T).max() > TERM_ROUNDOFF:
+    if not (plain and _symmetric(unit)):
         return start
     try:
         pivots = np.linalg.cholesky(D).diagonal()
@@ -365,6 +368,66 @@ def _start(unit: ComplementarityProblem) -> Floats:
     if pivots.min() <= DEPENDENT_DIRECTIONS:
         return start
     return np.clip(np.linalg.solve(D, -unit.c), unit.low[0], unit.high[0])
+
+
+def _symmetric(unit: ComplementarityProblem) -> bool:
+    """Whether D of a scaled problem is symmetric to rounding."""
+    return bool(np.abs(unit.D - unit.D.T).max() <= TERM_ROUNDOFF)
+
+
+# First and last smoothing, in parts of the largest |c|, and the ratio of two; greatest
+# number of Newton steps at each, and of halvings of a step; part of its slope by which
+# the function falls.
+ROUNDED, SHARPER, LAST = 1.0, 1e-2, 1e-18
+HALVED, FALLS = 40, 1e-4
+
+
+def _smoothed(unit: ComplementarityProblem) -> Floats:
+    """Minimize a smoothed dual function; return multipliers (r,) near the solution.
+
+    With bounds b symmetric to 0, the multipliers minimize the convex function
+    p D p / 2 + sum of b_g |w_g|, w = D p + c, over single rows and discs g. |w| is
+    replaced by sqrt(|w|^2 + e^2) with ever smaller e: Newton's method follows the
+    minimum also where inertias in the directions of a disc differ by many powers of
+    ten, since nothing is compared across these directions.
+    """
+    D, pairs, b = unit.D, unit.pairs, unit.high[0]
+    p, unit_rows = np.zeros(len(b)), np.eye(len(b))
+    share = np.where(pairs < 0, b, 0.5 * b)  # a disc has two rows
+
+    def lengths(w: Floats, e: float) -> Floats:
+        others = np.where(pairs < 0, 0.0, w[pairs])
+        return np.asarray(np.sqrt(w * w + others * others + e * e))
+
+    size = float(np.abs(unit.c).max())
+    e = ROUNDED * size
+    while e > LAST * size:
+        for _ in range(STEPS):
+            w = unit.c + D @ p
+            long = lengths(w, e)
+            F = p + b * w / long
+            if np.abs(F).max() <= CONVERGED * b.max():
+                break
+            H = np.diag(b / long * (1.0 - (w / long) ** 2))
+            for i, k in unit.discs:
+                H[i, k] = H[k, i] = -b[i] * w[i] * w[k] / long[i] ** 3
+            step = np.linalg.solve(unit_rows + H @ D, -F)
+            value = 0.5 * p @ D @ p + share @ long
+            slope, part = F @ D @ step, 1.0
+            for _ in range(HALVED):
+                there = p + part * step
+                w = unit.c + D @ there
+                long = lengths(w, e)
+                less = 0.5 * there @ D @ there + share @ long
+                if less <= value + FALLS * part * slope:
+                    break
+                # Near the minimum, differences of the function are rounding.
+                if np.abs(there + b * w / long).max() < 0.5 * np.abs(F).max():
+                    break
+                part *= 0.5
+            p = there
+        e *= SHARPER
+    return p
 
 
 # --- Newton's method ------------------------------------------------------------------

@@ -262,6 +262,7 @@ class Parameters(Laws):
     least_sigma: float  # the smallest of it since a kernel set this to 1
     factored: float  # what of that has been factored
     lasting: float  # what of it stays factored, with the friction of the modes
+    least_pivot: float  # of the matrices S of the rows that hold
     ranked: float  # the rank that was found then
     noted: float  # how many directions of the rows have been noted
 
