@@ -248,13 +248,19 @@ def read_relation(
     moving = {NameKind.COORDINATE, NameKind.STATE, *([NameKind.MODE] if modes else ())}
     if not _named(gap, moving, x):
         text = f"{what} depends on no coordinate and no velocity"
-        hint = "an event at given times has `every`" if modes else ""
+        hint = _AT_A_TIME if modes else ""
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
         x.faults.add("no-coordinate", text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())
     text += scalar.reading.member() if scalar.reading else ""
     return Relation(gap, equality, text, scalar.place), equality
+
+
+_AT_A_TIME = (
+    "an event at regular times has `every`; one at a single time compares t with a "
+    "mode: `modes: {t1: 1}` and `at: t >= t1`"
+)
 
 
 def _named(node: int, kinds: Collection[NameKind], x: Expressions) -> set[str]:

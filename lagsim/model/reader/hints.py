@@ -35,10 +35,18 @@ NO_NOISE = (
     "there are no random numbers: a force follows the samples of a table, and `sweep "
     "--sample` draws parameters"
 )
-RANDOM = re.compile(
-    r"(?i)(rand(n|om|int|s)?|rnd|rng|runif|rnorm|uniform|normal|normrnd|gauss(ian)?|"
-    r"(white_?)?noise|wgn|awgn)"
-)
+# Calls of other languages whose meaning is no function here, and the advice for each.
+_NO_FUNCTIONS = (
+    (re.compile(r"(?i)(rand(n|om|int|s)?|rnd|rng|runif|rnorm|uniform|normal|normrnd|"
+                r"gauss(ian)?|(white_?)?noise|wgn|awgn)"), NO_NOISE),
+    (re.compile(r"(?i)(delay(ed)?|lag(ged)?|transport_?delay|dde)"), DELAY),
+    (re.compile(r"(?i)(integra(l|te|tor)|quad|cumtrapz|cumsum)"),
+     "an integral over time is a first-order state: `states: {s: {rate: ...}}`"),
+    (re.compile(r"(?i)(dirac(_?delta)?|delta|δ|impulse)"),
+     "an impulse is given by an event: `events: {kick: {at: ..., impulse: {...}}}`"),
+    (re.compile(r"(?i)(interp(1d?|2d?|olate)?|lookup|spline|tabulated)"),
+     "a curve is given in `tables`, and called by its name"),
+)  # fmt: skip
 
 # Functions, and their names elsewhere, in small letters.
 _NAMES = {
@@ -194,6 +202,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
     (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
     (r"\b\d+\.?\d*[ij]\b", "every number is real"),
+    (r"\b0[xX][\da-fA-F]+\b", lambda found: f"write {int(found[0], 16)}"),
     (r"(\d+\.?\d*)[eE]([-+]?\d*\.\d+)", "write {0}*10^{1}"),
     (rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)", "write {0}e{1}"),
     (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
@@ -309,15 +318,15 @@ _QUANTITY = (
     r"((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
 )
 _RATES = {
-    "_dot": (
-        r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
-        r"(?:velocity|vel|speed|omega|v|w)_?(.+)",
-        r"(.+?)_?(?:velocity|vel|speed|rate)", r"(.+)d", r"(.+)'",
-    ),
     "_ddot": (
         r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot",
         r"ddot_?(.+)", r"(.+)_dd", r"(.+)''", r"(.+?)_?dot_?dot",
         r"(?:acceleration|accel|acc|a)_(.+)", r"(.+)_(?:acceleration|accel|acc)",
+    ),
+    "_dot": (
+        r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
+        r"(?:velocity|vel|speed|omega|v|w)_?(.+)",
+        r"(.+?)_?(?:velocity|vel|speed|rate)", r"(.+)d", r"(.+)'",
     ),
 }  # fmt: skip
 _NUMBERS = {word: hint for words, hint in {
@@ -546,7 +555,8 @@ def _inertia(values: str) -> str:
 def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
     """Return begin, end and hint for some mistaken calls, or None.
 
-    For a list as argument of `spin`, for a delay `x(t - 1)`, and for a random number.
+    For a list as argument of `spin`, for a delay `x(t - 1)`, and for a call without
+    arguments that stands for no function.
     """
     token, before = text[offset:end], text[:offset].rstrip()
     listed = _LIST.match(text[offset:])
@@ -555,8 +565,8 @@ def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
     if token == "(" and re.match(r"\(\s*t\s*[-+]", text[offset:]):
         return offset, end, DELAY
     called = re.search(r"(\w+)\($", before)
-    if token == ")" and called and RANDOM.fullmatch(called[1]):
-        return offset, end, NO_NOISE
+    if token == ")" and called and (hint := _no_function(called[1])):
+        return offset, end, hint
     return None
 
 
@@ -574,7 +584,12 @@ def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
         return f"write {meant}"
     if re.match(r"t\s*[-+]", argument) and _moves(name, moving):
         return DELAY
-    return NO_NOISE if RANDOM.fullmatch(name) else ""
+    return _no_function(name)
+
+
+def _no_function(name: str) -> str:
+    """Return the advice for a call that stands for no function here; else ""."""
+    return next((hint for words, hint in _NO_FUNCTIONS if words.fullmatch(name)), "")
 
 
 def of_function(
