@@ -379,7 +379,7 @@ def prepare_dense(s: Embedded, p: Parameters) -> None:
 def last_term(s: Embedded) -> float:
     """Return the largest norm of the last term of the dense output, in tolerances."""
     terms, count, squares = s.dense[(PAIR.terms - 1) * s.size :], 0, 0.0
-    for i in range(s.dynamic.stop):
+    for i in range(s.size):
         if s.tolerances[i] > 0.0 and terms[i] != 0.0:
             part = control.against(PAIR.largest_weight * terms[i], s.tolerances[i])
             squares += part * part
