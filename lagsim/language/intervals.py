@@ -458,7 +458,8 @@ def table_knot(axis: Data, x: Interval) -> Interval:
 
 def table_rate(axis: Data, x: Interval) -> Interval:
     """Enclose the slope of `table_knot`: of one cell, or of two."""
-    (first, last), own = _cells(axis, x, None), _each("table.rate", axis, x)
+    (first, last) = _cells(_each("table.knot", axis, x))
+    own = _each("table.rate", axis, x)
     far = last - first > 1.0
     lo, hi = outward(
         np.where(far, 0.0, own.min(0)), np.where(far, math.inf, own.max(0))
@@ -472,23 +473,9 @@ def _each(op: str, axis: Data, x: Interval) -> Floats:
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 
 
-def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
-    """Return the first and the last cell (2, k) of a table that x touches.
-
-    piece : if given, cells within this piece only.
-    """
-    smooth, period = axis.numbers[1:3]
-    if piece is not None and not smooth > 0.0:
-        return np.asarray(np.floor(np.nan_to_num([piece.lo, piece.hi])))
-    found = np.floor(np.nan_to_num(_each("table.knot", axis, x)))
-    if piece is not None and not period:
-        m = axis.numbers[0]
-        low, high = (
-            np.select([p < 0.0, p < 1.0], [-1.0, e], m)
-            for p, e in ((piece.lo, 0.0), (piece.hi, m - 1.0))
-        )
-        return np.clip(found, low, high)
-    return found
+def _cells(numbers: Floats | list[Floats]) -> Floats:
+    """Return the first and the last cell (2, k) between two knot numbers (2, k)."""
+    return np.asarray(np.floor(np.nan_to_num(numbers)))
 
 
 def table_piece(*args: Any) -> Interval:
@@ -505,7 +492,7 @@ def table_piece(*args: Any) -> Interval:
 
     def rule(*numbers: Interval) -> Interval:
         x, chosen = numbers[:n], numbers[n:]
-        spans = [_cells(*each) for each in zip(axes, x, chosen, strict=True)]
+        spans = [_cells([piece.lo, piece.hi]) for piece in chosen]
         far = np.any([last - first > 1.0 for first, last in spans], axis=0)
         found = []
         for ends in product((0, 1), repeat=n):

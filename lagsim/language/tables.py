@@ -1,18 +1,16 @@
 """Functions given by points: piecewise polynomials as data of graph operations.
 
 A table has cells between its knots, and one beyond each end: the cells -1, 0, ... m.
-`axis` has m, the number of continuous derivatives at its knots (negative if its
-argument is a t + b and steps end at its knots), the period (0: none), 1 if a run ends
-with the table, and the m + 1 knots. `pieces` has p, then c_0 ... c_(p - 1) of each cell
-from -1 on: the polynomial in the distance from the cell's lower knot (in the cell m,
-from the last one). With two arguments each cell has p*p coefficients, the second
-argument's index running fastest.
+`axis` has m, the number of continuous derivatives at its knots, the period (0: none), 1
+if a run ends with the table, and the m + 1 knots. `pieces` has p, then the coefficients
+c_0 ... c_(p - 1) of each cell from -1 on: the polynomial in the distance from the
+cell's lower knot (in the cell m, from the last one). With two arguments each cell has
+p*p coefficients, the second argument's index running fastest.
 
-Pieces are selected by a separate number, `floor(table.knot(axis, x))`, which is an
-ordinary switch. For a smooth table it only distinguishes -1 below the first knot, 0
-between the ends, and 1 above, unless the argument depends on time alone: then steps end
-at each knot, since no error estimate detects the jump of a high derivative. Functions
-whose names begin with `table_` are kernels.
+Cells are selected by a separate number, `floor(table.knot(axis, x))`, which is an
+ordinary switch. Steps end at each knot of a smooth table, too: the error estimate of a
+step over the jump of a second or third derivative may be too small by a factor of a
+thousand. Functions whose names begin with `table_` are kernels.
 """
 
 from __future__ import annotations
@@ -142,19 +140,10 @@ def table_rate(axis: Floats, x: float) -> float:
     return float(1.0 / (length * (1.0 + far) * (1.0 + far)))
 
 
-def table_chosen(axis: Floats, x: float, piece: float) -> int:
-    """Return the number of the cell at x within a piece.
-
-    A piece of a smooth table contains all its cells.
-    """
-    m = int(axis[0])
+def table_chosen(axis: Floats, piece: float) -> int:
+    """Return the number of an existing cell for the number of a piece."""
     k = floor(piece)
-    if axis[2] > 0.0:
-        return table_cell(axis, x) if axis[1] > 0.0 else k
-    if axis[1] > 0.0:
-        inside = max(0, min(table_cell(axis, x), m - 1))
-        return inside if k == 0 else m if k > 0 else -1
-    return max(-1, min(k, m))
+    return k if axis[2] > 0.0 else max(-1, min(k, int(axis[0])))
 
 
 def table_power(j: int, order: float) -> float:
@@ -182,7 +171,7 @@ def table_piece(
         Number of the piece, -1 to m.
     """
     p = int(pieces[0])
-    cell = table_chosen(axis, x, piece)
+    cell = table_chosen(axis, piece)
     first = 1 + p * table_row(axis, cell)
     d = table_from(axis, x, cell)
     found = 0.0
@@ -217,8 +206,8 @@ def table_piece2(
         Numbers of the piece along both axes.
     """
     p = int(pieces[0])
-    cell = table_chosen(axis, x, piece)
-    cell2 = table_chosen(other, y, piece2)
+    cell = table_chosen(axis, piece)
+    cell2 = table_chosen(other, piece2)
     row = table_row(axis, cell) * (int(other[0]) + 2) + table_row(other, cell2)
     dx = table_from(axis, x, cell)
     dy = table_from(other, y, cell2)
@@ -265,24 +254,13 @@ def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> in
 
 def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
     """Return the node of a table's value at `args`."""
-    chosen = []
-    for axis, x in zip(axes, args, strict=True):
-        smooth = axis.numbers[1] > 0.0
-        if smooth and axis.numbers[2] > 0.0:
-            chosen.append(g.zero)
-        elif smooth:
-            chosen.append(at_ends(g, axis, x))
-        else:
-            chosen.append(g.call("floor", g.call("table.knot", g.data(axis), x)))
+    chosen = [
+        g.call("floor", g.call("table.knot", g.data(axis), x))
+        for axis, x in zip(axes, args, strict=True)
+    ]
     op = "table.piece" if len(axes) == 1 else "table.piece2"
     data = map(g.data, (*axes, pieces))
     return g.call(op, *data, *[g.zero] * len(axes), *args, *chosen)
-
-
-def met(axis: Data) -> Data:
-    """Return the axis of a table with the flag that steps end at its knots."""
-    _, smooth, *others = axis.values
-    return _axis(axis.name, others[2:], (-smooth, *others[:2])) if smooth else axis
 
 
 def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
@@ -292,6 +270,12 @@ def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
         return None
     axis, x = g.args[inner]
     return g.payload(axis), x
+
+
+def is_smooth(g: Builder, discrete: int) -> bool:
+    """Whether `discrete` is the cell number of a table without kinks at its knots."""
+    cell = cell_of(g, discrete)
+    return cell is not None and cell[0].numbers[1] > 0.0
 
 
 def at_ends(g: Builder, axis: Data, x: int) -> int:
@@ -320,7 +304,7 @@ def continuous(axis: Data, order: int) -> tuple[float, float]:
     order : of the derivative.
     """
     m, smooth, period, ends = axis.values[:FIRST]
-    if order > abs(smooth):
+    if order > smooth:
         return 0.0, 0.0
     if period:
         return -inf, inf

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from lagsim.language.derivatives import tangent
 from lagsim.language.functions import ELEMENTS
-from lagsim.language.tables import called, met
+from lagsim.language.tables import called
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -548,7 +547,7 @@ class Stated(Protocol):
 class Table(NamedTuple):
     """Function given by points, of the model file or of a `file` with this `sha256`.
 
-    axes, pieces : see `language.tables`; constants : names of the parameters and modes.
+    axes, pieces : see `language.tables`.
     """
 
     name: str
@@ -558,20 +557,10 @@ class Table(NamedTuple):
     outside: str
     file: str = ""
     sha256: str = ""
-    constants: frozenset[str] = frozenset()
 
     def __call__(self, g: Graph, args: list[int]) -> int:
         """Return the node of the table's value at the nodes `args`."""
-        pairs = zip(self.axes, args, strict=True)
-        axes = tuple(met(a) if self._is_clock(g, x) else a for a, x in pairs)
-        return called(g, axes, self.pieces, args)
-
-    def _is_clock(self, g: Graph, x: int) -> bool:
-        """Whether an argument is a t + b."""
-        if not g.depends([x]) <= {"t", *self.constants}:
-            return False
-        (rate,) = tangent(g, [x], {g.variable("t"): g.one})
-        return "t" not in g.depends([rate])
+        return called(g, self.axes, self.pieces, args)
 
 
 class FirstOrderState(NamedTuple):

@@ -16,7 +16,6 @@ from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
-from lagsim.language.tables import PIECES
 from lagsim.mechanics.corners import corners, with_pushes
 from lagsim.mechanics.derivation import OF_ELEMENTS
 from lagsim.mechanics.equations import memoized_by_motion
@@ -381,9 +380,6 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         return f"it does not integrate first-order states ({names})"
     if equations.graph.of((ELEMENTS,)) and not OF_ELEMENTS.issuperset(chosen.NEEDS):
         return "its sums are elements, whose forces have no derivatives here"
-    smooth = "series" in chosen.NEEDS and smooth_tables(equations)
-    if smooth:
-        return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that hold at times need a method that evaluates y' only"
     follow = [x.name for x in equations.laws if x.bounce is not None or x.poisson]
@@ -394,19 +390,6 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         return f"it has only Newton's constant restitution (`{follow[0]}`)"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
-
-
-def smooth_tables(equations: Equations) -> str:
-    """Return the name of a smooth table at whose points no step ends, else ""."""
-    if all(t.interpolation == "linear" for t in equations.model.tables):
-        return ""
-    g = equations.graph
-    for n in g.cone(equations.of_motion):
-        count = PIECES.index(g.ops[n]) + 1 if g.ops[n] in PIECES else 0
-        axes = [g.payload(a) for a in g.args[n][:count]]
-        if any(axis.numbers[1] > 0.0 for axis in axes):
-            return str(axes[0].name)
-    return ""
 
 
 def needs_regular_mass(name: str) -> bool:

@@ -106,9 +106,8 @@ class _TableReader:
         if not self._is_sound():
             return None
         made = tables.made(self.name, axes, values, how, outside)
-        path, of = self.below.text("file"), self.x.names.of
-        constants = frozenset(of(NameKind.PARAMETER) + of(NameKind.MODE))
-        return Table(self.name, *made, how, outside, path, self.sha256, constants)
+        path = self.below.text("file")
+        return Table(self.name, *made, how, outside, path, self.sha256)
 
     def _is_sound(self) -> bool:
         """Whether this reader has reported no fault so far."""

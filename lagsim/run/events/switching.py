@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.language.tables import is_smooth
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -76,6 +77,8 @@ class Switching(Source):
         self.on_rates = self.modes.on_rates
         self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
         self.jumped = False
+        g = arc.equations.graph
+        self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
         # Time at which a surface was reached last, its number, and largest distance.
         self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
         self.resting: dict[int, float] = {}  # see `SurfaceModes.held`
@@ -96,15 +99,22 @@ class Switching(Source):
         return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:
-        """Report the points of tables that the kernel has passed."""
-        state, value = arc.state, self.modes.value
+        """Report the points of tables that the kernel has passed.
+
+        Points of a smooth table are events only where y' jumps.
+        """
+        state, value, p = arc.state, self.modes.value, arc.system.p
         count = int(state.crossed)
         if not count:
             return GO_ON
         which, state.crossed = state.cross_surfaces[:count].astype(int), 0.0
-        value[which] = arc.system.p.side[which]
-        pairs = zip(state.cross_times[:count].tolist(), which.tolist(), strict=True)
-        events = (Event(t, "switch", switch=self.sides[k].text) for t, k in pairs)
+        value[which] = p.side[which]
+        times, levels = state.cross_times[:count], state.cross_levels[:count]
+        events = [
+            Event(t, "switch", switch=self.sides[k].text)
+            for t, k, x in zip(times.tolist(), which.tolist(), levels, strict=True)
+            if not (self._smooth[k] and p.first_smooth[k] < x < p.last_smooth[k])
+        ]
         self.passed_at = float(state.cross_times[count - 1])
         return Decision(events=tuple(events))
 

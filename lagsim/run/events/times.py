@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.language.evaluate import evaluate_rows
-from lagsim.language.tables import at_ends
+from lagsim.language.tables import at_ends, is_smooth
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
@@ -205,6 +205,8 @@ class TimeBreaks(_Ahead):
         self._own = [k for k in range(len(modes)) if k not in passed]
         self._closed = [k for k in passed if modes[k].smooth[0] == 0.0]
         super().__init__(arc, [x.discrete for x in modes])
+        g = arc.equations.graph
+        self._smooth = {k for k in self._own if is_smooth(g, modes[k].discrete)}
         self._discrete: Values | None = None
         self._met = SwitchSequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
@@ -256,8 +258,25 @@ class TimeBreaks(_Ahead):
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following(inf)
-        switch = (Event(arc.t, "switch"),)
-        return Decision(events=switch, turn=Turn.MODES, ending=ending)
+        return Decision(events=self._events(arc), turn=Turn.MODES, ending=ending)
+
+    def _events(self, arc: Arc) -> tuple[Event, ...]:
+        """Return the event of the break reached; none at knots where y' is continuous.
+
+        Such knots are those of smooth tables in an argument that is not a t + b.
+        """
+        if self._smooth and self._discrete is not None:
+            before = arc.system.p.flat[[arc.system.modes_at[k] for k in self._own]]
+            after = prevailing(self._discrete, arc.t, min(self._next, arc.settings.end))
+            changes = zip(self._own, before, after, strict=True)
+            levels = {k: max(x, y) for k, x, y in changes if x != y}
+            modes = arc.system.switches.modes
+            if levels and all(
+                k in self._smooth and modes[k].smooth[0] < x < modes[k].smooth[1]
+                for k, x in levels.items()
+            ):
+                return ()
+        return (Event(arc.t, "switch"),)
 
 
 # Number of samples of an arc. Distances from the centre of a pulse are in powers of e,
