@@ -196,7 +196,8 @@ def test_pieces_and_tapes_give_the_same_bits(
     assert ("@f.1" in ir) == ("optnone" in ir) == (piece < 100)
     assert piece >= 26 or "@prepare.1" in ir
     # What is called once in a step is translated as it stands sooner.
-    once = Compiled(g, functions, partial(generate, manner=Manner(once=("h",))))
+    alone = {"h": functions["h"]}
+    once = Compiled(g, alone, partial(generate, manner=Manner(once=("h",))))
     first = "h.0" if piece < 100 else "h"
     assert ("optnone" in body(once.code.ir, first)) == (piece < 100)
     assert "optnone" not in body(ir, first) or piece == 7

@@ -17,6 +17,7 @@ from 1 on.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
@@ -107,6 +108,7 @@ class FunctionWriter(Lines):
         linkage: str = "",
         cleared: int = 0,
         longest: int = LONG,
+        first: Sequence[str] = (),
     ) -> None:
         """Write the function `name`.
 
@@ -124,6 +126,8 @@ class FunctionWriter(Lines):
             This many numbers of `out` are set to 0 before any value is stored.
         longest : int
             A function of more pieces is compiled without optimisation.
+        first : sequence of str
+            Functions that are called first.
         """
         signature = self.signature + more
         order = evaluation_order(self.g, [node for node, _ in stores], places)
@@ -135,20 +139,19 @@ class FunctionWriter(Lines):
         for node, place in stores:
             at_end.setdefault(node, []).append(place)
         passed = self._passed(pieces, places)
-        names = [name] if len(pieces) == 1 else [
-            f"{name}.{i}" for i in range(len(pieces))
-        ]  # fmt: skip
+        alone = len(pieces) == 1 and not first
+        names = [name] if alone else [f"{name}.{i}" for i in range(len(pieces))]
         for piece_name, piece in zip(names, pieces, strict=True):
             kind = linkage if piece_name == name else "internal "
             self.lines.append(f"define {kind}void @{piece_name}({signature}{end}")
-            if len(pieces) == 1:
+            if alone:
                 self._clear(cleared)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
-        if len(pieces) > 1:
+        if not alone:
             self.lines.append(f"define {linkage}void @{name}({signature}) {{")
             self._clear(cleared)
-            self.lines += [f"call void @{p}({signature})" for p in names]
+            self.lines += [f"call void @{p}({signature})" for p in (*first, *names)]
             self.lines += ["ret void", "}"]
 
     def _clear(self, count: int) -> None:
@@ -453,6 +456,74 @@ def _with_edges(
     return made + following, firsts
 
 
+# Fewer nodes that functions have in common are evaluated by each of them: to call them,
+# and to pass their values, would take as much code.
+FEW_COMMON = 48
+
+
+class CommonNodes:
+    """Code of the nodes that several long functions evaluate, written once.
+
+    Nodes that the same functions use form a class, and a class is a function of its
+    own. The operands of a node have all its users, so that the classes with more users
+    come first.
+
+    Attributes
+    ----------
+    writers : list of FunctionWriter
+        The code of the classes.
+    places : dict of node to place
+        Values that the classes store.
+    """
+
+    def __init__(
+        self,
+        g: Graph,
+        layout: Layout,
+        first: int,
+        functions: Mapping[str, Sequence[int]],
+        known: Mapping[int, Place],
+    ) -> None:
+        users = dict[int, frozenset[str]]()
+        for name, roots in functions.items():
+            own = frozenset([name])
+            for n in g.cone(roots, known):
+                if g.args[n] and n not in known:
+                    users[n] = users.get(n, frozenset()) | own
+        counts = Counter(users.values())
+        self._classes = [
+            x for x, count in counts.items() if len(x) > 1 and count >= FEW_COMMON
+        ]
+        self._classes.sort(key=len, reverse=True)
+        used = {n for roots in functions.values() for n in roots}
+        used |= {
+            a for n, own in users.items() for a in g.args[n] if users.get(a) != own
+        }
+        self.places: dict[int, Place] = {}
+        self.writers = []
+        made = {x: sorted(n for n in used if users.get(n) == x) for x in self._classes}
+        total = sum(map(len, made.values()))
+        for k, nodes in enumerate(made.values()):
+            writer = FunctionWriter(g, layout, first + total)
+            self.writers.append(writer)
+            at = first + len(self.places)
+            stores = [(n, ("p", at + i)) for i, n in enumerate(nodes)]
+            writer.function(
+                f"common.{k}", stores, {**known, **self.places}, linkage="internal ",
+                longest=1,
+            )  # fmt: skip
+            self.places |= stores
+
+    def calls(self, name: str) -> list[str]:
+        """Return the names of the functions that a function calls first."""
+        return [f"common.{k}" for k, x in enumerate(self._classes) if name in x]
+
+
+def _longest(name: str, manner: Manner) -> int:
+    """Return the number of pieces above which a function is not optimised."""
+    return 1 if name in (*manner.once, *manner.rare) else LONG
+
+
 # Where more results of a function are identically zero, all results are cleared at
 # once, since LLVM compiles each store of a number.
 FEW_ZEROS = 100
@@ -477,6 +548,16 @@ def generate(
     writers = [FunctionWriter(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     blank = dict(manner.blank)
+    long = {
+        name: [*nodes]
+        for name, nodes in functions.items()
+        if not isinstance(nodes, keys.Loop)
+        and name not in manner.contracted
+        and len(g.cone(nodes, places)) > _longest(name, manner) * keys.PIECE
+    }
+    common = CommonNodes(g, layout, scratch, {**long, **interpreted}, places)
+    writers += common.writers
+    scratch += len(common.places)
     for name, nodes in functions.items():
         writer = FunctionWriter(g, layout, scratch, contract=name in manner.contracted)
         writers.append(writer)
@@ -490,14 +571,19 @@ def generate(
         elif nodes.count(g.zero) > FEW_ZEROS:
             cleared = len(nodes)
             stores = [store for store in stores if store[0] != g.zero]
-        longest = 1 if name in (*manner.once, *manner.rare) else LONG
-        writer.function(name, stores, places, cleared=cleared, longest=longest)
-    size = scratch + max(writer.scratch_used for writer in writers)
+        longest, first = _longest(name, manner), common.calls(name)
+        known = {**places, **common.places} if first else places
+        writer.function(
+            name, stores, known, cleared=cleared, longest=longest, first=first
+        )
+    size = max(writer.scratch + writer.scratch_used for writer in writers)
     declared = set().union(*(x.declared for x in writers))
     lines = [line for x in writers for line in x.lines]
     if interpreted:
+        stored = {n: k for n, (_, k) in {**places, **common.places}.items()}
+        calls = {name: common.calls(name) for name in interpreted}
         more, tape, size = tapes.tape_functions(
-            g, interpreted, layout._replace(size=size)
+            g, interpreted, layout._replace(size=size), stored, calls
         )
         declared |= more
         lines += tape

@@ -109,14 +109,25 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
 
 
 def tape_functions(
-    g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    known: Mapping[int, int],
+    calls: Mapping[str, Sequence[str]],
 ) -> tuple[set[str], list[str], int]:
     """Return declarations, lines and required length of p of functions in a module.
 
     `prepare` evaluates none of their nodes.
+
+    Parameters
+    ----------
+    known : mapping of int to int
+        Nodes with values in p: node -> index.
+    calls : mapping of str to sequence of str
+        Functions that each function calls first, which store the known values.
     """
-    tapes = _Tapes(g, layout._replace(fixed=frozenset()), functions)
-    lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}")
+    tapes = _Tapes(g, layout._replace(fixed=frozenset()), functions, known)
+    lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}", calls)
     declared, interpreter = tapes.interpreter()
     return declared, [*lines, *interpreter], tapes.size
 
@@ -166,12 +177,16 @@ class _Tapes:
     """
 
     def __init__(
-        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]]
+        self,
+        g: Graph,
+        layout: Layout,
+        functions: Mapping[str, Sequence[int]],
+        stored: Mapping[int, int] = {},
     ) -> None:
         self.g, self.layout = g, layout
         self.opcodes: dict[tuple[Any, ...], int] = {STORE: 1}
         self.plain: dict[str, int] = {}  # of operations on values alone
-        cone = g.cone(chain.from_iterable(functions.values()))
+        cone = g.cone(chain.from_iterable(functions.values()), stored)
         known = fixed_nodes(g, functions, layout.fixed)
         # A number of a vector of sums stands where the vector has it.
         fixed = [n for n in known if g.ops[n] != PART]
@@ -193,7 +208,10 @@ class _Tapes:
         for n in leaves:
             if g.ops[n] == VARIABLE:
                 self.index[n] = places[g.payload(n)]
-        self.fixed = set(fixed)
+        for n in stored:
+            self.index[n] = stored[n]
+        self.fixed = {*fixed, *stored}
+        cone = [n for n in cone if n not in stored]
         self.tasks = self._tasks(cone, [*functions.values(), fixed])
         self.state = _copied("%y", "state", self.time + 1, self.states)
         self.filled = _copied("@numbers", "numbers", first, len(numbers))
@@ -202,14 +220,21 @@ class _Tapes:
         self.table = f"@numbers = private constant {table}"
 
     def functions(
-        self, functions: Mapping[str, Sequence[int]], before: str
+        self,
+        functions: Mapping[str, Sequence[int]],
+        before: str,
+        calls: Mapping[str, Sequence[str]] = {},
     ) -> list[str]:
-        """Return the IR of the functions; `before` is code that each runs first."""
+        """Return the IR of the functions; `before` is code that each runs first.
+
+        calls : functions that each function calls before that.
+        """
         lines = []
         for k, (name, made) in enumerate(functions.items()):
             places = self.places(made)
             count = sum(places[-1][1:]) if places else 0
-            text = f"{clearing(count)}\n{before}"
+            called = [f"call void @{x}({SIGNATURE})" for x in calls.get(name, ())]
+            text = "\n".join([*called, clearing(count), before])
             lines += _function(name, self.tape(k, made), text)
         return lines
 

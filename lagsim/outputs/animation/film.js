@@ -27,10 +27,10 @@ class Filming {
         for (let k = i * d; k < i * d + d; k++) swift = swift || !(Math.abs(rate[k]) * step <= scene.swift * size && Number.isFinite(rate[k]));
       if (swift) broken.push(i);
     }
-    const points = tracks.map(({name, place, rate}) => this.still(place, count, size) ? {name, fixed: Array.from(place.subarray(0, d))} : {name, place: Float32Array.from(place), rate: Float32Array.from(rate)});
-    const energies = Object.fromEntries(scene.energies.map((name) => [name, Float32Array.from(columns[name])]));
+    const points = tracks.map(({name, place, rate}) => this.still(place, count, size) ? {name, fixed: Array.from(place.subarray(0, d))} : {name, place: new Float32Array(place), rate: new Float32Array(rate)});
+    const energies = Object.fromEntries(scene.energies.map((name) => [name, new Float32Array(columns[name])]));
     return {
-      name: this.model.name, description: this.model.description, t: Float64Array.from(t), broken,
+      name: this.model.name, description: this.model.description, t: new Float64Array(t), broken,
       dimension: d, box, floor: this.floor(tracks, every, shapes, box, count), points,
       links: scene.links.map((x) => this.link(x, tracks, values, count)),
       shapes: shapes.map((x) => x.shown), pushes: this.pushes(values, count), energies,
@@ -108,7 +108,7 @@ class Filming {
     for (let i = 0; i < rows; i++) for (let b = 0; b < d - 1; b++) for (let a = 0; a < d; a++) shown[(i * (d - 1) + b) * d + a] = axes[i * d * d + a * d + b];
     const coded = (all, n) => {
       const width = all.length / n;
-      for (let i = width; i < all.length; i++) if (all[i] !== all[i % width]) return {place: Float32Array.from(all)};
+      for (let i = width; i < all.length; i++) if (all[i] !== all[i % width]) return {place: new Float32Array(all)};
       return {fixed: Float32Array.from(all.subarray(0, width))};
     };
     const {name, kind, moves, point, carried, faces, edges, seams} = shape;
@@ -154,14 +154,13 @@ class Filming {
   }
 
   // Writes the corners of a body in one row, in the axes of the scene, from `first` on.
-  placed({at, axes, corners, many}, i, found, first) {
-    const {dimension: d} = this.scene, own = corners.rows === 1 ? 0 : i * many * d;
-    for (let k = 0; k < many; k++)
-      for (let a = 0; a < d; a++) {
-        let x = at[i * d + a];
-        for (let b = 0; b < d; b++) x += axes[i * d * d + a * d + b] * corners.values[own + k * d + b];
-        found[first + k * d + a] = x;
-      }
+  placed({at, axes, corners: {rows, values}, many}, i, found, first) {
+    const {dimension: d} = this.scene, own = rows === 1 ? 0 : i * many * d;
+    for (let a = 0; a < d; a++) {
+      const x = at[i * d + a], from = (i * d + a) * d, [u, v, w] = [axes[from], axes[from + 1], d > 2 ? axes[from + 2] : 0];
+      for (let k = 0, n = own, to = first + a; k < many; k++, n += d, to += d)
+        found[to] = d > 2 ? x + u * values[n] + v * values[n + 1] + w * values[n + 2] : x + u * values[n] + v * values[n + 1];
+    }
   }
 
   // Finite places of points and bodies, one after another.
@@ -187,7 +186,9 @@ class Filming {
     for (let i = 0; i < end; i += d) {
       let finite = true;
       for (let c = 0; c < d; c++) finite = finite && Number.isFinite(found[i + c]);
-      if (finite) { found.copyWithin(kept, i, i + d); kept += d; }
+      if (!finite) continue;
+      if (kept < i) for (let c = 0; c < d; c++) found[kept + c] = found[i + c];
+      kept += d;
     }
     // A plane is at the middle of all else.
     const middle = new Array(d).fill(0);
@@ -200,8 +201,16 @@ class Filming {
   box(every) {
     const {dimension: d, most, outlying} = this.scene, many = every.length / d;
     if (!many) return range(d).map(() => [0, 0]);
-    const columns = range(d).map((c) => Float64Array.from({length: many}, (_, k) => every[k * d + c]));
-    const box = columns.map((x) => { let low = x[0], high = x[0]; for (const y of x) { if (y < low) low = y; if (y > high) high = y; } return [low, high]; });
+    const columns = range(d).map((c) => {
+      const own = new Float64Array(many);
+      for (let k = 0, n = c; k < many; k++, n += d) own[k] = every[n];
+      return own;
+    });
+    const box = columns.map((x) => {
+      let low = x[0], high = x[0];
+      for (let k = 1; k < many; k++) { if (x[k] < low) low = x[k]; else if (x[k] > high) high = x[k]; }
+      return [low, high];
+    });
     const span = (pairs) => Math.max(...pairs.map(([a, b]) => b - a)), whole = span(box);
     // Percentiles need not be found where a count in parts of the box shows them far apart.
     if (whole <= outlying * Math.max(...columns.map((x, c) => this.least(x, box[c])))) return box;
@@ -214,7 +223,7 @@ class Filming {
   least(numbers, [low, high]) {
     const parts = 256, counts = new Float64Array(parts + 1), width = (high - low) / parts;
     if (!(width > 0)) return 0;
-    for (const x of numbers) counts[Math.floor((x - low) / width)]++;
+    for (let k = 0; k < numbers.length; k++) counts[Math.floor((numbers[k] - low) / width)]++;
     const beyond = (1 - this.scene.most / 100) * numbers.length + 1;
     let first = 0, last = parts, sum = 0;
     while (first <= parts && (sum += counts[first]) <= beyond) first++;
@@ -235,11 +244,13 @@ class Filming {
 
   link({ends: [a, b], look, length, struck}, tracks, values, count) {
     const {dimension: d, rigid, taut, satisfied} = this.scene, one = tracks[a].place, other = tracks[b].place;
-    let lengths = Float64Array.from({length: count}, (_, i) => {
+    let lengths = new Float64Array(count);
+    for (let i = 0; i < count; i++) {
       let sum = 0;
       for (let k = i * d; k < i * d + d; k++) sum += (one[k] - other[k]) ** 2;
-      return Math.sqrt(sum);
-    }).filter(Number.isFinite).sort();
+      lengths[i] = Math.sqrt(sum);
+    }
+    lengths = lengths.filter(Number.isFinite).sort();
     if (!lengths.length) lengths = new Float64Array(1);
     const most = lengths[lengths.length - 1];
     const longest = length === null ? most : this.graph.at([length], Object.fromEntries(Object.entries(values).filter(([, x]) => typeof x === "number")))[0];
@@ -271,7 +282,7 @@ class Filming {
       parts.forEach((name, c) => { if (name) for (let i = 0; i < count; i++) force[i * d + c] = values[name][i]; });
       found.set(`reaction ${point}`, {name: "reaction", point, force});
     }
-    return [...found.values()].map((x) => ({...x, force: Float32Array.from(x.force), usual: this.usual(x.force)}));
+    return [...found.values()].map((x) => ({...x, force: new Float32Array(x.force), usual: this.usual(x.force)}));
   }
 
   // The components of the forces of a multiplier of 1, in each row; nan where not unique.
@@ -294,11 +305,13 @@ class Filming {
 
   usual(force) {
     const {dimension: d, most} = this.scene;
-    const sizes = Float64Array.from({length: force.length / d}, (_, i) => {
+    const every = new Float64Array(force.length / d);
+    for (let i = 0; i < every.length; i++) {
       let sum = 0;
       for (let k = i * d; k < i * d + d; k++) sum += force[k] ** 2;
-      return Math.sqrt(sum);
-    }).filter((x) => Number.isFinite(x) && x > 0).sort();
+      every[i] = Math.sqrt(sum);
+    }
+    const sizes = every.filter((x) => Number.isFinite(x) && x > 0).sort();
     return sizes.length ? percentile(sizes, most) : 0;
   }
 }

@@ -45,7 +45,11 @@ class Kept {
   get columns() {
     if (this.count > this.most) this.thin();
     const {rows, count, places} = this, wide = places.length;
-    return places.map((_, k) => Float64Array.from({length: count + 1}, (_x, i) => rows[i * wide + k]));
+    return places.map((_, k) => {
+      const column = new Float64Array(count + 1);
+      for (let i = 0, from = k; i <= count; i++, from += wide) column[i] = rows[from];
+      return column;
+    });
   }
 }
 
