@@ -15,6 +15,7 @@ and a custom section "lagsim", JSON in UTF-8:
     version       of this description
     lagsim, model, method, state, columns   names, as in run.json
     places        addresses: of `s` (state), p (parameters), rows, columns
+    tapes         addresses of tapes (instructions as data)
     block         the number of rows for which there is room
     parameters    value, and word in p: a number at p + 8 word
     words         words in s of its numbers, and of the first of its arrays

@@ -196,15 +196,38 @@ def test_pieces_and_tapes_give_the_same_bits(
     assert ("@f.1" in ir) == ("optnone" in ir) == (piece < 100)
     assert piece >= 26 or "@prepare.1" in ir
     # What is called once in a step is translated as it stands sooner.
-    alone = {"h": functions["h"]}
-    once = Compiled(g, alone, partial(generate, manner=Manner(once=("h",))))
+    write = partial(generate, manner=Manner(once=("h",)))
+    once, alone = Compiled(g, functions, write), write(g, {"h": functions["h"]}, LAYOUT)
     first = "h.0" if piece < 100 else "h"
-    assert ("optnone" in body(once.code.ir, first)) == (piece < 100)
+    assert ("optnone" in body(alone.ir, first)) == (piece < 100)
     assert "optnone" not in body(ir, first) or piece == 7
     for name in functions:
         assert bits(once.at(VALUES, name)) == bits(code.at(VALUES, name))
     expected = evaluate(g, functions["f"], VALUES)
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("tape", [False, True])
+def test_nodes_of_several_long_functions_are_written_once(
+    tape: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    g = Graph()
+    nodes = long_functions(g)["f"]
+    halves = {"f": nodes[: len(nodes) // 2], "h": nodes, "k": nodes[10:]}
+    monkeypatch.setattr(keys, "PIECE", 50)
+    monkeypatch.setattr(straight_line, "LONG_TAPE", 1)
+    rare = ("k",) if tape else ()
+    write = partial(generate, manner=Manner(once=("f", "h", "k"), rare=rare))
+    together = Compiled(g, halves, write)
+    ir = together.code.ir
+    assert ("tape.k" in ir) == tape
+    assert body(ir, "common.0")
+    apart = [write(g, {name: made}, LAYOUT).ir for name, made in halves.items()]
+    # Of the three functions the longest has nearly all nodes.
+    assert ir.count("fmul") < 1.3 * max(x.count("fmul") for x in apart)
+    for name, made in halves.items():
+        own = Compiled(g, {name: made})
+        assert bits(together.at(VALUES, name)) == bits(own.at(VALUES, name))
 
 
 @pytest.mark.parametrize("most", [1, 10**9])

@@ -3,8 +3,9 @@
 Replaces `straight_line` for large models, and for long functions that are called
 rarely. A tape is data: only the interpreter is compiled, and results have equal bits.
 
-An instruction is an opcode, a count, and that many groups of fields, one for each
-evaluation: indices into p (32 bits) of its result and of its operands. Evaluations of
+An instruction is an opcode, a number of fields, a count, and that many groups of
+fields, one for each evaluation: indices into p (32 bits) of its result and of its
+operands. Evaluations of
 one kind and one level (one above the highest level of the operands) share one
 instruction, so that the interpreter decodes few instructions: a large model repeats its
 kinds of operations body by body. Truth values are 0 and 1.
@@ -70,7 +71,10 @@ class OperationKind(NamedTuple):
 # Fields of a STORE: index in p, index in out. Sine and cosine of LANES angles: indices
 # of the sines, of the cosines, of the angles.
 STORE, SINCOS = map(OperationKind, ("store", "sincos"))
+STORE_FIELDS, SINCOS_FIELDS = 2, 3 * LANES
 STOP = 0
+# Numbers of an instruction before its fields: opcode, fields, count.
+HEAD = 3
 SUMS = ("add", "sub")
 
 
@@ -152,6 +156,27 @@ def _function(name: str, tape: Ints, before: str) -> list[str]:
         "ret void",
         "}",
     ]
+
+
+def by_columns(tape: bytes) -> bytes:
+    """Return the instructions of a tape in an order that compresses well.
+
+    First the heads of all instructions and 0, then the fields of each instruction by
+    columns. Differences, with the sign in the last bit, are split into planes of bytes.
+    """
+    words = np.frombuffer(tape, "<i4").astype(np.int64)
+    heads: list[int] = []
+    columns: list[Ints] = []
+    at = 0
+    while words[at]:
+        _, width, count = head = words[at : at + HEAD].tolist()
+        first = at + HEAD
+        at = first + width * count
+        heads += head
+        columns.append(words[first:at].reshape(count, width).T.ravel())
+    change = np.diff(np.concatenate([[*heads, 0], *columns]), prepend=0)
+    coded = (change << 1 ^ change >> 63).astype("<u4")
+    return coded.view(np.uint8).reshape(-1, 4).T.tobytes()
 
 
 class _Tapes:
@@ -348,17 +373,18 @@ class _Tapes:
         for n in self.parts:
             vector, k = self.g.args[n]
             index[n] = index[vector] + int(self.g.payload(k))
-        # The instructions, each with its opcode and count before its fields.
+        # The instructions, each with its head before its fields.
         firsts = np.flatnonzero(np.diff(tasks.groups[chosen], prepend=-1))
         opcodes = tasks.opcodes[chosen][firsts]
-        heads = np.column_stack([opcodes, np.diff(firsts, append=len(widths))])
+        counts = np.diff(firsts, append=len(widths))
+        heads = np.column_stack([opcodes, widths[firsts], counts])
         starts = starts[[*firsts, -1]]
-        code = np.insert(index[fields], np.repeat(starts[:-1], 2), heads.ravel())
+        code = np.insert(index[fields], np.repeat(starts[:-1], HEAD), heads.ravel())
         pieces, at = [], 0
         for j in np.flatnonzero(opcodes == self.opcodes.get(SINCOS, STOP)):
-            pieces.append(code[at : starts[j] + 2 * j])
+            pieces.append(code[at : starts[j] + HEAD * j])
             pieces.append(self._sincos(fields[starts[j] : starts[j + 1]]))
-            at = starts[j + 1] + 2 * (j + 1)
+            at = starts[j + 1] + HEAD * (j + 1)
         pieces.append(code[at:])
         stored = [
             (index[n] + i, j + i)
@@ -367,7 +393,7 @@ class _Tapes:
             for i in range(count)
         ]
         if stored:
-            pieces.append(np.array([self.opcodes[STORE], len(stored)]))
+            pieces.append(np.array([self.opcodes[STORE], STORE_FIELDS, len(stored)]))
             pieces.append(np.array(sorted(stored)).ravel())
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
@@ -384,7 +410,8 @@ class _Tapes:
         table[2] = angles[-1]
         table[2, : len(angles)] = angles
         sets = table.reshape(3, count, LANES).swapaxes(0, 1)
-        return np.append([self.opcodes[SINCOS], count], self.index[sets])
+        head = [self.opcodes[SINCOS], SINCOS_FIELDS, count]
+        return np.append(head, self.index[sets])
 
 
 class Interpreter(Lines):
@@ -398,9 +425,9 @@ class Interpreter(Lines):
         for kind, k in opcodes.items():
             self.lines += [
                 f"op{k}:",
-                f"%count{k} = getelementptr i32, ptr %pc, i64 1",
+                f"%count{k} = getelementptr i32, ptr %pc, i64 {HEAD - 1}",
                 f"%times{k} = load i32, ptr %count{k}",
-                f"%first{k} = getelementptr i32, ptr %pc, i64 2",
+                f"%first{k} = getelementptr i32, ptr %pc, i64 {HEAD}",
                 f"br label %loop{k}",
                 f"loop{k}:",
                 f"%at{k} = phi ptr [%first{k}, %op{k}], [%after{k}, %loop{k}]",
@@ -440,13 +467,13 @@ class Interpreter(Lines):
         """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)
-            return 2
+            return STORE_FIELDS
         if kind == SINCOS:
             angles = [self._load("p", at, 2 * LANES + k) for k in range(LANES)]
             wanted = [(op, k) for op in CIRCULAR for k in range(LANES)]
             for k, value in enumerate(self.circular(angles, wanted)):
                 self._store(value, "p", at, k)
-            return 3 * LANES
+            return SINCOS_FIELDS
         if kind.op == ELEMENTS:
             of: Any = kind.data[0]
             function = MembersFunction(of)

@@ -24,11 +24,14 @@ STACK = 2**16
 STACK_IR = f"@stack = global [{STACK} x i8] zeroinitializer, align 16\n"
 ALIGNMENT = 64
 
+# Data that are the instructions of a tape, see `graph.tapes`.
+TAPE = b"tape."
+
 # Numbers of sections, and of kinds of symbols.
 TYPE, IMPORT, FUNCTION, MEMORY, GLOBAL, EXPORT = 1, 2, 3, 5, 6, 7
 CODE, DATA, DATA_COUNT = 10, 11, 12
 ORDER = TYPE, IMPORT, FUNCTION, MEMORY, GLOBAL, EXPORT, DATA_COUNT, CODE, DATA
-SYMBOLS = 8  # the subsection of "linking"
+SEGMENTS, SYMBOLS = 5, 8  # subsections of "linking"
 A_FUNCTION, A_DATUM, A_SECTION = 0, 1, 3
 UNDEFINED, NAMED = 0x10, 0x40
 IMPORTED = b"__linear_memory", b"__stack_pointer"
@@ -104,7 +107,7 @@ def module(
         Data placed after the object's data: bytes, or a number of zero bytes.
     described : mapping
         Written to the section "lagsim" as JSON in UTF-8, with the address of each image
-        as `places`.
+        as `places`, and of each tape as `tapes`.
 
     Raises
     ------
@@ -114,12 +117,16 @@ def module(
     found = _sections(code)
     data = Reader(found[DATA])
     segments: dict[int, bytes] = {}
-    for _ in range(data.number()):
+    tapes = []
+    data.number()  # of segments
+    for name in _segments(found["linking"]):
         if data.take(2) != ACTIVE:
             raise NativeError("a segment of a wasm object has no constant address")
         place = data.number()
         data.take(1)
         segments[place] = data.sized()
+        if TAPE in name:
+            tapes.append(place)
     if len(segments.pop(0, b"")) != STACK:
         raise NativeError("the stack is not the first of a wasm object's data")
     end = max([STACK, *(place + len(content) for place, content in segments.items())])
@@ -149,7 +156,7 @@ def module(
         DATA_COUNT: number(len(written)),
         DATA: vector(written),
     }
-    text = json.dumps({**described, "places": places}).encode()
+    text = json.dumps({**described, "places": places, "tapes": tapes}).encode()
     parts = [code[:8], *(bytes([key]) + sized(found[key]) for key in ORDER)]
     return b"".join(parts) + b"\0" + sized(sized(b"lagsim") + text)
 
@@ -157,6 +164,22 @@ def module(
 def described(module: bytes) -> dict[str, Any]:
     """Return the content of the section "lagsim" of a module."""
     found: dict[str, Any] = json.loads(_sections(module)["lagsim"])
+    return found
+
+
+def tapes(module: bytes) -> list[tuple[int, int]]:
+    """Return the first byte and the number of bytes of each tape in a module."""
+    wanted, found = described(module)["tapes"], []
+    content = _sections(module)[DATA]
+    first = module.index(content)
+    data = Reader(content)
+    for _ in range(data.number()):
+        data.take(2)
+        place = data.number()
+        data.take(1)
+        size = len(data.sized())
+        if place in wanted:
+            found.append((first + data.at - size, size))
     return found
 
 
@@ -168,6 +191,20 @@ def _sections(code: bytes) -> dict[int | str, bytes]:
         content = Reader(reader.sized())
         name = content.sized().decode() if key == 0 else key
         found[name] = content.rest
+    return found
+
+
+def _segments(linking: bytes) -> list[bytes]:
+    """Return the names of an object's segments of data, in order."""
+    reader, found = Reader(linking), list[bytes]()
+    reader.number()  # version
+    while reader.rest:
+        [subsection] = reader.take(1)
+        table = Reader(reader.sized())
+        for _ in range(table.number() if subsection == SEGMENTS else 0):
+            found.append(table.sized())
+            table.number()  # alignment
+            table.number()  # flags
     return found
 
 

@@ -759,7 +759,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
     # Nothing in it may end the element that it stands in.
     data = data.replace("<", "\\u003c")
     return filled(
-        title, kind="plays", scripts=SCRIPTS, policy=CLOSED + "img-src data:",
+        title, kind="plays", script=wrapped(SCRIPTS), policy=CLOSED + "img-src data:",
         data=f'<script type="application/json" id="runs">{data}</script>\n',
     )  # fmt: skip
 
@@ -769,11 +769,16 @@ def page_part(name: str) -> str:
     return (Path(__file__).parent / name).read_text("utf-8")
 
 
+def wrapped(scripts: Sequence[str]) -> str:
+    """Return a script of several files, whose names are its own."""
+    return "\n".join(['"use strict";', "(() => {", *map(page_part, scripts), "})();"])
+
+
 def filled(
     title: str,
     *,
     kind: str,
-    scripts: Sequence[str],
+    script: str,
     policy: str,
     styles: Sequence[str] = ("page.css",),
     more: str = "",
@@ -786,7 +791,8 @@ def filled(
     title : str
     kind : str
         The class of its body.
-    scripts, styles : sequence of str
+    script : str
+    styles : sequence of str
         Names of files.
     policy : str
         The Content-Security-Policy within the page.
@@ -800,7 +806,7 @@ def filled(
         "MORE": more,
         "STYLE": "\n".join(map(page_part, styles)),
         "DATA": data,
-        "SCRIPT": "\n".join(map(page_part, scripts)),
+        "SCRIPT": script,
     }
     whole = re.sub(
         r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], page_part("page.html")

@@ -51,17 +51,19 @@ function take(found, values) {
   version++;
   said("");
   const run = new Run(found.film);
-  if (panels.length) replace(run);
-  else {
-    const t = wanted();
-    open([run]);
-    begin();
-    if (t !== null) seek(t);
-    addressed = true;
-  }
   $("panels").hidden = !found.film.points.length && !found.film.shapes.length && !Object.keys(found.film.energies).length;
+  if (panels.length) {
+    replace(run);
+    filled();
+    redraw();
+    return;
+  }
+  const t = wanted();
+  open([run]);
+  begin();  // draws the graphs, too
+  if (t !== null) seek(t);
+  addressed = true;
   filled();
-  redraw();
 }
 
 // Values for the motion, from the controls; a refused one leaves the motion as it is.

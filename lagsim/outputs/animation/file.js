@@ -1,14 +1,7 @@
 // The engine of a page that holds its model: motions by a worker of the page.
 
-// The content of a data element: compressed, in base64.
-function inflated(name) {
-  const bytes = Uint8Array.from(atob($(name).textContent), (c) => c.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate")));
-}
-
 class Engine {
   constructor() {
-    this.page = JSON.parse($("model").textContent);
     this.open = new Map();
     this.count = 0;
     this.ready = this.begin();
@@ -16,9 +9,8 @@ class Engine {
   }
 
   async begin() {
-    const [source, model, module] = await Promise.all([
-      inflated("worker").text(), inflated("content").text(), inflated("module").arrayBuffer()]);
-    this.worker = new Worker(URL.createObjectURL(new Blob([source], {type: "text/javascript"})));
+    const {parts} = window;
+    this.worker = await parts.worker;
     this.worker.onmessage = ({data: {id, found, error}}) => {
       const {done, failed} = this.open.get(id);
       this.open.delete(id);
@@ -28,6 +20,7 @@ class Engine {
       for (const {failed} of this.open.values()) failed(new Error(event.message || "this browser runs no WebAssembly in a worker"));
       this.open.clear();
     };
+    const [model, module] = await Promise.all([parts.content, parts.module]);
     return this.ask("open", {model, module});
   }
 
@@ -39,9 +32,9 @@ class Engine {
     });
   }
 
-  async model() { await this.ready; return this.page; }
+  async model() { await this.ready; return window.parts.page; }
 
-  equations() { return inflated("mathml").text(); }
+  equations() { return window.parts.mathml(); }
 
   // A motion. Null: a later one has taken its place.
   motion(values) { return this.ask("motion", {values}); }

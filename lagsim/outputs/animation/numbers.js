@@ -200,10 +200,19 @@ const CHUNK = 256;
 // A node is ["=", number], ["$", name], or an operation with the nodes it applies to,
 // which come before it.
 class Graph {
-  constructor(nodes) {
-    this.nodes = nodes.map(([op, ...args]) => ({
-      op, args, value: op === "=" ? Number(args[0]) : 0, apply: FUNCTIONS[op],
-    }));
+  // Groups of nodes with one operation: its name, the number of operands, and all first
+  // operands, then all second ones, as differences from one to the next in the file.
+  constructor(groups) {
+    this.nodes = [];
+    let last = 0;
+    for (const [op, width, ...given] of groups) {
+      const apply = FUNCTIONS[op], count = given.length / width;
+      const all = apply ? given.map((x) => last += x) : given;
+      for (let k = 0; k < count; k++) {
+        const args = range(width).map((c) => all[c * count + k]);
+        this.nodes.push({op, args, value: op === "=" ? Number(args[0]) : 0, apply});
+      }
+    }
     this.cones = new WeakMap();
   }
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import re
 import zlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lagsim.outputs.animation import COMMON, filled, page_part
+from lagsim.outputs.animation import COMMON, filled, page_part, wrapped
 from lagsim.outputs.manifest import encode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # In this order: each script uses the ones before it.
 LIVE = (*COMMON, "live.js", "explore.js")
@@ -27,18 +31,25 @@ def explorer(title: str) -> bytes:
         The name of the model.
     """
     return filled(
-        title, kind="explore", scripts=LIVE, more=page_part("explore.html"),
+        title, kind="explore", script=wrapped(LIVE), more=page_part("explore.html"),
         styles=("page.css", "explore.css"), policy="base-uri 'none'",
     )  # fmt: skip
 
 
 def compressed(content: bytes) -> str:
-    """Return bytes in the form that the page unpacks: deflated, in base64."""
-    return base64.b64encode(zlib.compress(content, 9)).decode()
+    """Return bytes in the form that the page unpacks: deflated, in base 85.
+
+    The digit `<` is written `.`, so that no digits are a tag of HTML.
+    """
+    return base64.b85encode(zlib.compress(content, 9)).decode().replace("<", ".")
 
 
 def holding(
-    about: dict[str, Any], content: bytes, module: bytes, mathml: bytes
+    about: dict[str, Any],
+    content: bytes,
+    module: bytes,
+    tapes: Sequence[tuple[int, int]],
+    mathml: bytes,
 ) -> bytes:
     """Return the HTML page of a model that computes its motions itself.
 
@@ -48,35 +59,44 @@ def holding(
         The model as the page shows it: name, description, sliders.
     content, module, mathml : bytes
         Data of the page's worker, the WebAssembly module of the run, and the equations.
+    tapes : sequence of (int, int)
+        First byte and length of each tape in the module, whose instructions are in the
+        order of `native.graph.tapes.by_columns`.
     """
-    text = encode(about).decode().replace("<", "\\u003c")
     worker = "\n".join(['"use strict";', *map(page_part, WORKER)])
+    script = wrapped(HELD)
+    parts = {
+        "script": script.encode(), "worker": worker.encode(), "module": module,
+        "content": content, "page": encode(about), "mathml": mathml,
+    }  # fmt: skip
+    given = {"module": f' data-tapes="{json.dumps(tapes)}"'}
     data = "".join(
-        f'<script type="{kind}" id="{name}">{given}</script>\n'
-        for name, kind, given in (
-            ("model", "application/json", text),
-            ("content", "text/plain", compressed(content)),
-            ("module", "text/plain", compressed(module)),
-            ("mathml", "text/plain", compressed(mathml)),
-            ("worker", "text/plain", compressed(worker.encode())),
-        )
+        f'<script type="text/plain" id="{name}"{given.get(name, "")}>'
+        f"{compressed(part)}</script>\n"
+        for name, part in parts.items()
     )
 
-    def page(script: str) -> bytes:
+    def page(digests: str) -> bytes:
         return filled(
-            str(about["name"]), kind="explore", scripts=HELD, data=data,
-            more=page_part("explore.html"), styles=("page.css", "explore.css"),
-            policy=f"default-src 'none'; script-src {script} 'wasm-unsafe-eval'; "
+            str(about["name"]), kind="explore", script=page_part("loader.js"),
+            data=data, more=page_part("explore.html"),
+            styles=("page.css", "explore.css"),
+            policy=f"default-src 'none'; script-src {digests} 'wasm-unsafe-eval'; "
             "worker-src blob:; style-src 'unsafe-inline'; img-src data:; "
             "base-uri 'none'; form-action 'none'",
         )  # fmt: skip
 
-    return page(_digest(page("")))
+    return page(f"{_digest(page(''))} {digest_of(script.encode())}")
 
 
 def _digest(page: bytes) -> str:
     """Return the source expression of the script of a page."""
     [script] = _SCRIPT.findall(page)
+    return digest_of(script)
+
+
+def digest_of(script: bytes) -> str:
+    """Return the source expression of a script."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
 
 

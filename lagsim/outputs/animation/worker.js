@@ -294,7 +294,7 @@ async function answered({id, kind, values = {}, t, point, target, name, value}) 
 }
 
 async function opened({model, module}) {
-  running = new Running(JSON.parse(model), await WebAssembly.compile(module));
+  running = new Running(JSON.parse(model), module);
   await running.prepared();
 }
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import chain, groupby
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,6 +25,8 @@ from lagsim.language.names import in_file
 from lagsim.limits import STEPS
 from lagsim.mechanics.constraints import Kind
 from lagsim.model.model import CURVE, SHAPES
+from lagsim.native.graph.tapes import by_columns
+from lagsim.native.link import wasm
 from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
 from lagsim.outputs import animation as pictures
@@ -127,7 +130,12 @@ def page_in_a_file(explorer: Explorer) -> bytes:
     }
     document = _numbered(document, session)
     about = explorer.document | {"fault": "", "sliders": _sliders(explorer)}
-    return holding(about, _text(document), module, explorer.equations().encode())
+    tapes = wasm.tapes(module)
+    for first, size in tapes:
+        end = first + size
+        module = module[:first] + by_columns(module[first:end]) + module[end:]
+    equations = explorer.equations().encode()
+    return holding(about, _text(document), module, tapes, equations)
 
 
 def _sliders(explorer: Explorer) -> list[Any]:
@@ -518,8 +526,8 @@ def _shape(model: Model, body: Body, names: Sequence[str]) -> Document:
 def _numbered(document: Document, session: Session) -> Document:
     """Return the data with its nodes numbered from 0, and these nodes."""
     g = session.equations.graph
-    cone = g.cone(sorted(set(_nodes_in(document))))
-    place = {node: k for k, node in enumerate(cone)}
+    groups = list(_groups(session, g.cone(sorted(set(_nodes_in(document))))))
+    place = {n: k for k, n in enumerate(chain.from_iterable(groups))}
 
     def again(x: Any) -> Any:
         if isinstance(x, Node):
@@ -531,7 +539,14 @@ def _numbered(document: Document, session: Session) -> Document:
         return x
 
     made: Document = again(document)
-    made["nodes"] = [_node(session, n, place) for n in cone]
+    made["nodes"] = []
+    last = 0
+    for nodes in groups:
+        op, width = g.ops[nodes[0]], len(g.args[nodes[0]])
+        given = [place[g.args[n][k]] for k in range(width) for n in nodes]
+        change = np.diff(given, prepend=last).tolist()
+        last = given[-1] if given else last
+        made["nodes"].append([*_leaves(session, nodes)] or [op, width, *change])
     return made
 
 
@@ -547,13 +562,39 @@ def _nodes_in(x: Any) -> Iterator[int]:
         yield from _nodes_in(part)
 
 
-def _node(session: Session, n: int, place: Mapping[int, int]) -> list[Any]:
+def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
+    """Yield the nodes by groups of one operation, operands before their users.
+
+    A group has nodes of one level, one above the highest level of the operands.
+    """
     g = session.equations.graph
-    op, args = g.ops[n], g.args[n]
+    level = dict[int, int]()
+    for n in cone:
+        level[n] = max([level[a] + 1 for a in g.args[n]], default=0)
+    place = dict[int, int]()
+
+    def order(n: int) -> tuple[Any, ...]:
+        return g.ops[n], len(g.args[n]), [place[a] for a in g.args[n]]
+
+    for _, own in groupby(sorted(cone, key=level.__getitem__), level.__getitem__):
+        nodes = sorted(own, key=order)
+        place |= {n: len(place) + k for k, n in enumerate(nodes)}
+        for _, group in groupby(nodes, lambda n: order(n)[:2]):
+            yield list(group)
+
+
+def _leaves(session: Session, nodes: Sequence[int]) -> Iterator[Any]:
+    """Yield the group of variables or of constants; nothing for operations."""
+    g = session.equations.graph
+    op = g.ops[nodes[0]]
     if op == VARIABLE:
-        return ["$", g.payload(n)]
+        yield from ("$", 1, *map(g.payload, nodes))
     if op in (CONSTANT, TRUTH):
-        x = float(cast("float", g.payload(n)))
+        values = [float(cast("float", g.payload(n))) for n in nodes]
         # JSON has no infinity; `Number` of the page reads the word.
-        return ["=", x if math.isfinite(x) else str(x).replace("inf", "Infinity")]
-    return [op, *(place[a] for a in args)]
+        words = [str(x).replace("inf", "Infinity") for x in values]
+        finite = map(math.isfinite, values)
+        yield from ("=", 1, *(
+            x if known else word
+            for x, known, word in zip(values, finite, words, strict=True)
+        ))  # fmt: skip
