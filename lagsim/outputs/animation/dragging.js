@@ -2,8 +2,8 @@
 //
 // As lagsim/studies/explore/dragging.py has it, without contacts.
 
-const MOST_DRAGS = 50, MOST_HALVINGS = 8, NOWHERE = 1e-9, SLOW = 1e-13, UNMOVED = 1e-15;
-const NEARER = 1e-7, ASIDE = 0.01;
+const MOST_DRAGS = 50, MOST_CORRECTIONS = 15, MOST_HALVINGS = 8, NOWHERE = 1e-9, SLOW = 1e-13, UNMOVED = 1e-15;
+const NEARER = 1e-7, ASIDE = 0.01, HOLDS = 1e-9, ROUNDING = 1e-15;
 
 class ConstrainedStart {
   // known : all values at the start.
@@ -68,7 +68,7 @@ class ConstrainedStart {
   // The state with constraints of positions solved by least change.
   on(known) {
     const {q} = this.model;
-    for (let step = 0; step < MOST_DRAGS && this.held.wanted.length; step++) {
+    for (let step = 0; step < MOST_CORRECTIONS && this.held.wanted.length; step++) {
       const {r, J} = this.starts.look(this.held, known, this.every), change = this.step(J, r.map((y) => -y), known);
       known = this.changed(q, known, change);
       if (!q.some((x, j) => Math.abs(change[j]) > UNMOVED * Math.max(Math.abs(known[x]), 1e-3))) break;
@@ -77,14 +77,15 @@ class ConstrainedStart {
   }
 
   holds(known) {
-    const {r, scale} = this.starts.look(this.held, known, this.every);
-    return r.every((y, i) => Math.abs(y) <= 1e-9 * scale[i]);
+    const {r, J, scale} = this.starts.look(this.held, known, this.every), most = Math.max(...this.model.q.map((x) => Math.abs(known[x])));
+    return r.every((y, i) => Math.abs(y) <= HOLDS * scale[i] + ROUNDING * most * J[i].reduce((sum, x) => sum + Math.abs(x), 0));
   }
 
   towards(place, known, target) {
     const away = (x) => this.holds(x) ? norm(place.at(x).map((y, k) => target[k] - y)) : Infinity;
     known = this.on(known);
-    let far = norm(place.at(known).map((y, k) => target[k] - y));
+    let far = away(known);
+    if (far === Infinity) return this.known;
     const least = NOWHERE * far;
     for (let step = 0; step < MOST_DRAGS && far > least; step++) {
       const L = this.starts.factor(0, known, this.every), basis = this.basis(known, L);

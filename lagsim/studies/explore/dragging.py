@@ -8,6 +8,7 @@ so that the constraints hold; a contact may be approached, which is an impact.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 # Steps of one drag, halvings of a step, and the part of the first distance to the
 # target that counts as none. A drag is followed by the next one, from where it ended.
 MOST_STEPS, MOST_HALVINGS, NONE = 50, 30, 1e-9
+# Newton steps onto the constraints; where more are needed, the step was too long.
+MOST_CORRECTIONS = 15
 # Relative decrease of the distance below which a drag has come as near as it can.
 SLOW = 1e-13
 # Step aside from a dead point, relative to coordinates and distance; the part of the
@@ -40,6 +43,9 @@ SLOW = 1e-13
 ASIDE, NEARER = 0.01, 1e-7
 # Relative change of coordinates below which a Newton iteration has converged.
 CONVERGED = 1e-15
+# Residual, and penetration, relative to the scale of the relation, up to which a state
+# counts as one on the constraints, and the share of a coordinate that is rounding.
+HOLDS, ROUNDING = 1e-9, 1e-15
 
 
 class _Place(NamedTuple):
@@ -158,7 +164,9 @@ class ConstrainedStart:
     def _towards(self, place: _Place, x: Point, target: Floats) -> Point:
         """Return the state after steps that bring a place near a target."""
         x = self._on(x, self._closed(x))
-        far = float(np.linalg.norm(target - place.at(x)[0]))
+        far = self._far(place, x, target)
+        if not np.isfinite(far):
+            return self._x
         least = NONE * far
         for _ in range(MOST_STEPS):
             if far <= least:
@@ -172,7 +180,7 @@ class ConstrainedStart:
             best, nearest = x, far
             for _ in range(MOST_HALVINGS):
                 other = self._on(x.at(x.q + step), met)
-                new = float(np.linalg.norm(target - place.at(other)[0]))
+                new = self._far(place, other, target)
                 if nearest < min(new, far):
                     break
                 if new < nearest:
@@ -180,12 +188,28 @@ class ConstrainedStart:
                 step = step / 2.0
             slow = nearest > (1.0 - SLOW) * far
             if slow and (found := self._beside(place, x, target, met)) is not None:
-                x, far = found, float(np.linalg.norm(target - place.at(found)[0]))
+                x, far = found, self._far(place, found, target)
                 continue
             x, far = best, nearest
             if slow:
                 break
         return x
+
+    def _far(self, place: _Place, x: Point, target: Floats) -> float:
+        """Return the distance of a place from a target; inf off the constraints.
+
+        Newton's method need not converge where a step has led far away.
+        """
+        every = [*self._held, *self._gaps]
+        values = x.array([c.node for c in every])
+        scales = np.abs(x.array([c.scale for c in every]))
+        slopes = np.abs(_jacobian(every, x)).sum(axis=1)
+        bounds = HOLDS * scales + ROUNDING * slopes * np.max(np.abs(x.q))
+        count = len(self._held)
+        off = np.append(np.abs(values[:count]), -values[count:])
+        if not np.all(off <= bounds):
+            return math.inf
+        return float(np.linalg.norm(target - place.at(x)[0]))
 
     def _beside(
         self, place: _Place, x: Point, target: Floats, met: frozenset[int]
@@ -196,7 +220,7 @@ class ConstrainedStart:
         largest on a circle. Of two directions that lead to it equally, forces pull in
         the one that is returned.
         """
-        far = float(np.linalg.norm(target - place.at(x)[0]))
+        far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
         held = [*self._held, *(self._gaps[k] for k in sorted(met))]
         free = null_space(_scaled(_jacobian(held, x), L)) if held else np.eye(x.n)
@@ -211,7 +235,7 @@ class ConstrainedStart:
             way *= np.copysign(size / float(np.max(np.abs(way))), force @ way)
             for step in (way, -way):
                 other = self._on(x.at(x.q + step), met)
-                new = float(np.linalg.norm(target - place.at(other)[0]))
+                new = self._far(place, other, target)
                 if new < nearest:
                     best, nearest = other, (1.0 - NEARER) * new
         return best
@@ -284,7 +308,7 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
 
 def _solved(held: Sequence[Condition], x: Point) -> Point:
     """Return the state with conditions on positions solved by least change."""
-    for _ in range(MOST_STEPS) if held else ():
+    for _ in range(MOST_CORRECTIONS) if held else ():
         change = _correction(held, x)
         x = x.at(x.q + change)
         if np.all(np.abs(change) <= CONVERGED * np.maximum(np.abs(x.q), 1e-3)):
