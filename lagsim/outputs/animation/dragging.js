@@ -2,7 +2,7 @@
 //
 // As lagsim/studies/explore/dragging.py has it, without contacts.
 
-const MOST_DRAGS = 50, MOST_CORRECTIONS = 15, MOST_HALVINGS = 8, NOWHERE = 1e-9, SLOW = 1e-13, UNMOVED = 1e-15;
+const MOST_DRAGS = 50, MOST_CORRECTIONS = 15, MOST_HALVINGS = 12, LONGER = 4, NOWHERE = 1e-9, SLOW = 1e-12, UNMOVED = 1e-15;
 const NEARER = 1e-7, ASIDE = 0.01, HOLDS = 1e-9, ROUNDING = 1e-15;
 
 class ConstrainedStart {
@@ -17,7 +17,7 @@ class ConstrainedStart {
   // Coordinates and velocities with a point of the scene at a target, or near it.
   dragged(place, name, target) {
     const point = this.model.scene.points.find((x) => x.name === name);
-    let known = {...this.known, ...place};
+    let {known} = this;
     if (point && point.slopes.some((row) => row.length)) {
       const nodes = point.slopes.flat().map(([, node]) => node);
       known = this.towards({
@@ -27,7 +27,7 @@ class ConstrainedStart {
           let k = 0;
           return point.slopes.map((row) => { const full = this.every.map(() => 0); for (const [j] of row) full[j] = values[k++]; return full; });
         },
-      }, known, target.slice(0, point.nodes.length));
+      }, {...known, ...place}, target.slice(0, point.nodes.length));
     }
     return this.named(this.withRates(known));
   }
@@ -55,8 +55,7 @@ class ConstrainedStart {
   }
 
   // The least change in the metric of M that solves J x = b.
-  step(J, b, known) {
-    const L = this.starts.factor(0, known, this.every);
+  step(J, b, known, L = this.starts.factor(0, known, this.every)) {
     return J.length ? backward(L, leastSquares(J.map((row) => forward(L, row)), b)) : this.every.map(() => 0);
   }
 
@@ -67,9 +66,9 @@ class ConstrainedStart {
 
   // The state with constraints of positions solved by least change.
   on(known) {
-    const {q} = this.model;
+    const {q} = this.model, L = this.starts.factor(0, known, this.every);
     for (let step = 0; step < MOST_CORRECTIONS && this.held.wanted.length; step++) {
-      const {r, J} = this.starts.look(this.held, known, this.every), change = this.step(J, r.map((y) => -y), known);
+      const {r, J} = this.starts.look(this.held, known, this.every), change = this.step(J, r.map((y) => -y), known, L);
       known = this.changed(q, known, change);
       if (!q.some((x, j) => Math.abs(change[j]) > UNMOVED * Math.max(Math.abs(known[x]), 1e-3))) break;
     }
@@ -87,18 +86,20 @@ class ConstrainedStart {
     let far = away(known);
     if (far === Infinity) return this.known;
     const least = NOWHERE * far;
+    let share = 1;
     for (let step = 0; step < MOST_DRAGS && far > least; step++) {
       const L = this.starts.factor(0, known, this.every), basis = this.basis(known, L);
       const J = place.slopes(known).map((row) => forward(L, row));
       for (const row of J) for (const b of basis) { const d = dot(b, row); b.forEach((c, i) => { row[i] -= d * c; }); }
-      let change = backward(L, leastSquares(J, place.at(known).map((y, k) => target[k] - y), J.map(() => 1)));
-      // Where the target is out of reach, whole steps are too long.
-      let best = known, nearest = far;
+      const change = backward(L, leastSquares(J, place.at(known).map((y, k) => target[k] - y), J.map(() => 1)));
+      // Where the target is out of reach, whole steps are too long; a step begins near
+      // the length of the one before.
+      let best = known, nearest = far, part = share;
       for (let half = 0; half < MOST_HALVINGS; half++) {
-        const other = this.on(this.changed(this.model.q, known, change)), now = away(other);
+        const other = this.on(this.changed(this.model.q, known, change.map((c) => part * c))), now = away(other);
         if (nearest < Math.min(now, far)) break;
-        if (now < nearest) [best, nearest] = [other, now];
-        change = change.map((c) => c / 2);
+        if (now < nearest) [best, nearest, share] = [other, now, Math.min(1, LONGER * part)];
+        part /= 2;
       }
       const slow = !(nearest <= (1 - SLOW) * far), found = slow ? this.beside(place, known, target, far, away) : null;
       if (found) {

@@ -12,20 +12,22 @@ const fields = new Map();
 const PATIENT = 120;
 let wish = null, running = null;
 
-function want(values) {
+// `follow`: where the values make the start inadmissible, start values move to the
+// nearest ones that are admissible.
+function want(values, follow) {
   return new Promise((done, failed) => {
     const others = wish ? wish.others : [];
-    wish = {values, others: [...others, {done, failed}]};
+    wish = {values, follow, others: [...others, {done, failed}]};
     if (!running || performance.now() - running.since > PATIENT) compute();
   });
 }
 
 async function compute() {
-  const {values, others} = wish;
+  const {values, follow, others} = wish;
   const own = running = {since: performance.now()};
   wish = null;
   let found = null, fault = null;
-  try { found = await engine.motion(values); } catch (error) { fault = error; }
+  try { found = await engine.motion(values, follow); } catch (error) { fault = error; }
   if (running === own) running = null;
   // A later motion has taken the place of this one, and answers for it.
   if (!found && !fault) {
@@ -37,7 +39,7 @@ async function compute() {
     if (found && found.error) fault = new Error(found.error);
     if (fault) for (const {failed} of waiting) failed(fault);
     else {
-      if (running === null || !wish) take(found, values);
+      if (running === null || !wish) take(found, {...values, ...found.moved});
       for (const {done} of waiting) done();
     }
   }
@@ -67,9 +69,9 @@ function take(found, values) {
 }
 
 // Values for the motion, from the controls; a refused one leaves the motion as it is.
-async function tried(values) {
+async function tried(values, follow = false) {
   try {
-    await want(values);
+    await want(values, follow);
     if (!state.playing) await settle();
   } catch (error) {
     said(error.message);
@@ -186,9 +188,10 @@ function slider(x) {
   text.addEventListener("change", () => chosen(x.name, text.value));
   range.addEventListener("input", () => {
     text.value = digits(Number(range.value));
-    if (x.start && motion?.held) slid(x.name, Number(text.value)); else chosen(x.name, text.value);
+    if (x.start && motion?.held) slid(x.name, Number(text.value)); else chosen(x.name, text.value, !x.start);
   });
-  const row = element("div", {class: "value"}, label, text, range);
+  const row = element("div", {class: "value"}, label, text, x.fixed ? element("small", {}, `fixed: ${x.fixed}`) : range);
+  if (x.fixed) text.disabled = true;
   fields.set(x.name, {x, text, range, row, unit});
   return row;
 }
@@ -211,11 +214,11 @@ async function slid(name, value) {
 const began = (found) => tried(
   {...settings, ...Object.fromEntries(Object.entries(found || {}).map(([name, x]) => [name, String(x)]))});
 
-function chosen(name, text) {
+function chosen(name, text, follow = false) {
   const values = {...(wish ? wish.values : settings), [name]: text.trim()};
   if (!text.trim()) delete values[name];
   const {text: field} = fields.get(name);
-  tried(values).then(() => field.removeAttribute("aria-invalid"), () => field.setAttribute("aria-invalid", "true"));
+  tried(values, follow).then(() => field.removeAttribute("aria-invalid"), () => field.setAttribute("aria-invalid", "true"));
 }
 
 // The controls show the values of the motion, but for the one that somebody moves.

@@ -37,7 +37,7 @@ class Engine {
   equations() { return window.parts.mathml(); }
 
   // A motion. Null: a later one has taken its place.
-  motion(values) { return this.ask("motion", {values}); }
+  motion(values, follow) { return this.ask("motion", {values, follow}); }
 
   state(values, t) { return this.ask("state", {values, t}); }
 

@@ -28,8 +28,8 @@ class Engine {
   async equations() { return (await this.told("equations")).mathml; }
 
   // A motion: its header, and columns by name. Null: a later one has taken its place.
-  async motion(values) {
-    const answer = await this.ask("motion", {values});
+  async motion(values, follow) {
+    const answer = await this.ask("motion", {values, follow});
     if (answer.headers.get("Content-Type").startsWith("application/json")) {
       const found = await answer.json();
       if (found.error) throw new Error(found.error);

@@ -370,7 +370,8 @@ class Start {
     const changed = near ? [...q, ...v].filter((x) => Math.abs(near[x] - known[x]) > 1e-12 * Math.max(1, Math.abs(near[x]))) : [];
     if (changed.length) lines.push("  the nearest admissible state, for `initial:`", ...changed.map((x) => `    ${x}: ${exactly(near[x])}`));
     else lines.push(unsolved ? "  no values of the guesses satisfy the constraints near there" : "  no admissible state was found near there");
-    throw new Error(lines.join("\n"));
+    const repair = Object.fromEntries(changed.map((x) => [x, String(near[x])]));
+    throw Object.assign(new Error(lines.join("\n")), changed.length ? {repair} : {});
   }
 
   // A constraint Jacobian with less rank than that of the file's start needs lagsim.

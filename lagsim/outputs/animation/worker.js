@@ -195,8 +195,17 @@ class Running {
     return `${text.replace("{steps}", numbers[s + words.steps])} at t = ${exactly(t)} (${shown.join(", ")}): ${advice} [${number}]${more}`;
   }
 
-  async motion(texts, ended) {
-    const {model, about} = this, {known} = this.begin(texts);
+  // The start at some values; where `follow` asks for it, the nearest one that is
+  // admissible, with the texts of the start values that have moved there.
+  begun(texts, follow) {
+    try { return {known: this.begin(texts).known, moved: {}}; } catch (error) {
+      if (!follow || !error.repair) throw error;
+      return {known: this.begin({...texts, ...error.repair}).known, moved: error.repair};
+    }
+  }
+
+  async motion(texts, ended, follow) {
+    const {model, about} = this, {known, moved} = this.begun(texts, follow);
     const kept = new Kept(model.wanted.map((name) => about.columns.indexOf(name)), model.mostRows);
     this.lastRow = new Array(about.columns.length).fill(NaN);
     const code = await this.run((table, count, width) => {
@@ -212,7 +221,7 @@ class Running {
     const names = model.wanted.slice(0, model.table);
     const values = Object.fromEntries([...model.parameters.map((x) => x.name), ...model.stateNames.slice(1)].map((name) => [name, known[name]]));
     return {
-      version: 1, film, columns: names, units: model.units, state: model.stateNames, ends: model.ends, values, error, held: model.rows.length > 0,
+      version: 1, film, columns: names, units: model.units, state: model.stateNames, ends: model.ends, values, moved, error, held: model.rows.length > 0,
       rows, data: Object.fromEntries(names.map((name) => [name, found[name]])),
     };
   }
@@ -282,11 +291,11 @@ let running = null;
 const latest = {motion: 0, state: 0};
 let turn = Promise.resolve();
 
-async function answered({id, kind, values = {}, t, point, target, name, value}) {
+async function answered({id, kind, values = {}, follow, t, point, target, name, value}) {
   const moves = kind === "motion";
   const ended = () => latest.motion > id || (!moves && latest.state > id);
   if (["motion", "state", "drag"].includes(kind) && ended()) return {};
-  if (kind === "motion") return {found: await running.motion(values, ended)};
+  if (kind === "motion") return {found: await running.motion(values, ended, follow)};
   if (kind === "state") return {found: await running.state(values, t, ended)};
   if (kind === "drag") return {found: await running.drag(values, t, point, target, ended)};
   if (kind === "start") return {found: running.start(values, name, value)};

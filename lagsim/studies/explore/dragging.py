@@ -33,11 +33,13 @@ if TYPE_CHECKING:
 
 # Steps of one drag, halvings of a step, and the part of the first distance to the
 # target that counts as none. A drag is followed by the next one, from where it ended.
-MOST_STEPS, MOST_HALVINGS, NONE = 50, 30, 1e-9
+MOST_STEPS, MOST_HALVINGS, NONE = 50, 12, 1e-9
 # Newton steps onto the constraints; where more are needed, the step was too long.
 MOST_CORRECTIONS = 15
+# The longest step, of the one before.
+LONGER = 4.0
 # Relative decrease of the distance below which a drag has come as near as it can.
-SLOW = 1e-13
+SLOW = 1e-12
 # Step aside from a dead point, relative to coordinates and distance; the part of the
 # distance by which it must come nearer.
 ASIDE, NEARER = 0.01, 1e-7
@@ -107,8 +109,8 @@ class ConstrainedStart:
         Returns
         -------
         dict of str to float
-            Coordinates and velocities by name; those before if the point does not exist
-            or depends on no coordinate.
+            Coordinates and velocities by name; those of the start if the point does not
+            exist or depends on no coordinate.
         """
         g = self.e.graph
         before = np.array([state[name] for name in self.e.q])
@@ -116,9 +118,9 @@ class ConstrainedStart:
         index = {g.variable(name): j for j, name in enumerate(self.e.q)}
         rows = [slopes(g, node, frozenset(index)) for node in nodes]
         place = _Place(nodes, [{index[v]: s for v, s in row.items()} for row in rows])
-        x = self._x.at(before)
+        x = self._x
         if any(place.slopes):
-            x = self._towards(place, x, target[: len(nodes)])
+            x = self._towards(place, x.at(before), target[: len(nodes)])
         return self._named(x, self._with_rates(x))
 
     def put(self, name: str, value: float) -> dict[str, float]:
@@ -167,7 +169,7 @@ class ConstrainedStart:
         far = self._far(place, x, target)
         if not np.isfinite(far):
             return self._x
-        least = NONE * far
+        least, share = NONE * far, 1.0
         for _ in range(MOST_STEPS):
             if far <= least:
                 break
@@ -176,16 +178,17 @@ class ConstrainedStart:
                 step, met = self._step(J, target - at, x)
             except np.linalg.LinAlgError:
                 break
-            # Where the target is out of reach, whole steps are too long.
-            best, nearest = x, far
+            # Where the target is out of reach, whole steps are too long; a step begins
+            # near the length of the one before.
+            best, nearest, part = x, far, share
             for _ in range(MOST_HALVINGS):
-                other = self._on(x.at(x.q + step), met)
+                other = self._on(x.at(x.q + part * step), met)
                 new = self._far(place, other, target)
                 if nearest < min(new, far):
                     break
                 if new < nearest:
-                    best, nearest = other, new
-                step = step / 2.0
+                    best, nearest, share = other, new, min(1.0, LONGER * part)
+                part /= 2.0
             slow = nearest > (1.0 - SLOW) * far
             if slow and (found := self._beside(place, x, target, met)) is not None:
                 x, far = found, self._far(place, found, target)
@@ -307,24 +310,36 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
 
 
 def _solved(held: Sequence[Condition], x: Point) -> Point:
-    """Return the state with conditions on positions solved by least change."""
+    """Return the state with conditions on positions solved by least change.
+
+    All steps are in the metric of the first state.
+    """
+    metric = x.mass_matrix if held else None
     for _ in range(MOST_CORRECTIONS) if held else ():
-        change = _correction(held, x)
+        change = _correction(held, x, metric)
         x = x.at(x.q + change)
         if np.all(np.abs(change) <= CONVERGED * np.maximum(np.abs(x.q), 1e-3)):
             break
     return x
 
 
-def _correction(asked: Sequence[Condition], x: Point) -> Floats:
+def _correction(
+    asked: Sequence[Condition], x: Point, metric: Floats | None = None
+) -> Floats:
     """Return the least change (n,) in the metric of M that solves conditions.
 
     One Newton step, which is exact for velocities.
+
+    Parameters
+    ----------
+    metric : ndarray, shape (n, n), optional
+        By default the mass matrix at x.
     """
     targets = np.array([c.target for c in asked])
     residual: Floats = x.array([c.node for c in asked]) - targets
     try:
-        L = cholesky(least_change_metric(x.mass_matrix))
+        M = x.mass_matrix if metric is None else metric
+        L = cholesky(least_change_metric(M))
         A = _scaled(_jacobian(asked, x), L)
         return np.asarray(np.linalg.solve(L.T, -least_squares(A, residual)))
     except np.linalg.LinAlgError:

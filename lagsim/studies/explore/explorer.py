@@ -35,6 +35,7 @@ from lagsim.outputs.manifest import encode
 from lagsim.outputs.units import units
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.thinning import Frames
+from lagsim.run.session import StartError
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.explore.dragging import ConstrainedStart
 from lagsim.studies.rest import turning
@@ -77,6 +78,8 @@ class Slider(NamedTuple):
         Whether it is a start value, and not a parameter.
     whole : bool
         Whether it counts members of families.
+    fixed : str
+        Why the file allows no other value, or "".
     """
 
     name: str
@@ -87,6 +90,7 @@ class Slider(NamedTuple):
     description: str = ""
     start: bool = False
     whole: bool = False
+    fixed: str = ""
 
 
 class SupersededError(Exception):
@@ -147,7 +151,10 @@ class Explorer:
     def _use(self, model: Model) -> None:
         """Take a model as the one that moves."""
         sliders, content = _sliders(model, self._vary), pickle.dumps(model)
-        self.model, self._sliders, self._content = model, sliders, content
+        self.model, self._content = model, content
+        # The model is read again for other numbers of members, while the browser opens.
+        limits = self._limits = _Limits(content, sliders)
+        limits.start()
         self._forms = Forms(content, {}, WHO)
         self._around: dict[str, list[float]] = {}
         self.version += 1
@@ -209,7 +216,8 @@ class Explorer:
             "name": self.model.name,
             "description": self.model.description,
             "sliders": [
-                x._replace(unit=raised_powers(x.unit))._asdict() for x in self._sliders
+                x._replace(unit=raised_powers(x.unit))._asdict()
+                for x in self._limits.sliders()
             ],
             "version": self.version,
             "fault": self.fault,
@@ -245,7 +253,7 @@ class Explorer:
 
     # --- Motions
 
-    def motion(self, values: Values, page: str) -> bytes:
+    def motion(self, values: Values, page: str, *, follow: bool = False) -> bytes:
         """Return the motion at some values, in the format of `packed`.
 
         Parameters
@@ -254,6 +262,9 @@ class Explorer:
             Numbers and expressions that replace those of the file.
         page : str
             Identifies the page. A later call for the same page ends this one.
+        follow : bool
+            Whether start values move to the nearest admissible ones, where the values
+            make the start inadmissible. These are in the header as `moved`.
 
         Raises
         ------
@@ -262,7 +273,7 @@ class Explorer:
             If a value cannot be used, or the start is not admissible.
         """
         with _Alone(self._lock, self._asked, page) as interrupt:
-            session = self._session(values)
+            session, moved = self._followed(values, follow=follow)
             names = session.columns.names
             shown = frames_of(session.equations, names).names
             table = names[: session.columns.table]
@@ -285,6 +296,7 @@ class Explorer:
                 "state": self._state_names(session),
                 "ends": self.ends(session, columns),
                 "values": _values_of(session),
+                "moved": {name: _digits(x) for name, x in moved.items()},
                 "held": not ConstrainedStart(session.case).is_free,
                 "error": self._ended(ended.outcome, ended.reason),
             }
@@ -421,6 +433,18 @@ class Explorer:
         """The names of `--vary`."""
         return list(self._vary)
 
+    def _followed(
+        self, values: Values, *, follow: bool
+    ) -> tuple[Session, dict[str, float]]:
+        """Return the session of some values, and start values moved to admit them."""
+        try:
+            return self._session(values), {}
+        except StartError as error:
+            moved = error.examined.repair
+            if not (follow and moved):
+                raise
+            return self._session({**values, **moved}), moved
+
     def _session(self, values: Values) -> Session:
         return self._forms.session(self._texts(values))
 
@@ -431,7 +455,7 @@ class Explorer:
         """Return the ends of the sliders by name, those of start values by a motion."""
         if not self._around:
             angles = _angles(session)
-            for x in self._sliders:
+            for x in self._limits.sliders():
                 if math.isnan(x.low):
                     # A member that these values do not make has no motion.
                     values = columns.get(x.name, np.zeros(0))
@@ -451,6 +475,68 @@ class Explorer:
     def told(self, error: LagsimError) -> str:
         """Return the text of an error, as a command prints it."""
         return self._shown(error)
+
+
+class _Limits(threading.Thread):
+    """Ends of the sliders of numbers of members: what the file can be read with.
+
+    A file that lists values of members may have no other number of them.
+
+    Parameters
+    ----------
+    content : bytes
+        The pickled Model.
+    given : list of Slider
+    """
+
+    def __init__(self, content: bytes, given: list[Slider]) -> None:
+        super().__init__(daemon=True)
+        self._content, self._given = content, given
+
+    def sliders(self) -> list[Slider]:
+        """Return the sliders, once all ends are known."""
+        self.join()
+        return self._given
+
+    def run(self) -> None:
+        """Find the ends."""
+        # Members of families among these are directions or choices, and may be many.
+        counts = {x.name for x in self._given if x.whole and "." not in x.name}
+        if counts:
+            model = pickle.loads(self._content)
+            self._given = [
+                _limited(model, x) if x.name in counts else x for x in self._given
+            ]
+
+
+def _limited(model: Model, x: Slider) -> Slider:
+    """Return a slider of a number of members, with ends for which the model is read."""
+    reason = ""
+
+    def fits(value: int) -> bool:
+        nonlocal reason
+        try:
+            model.bind(**{x.name: str(value)})
+        except InputError as error:
+            reason = reason or error.problems[0].text
+            return False
+        return True
+
+    def last(end: int) -> int:
+        way = 1 if end > value else -1
+        if end == value or not fits(value + way):
+            return value
+        if fits(end):
+            return end
+        good, bad = value + way, end
+        while abs(bad - good) > 1:
+            middle = (good + bad) // 2
+            good, bad = (middle, bad) if fits(middle) else (good, middle)
+        return good
+
+    value = int(x.value)
+    low, high = last(math.ceil(x.low)), last(math.floor(x.high))
+    return x._replace(low=low, high=high, fixed=reason if low == high else "")
 
 
 class _Alone:
@@ -547,7 +633,9 @@ def _sliders(
     ]
     counts = model.stated.structural()
     every = [
-        x._replace(low=max(x.low, 1.0), whole=True) if x.name in counts else x
+        x._replace(low=min(max(x.low, 1.0), x.value), whole=True)
+        if x.name in counts
+        else x
         for x in every
     ]
     variables = {x.name: x for x in model.variables}

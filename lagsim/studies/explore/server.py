@@ -329,7 +329,9 @@ class Handler(BaseHTTPRequestHandler):
 
     def _motion(self) -> None:
         found, values = self._asked()
-        self._send(self.server.explorer.motion(values, _page_of(found)), BYTES)
+        page, follow = _page_of(found), found.get("follow") is True
+        content = self.server.explorer.motion(values, page, follow=follow)
+        self._send(content, BYTES)
 
     def _state(self) -> None:
         found, values = self._asked()

@@ -11,6 +11,7 @@ import pytest
 import lagsim
 from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
+from lagsim.outputs.animation import stage
 from lagsim.studies.explore.explorer import MOST_ROWS, Explorer, SupersededError
 from tests.support import MODELS
 
@@ -273,6 +274,38 @@ def test_a_point_out_of_reach_comes_as_near_as_it_can():
     assert unpacked(explorer.motion(values, "page"))[0]["error"] == ""
 
 
+def admits(model, values):
+    """Whether a model's start is admissible with these values."""
+    return lagsim.check(model.bind(**values)).admissible
+
+
+def test_a_target_far_out_of_reach_leaves_the_rods_as_long_as_they_are():
+    engine = explorer_of(MODELS / "chain-cartesian.yaml")
+    found = engine.drag({}, 0.5, "p5", [5.0, 5.0], "page")
+    length = lagsim.load(MODELS / "chain-cartesian.yaml").parameter_values["l"]
+    assert math.hypot(found["x1"], found["y1"]) == pytest.approx(length, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(x.stem for x in MODELS.glob("*.yaml")))
+def test_a_start_that_is_dragged_anywhere_is_admissible(name):
+    engine, model = (
+        explorer_of(MODELS / f"{name}.yaml"),
+        lagsim.load(MODELS / f"{name}.yaml"),
+    )
+    settings = engine.session.case.settings
+    points = stage(engine.model).points
+    draw = np.random.default_rng([49, len(name), *name.encode()])
+    for _ in range(4 if points else 0):
+        t = settings.start + draw.uniform(0.0, 0.3) * settings.duration
+        point = str(draw.choice(list(points)))
+        # From a tenth of a unit to a thousand units away.
+        size = 10.0 ** draw.uniform(-1.0, 3.0)
+        target = size * draw.normal(size=len(points[point]))
+        found = engine.drag({}, float(t), point, target.tolist(), "page")
+        assert admits(model, found), (t, point, target.tolist())
+
+
 def begun(engine, values):
     """Give the start of the motion from coordinates and velocities that were found."""
     header, columns = unpacked(engine.motion(values, "page"))
@@ -383,6 +416,57 @@ def test_a_number_of_members_counts_from_1_and_may_leave_values_without_a_motion
     header, columns = unpacked(engine.motion({"n": 3.0}, "page"))
     assert "a.4" not in header["values"]
     assert "a.3" in columns
+
+
+@pytest.mark.parametrize(
+    ("given", "place", "ends", "reason"),
+    [
+        ("[1, 2, 3]", "n", [3, 3], "3 values"),
+        ("1", "n", [1, 9], ""),
+        # A name of one member asks for two members at least.
+        ("1", "2", [2, 9], ""),
+    ],
+)
+def test_a_slider_counts_the_members_that_the_file_allows(
+    file, given, place, ends, reason
+):
+    file.write_text(f"""\
+parameters: {{n: 3, m(1..n): {given}}}
+coordinates: {{x(1..n): {{}}}}
+energy: {{kinetic: "sum(i = 1..n, m(i)*x_dot(i)^2)/2 + x_dot({place})^2", potential: 0}}
+initial: {{x(1..n): 1}}
+simulation: {{duration: 1}}
+""")
+    [slider] = [x for x in explorer_of(file).document["sliders"] if x["name"] == "n"]
+    assert [slider["low"], slider["high"]] == ends
+    assert reason in slider["fixed"]
+    assert bool(slider["fixed"]) == bool(reason)
+
+
+ROD = """\
+parameters: {L: 1}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {rod: x^2 + y^2 = L^2}
+initial: {x: 0.6, y: -0.8, x_dot: 0.8, y_dot: 0.6}
+simulation: {duration: 1}
+"""
+
+
+def test_the_start_follows_a_parameter_that_makes_it_inadmissible(file):
+    file.write_text(ROD)
+    engine = explorer_of(file)
+    with pytest.raises(LagsimError, match="admissible"):
+        engine.motion({"L": 1.5}, "page")
+    header, _ = unpacked(engine.motion({"L": 1.5}, "page", follow=True))
+    # The nearest point of the circle lies in the direction of the point before.
+    found = {name: float(x) for name, x in header["moved"].items()}
+    assert [found["x"], found["y"]] == pytest.approx([0.9, -1.2], rel=1e-12)
+    assert header["values"]["L"] == 1.5
+    assert unpacked(engine.motion({"L": 1.5, **header["moved"]}, "page"))
+    assert unpacked(engine.motion({}, "page", follow=True))[0]["moved"] == {}
+    with pytest.raises(LagsimError):
+        engine.motion({"L": "1/0"}, "page", follow=True)
 
 
 def test_units_are_raised_as_in_print(file):

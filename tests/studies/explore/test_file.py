@@ -12,10 +12,11 @@ import pytest
 import lagsim
 from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
+from lagsim.outputs.animation import stage
 from lagsim.studies.explore.explorer import Explorer
 from lagsim.studies.explore.file import page_in_a_file
 from tests.outputs.browser import RefusedError, Tab, needs_browser
-from tests.studies.explore.test_explorer import OSCILLATOR, unpacked
+from tests.studies.explore.test_explorer import OSCILLATOR, ROD, unpacked
 from tests.support import MODELS
 
 # The shipped models with one set of equations for the whole run.
@@ -497,3 +498,47 @@ def test_the_address_holds_settings_and_time(tab, tmp_path):
     tab.run("document.querySelector('#equations').open = true, 1")
     tab.wait("document.querySelectorAll('math').length >= 2")
     assert not tab.messages
+
+
+@in_browser
+@pytest.mark.parametrize(
+    "name", ["chain-cartesian", "andrews", "car-axis", "bead-hoop-cartesian"]
+)
+def test_a_start_that_is_dragged_far_away_is_admissible(tab, tmp_path, name):
+    explorer = explorer_of(MODELS / f"{name}.yaml")
+    opened(tab, tmp_path, explorer)
+    model, settings = (
+        lagsim.load(MODELS / f"{name}.yaml"),
+        explorer.session.case.settings,
+    )
+    points = stage(explorer.model).points
+    draw = np.random.default_rng([50, *name.encode()])
+    requests = []
+    for point, parts in points.items():
+        t = settings.start + draw.uniform(0.0, 0.3) * settings.duration
+        target = 10.0 ** draw.uniform(-1.0, 3.0) * draw.normal(size=len(parts))
+        request = {"kind": "drag", "values": {}, "t": float(t), "point": point}
+        requests.append(request | {"target": target.tolist()})
+    for request, answer in zip(requests, asked(tab, *requests), strict=True):
+        values = {name: float(x) for name, x in answer["found"].items()}
+        assert lagsim.check(model.bind(**values)).admissible, request
+
+
+@in_browser
+def test_the_start_follows_the_slider_of_a_parameter(tab, tmp_path):
+    path = tmp_path / "rod.yaml"
+    path.write_text(ROD)
+    opened(tab, tmp_path, explorer_of(path))
+    tab.run("lagsim.advance(0)")
+    tab.run("""(() => {
+      const slider = document.querySelector("input[type=range][name=L]");
+      slider.value = 1.5;
+      slider.dispatchEvent(new Event("input"));
+    })()""")
+    tab.wait("location.hash.includes('L=1.5')", 20)
+    assert not tab.error
+    found = tab.run("lagsim.advance(0)")
+    assert [found["x"], found["y"]] == pytest.approx([0.9, -1.2], rel=1e-12)
+    # A value that a script sets moves no other.
+    with pytest.raises(RefusedError):
+        tab.run("lagsim.set({L: 2})")
