@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import urllib.request
+import zlib
 
 import pytest
 
@@ -38,7 +39,8 @@ def test_the_page_is_written_to_a_file(tmp_path):
     page.write(tmp_path / "swing.html")
     text = (tmp_path / "swing.html").read_text("utf-8")
     assert text == page.html
-    model = json.loads(text.split('id="model">')[1].split("</script>")[0])
+    packed = text.split('id="page">')[1].split("</script>")[0].replace(".", "<")
+    model = json.loads(zlib.decompress(base64.b85decode(packed)))
     assert [x["name"] for x in model["sliders"]] == ["l"]
 
 
