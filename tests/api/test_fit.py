@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from tests.support import refused
 
 MODEL = """
 name: spring
@@ -51,9 +52,9 @@ def test_arguments_that_cannot_be_used():
         lagsim.fit(MODEL, DATA, vary=["k"], starts=-1)
     with pytest.raises(TypeError, match="data are"):
         lagsim.fit(MODEL, 3.0, vary=["k"])
-    with pytest.raises(lagsim.InputError, match="data 1: row 2: the time 0 is less"):
+    with refused("bad-data", "data 1: row 2"):
         lagsim.fit(MODEL, {"t": [1, 0], "x": [1, 1]}, vary=["k"])
-    with pytest.raises(lagsim.InputError, match="differ in length"):
+    with refused("bad-data"):
         lagsim.fit(MODEL, {"t": [1, 2], "x": [1]}, vary=["k"])
-    with pytest.raises(lagsim.InputError, match="No such file"):
+    with refused("bad-data", "none.csv"):
         lagsim.fit(MODEL, Path("none.csv"), vary=["k"])

@@ -116,9 +116,9 @@ def test_several_models(lagsim, write):
     called = lagsim(
         "bench", files[0], "missing.yaml", *quick, "-o", "out", "-q", code=2
     )
-    assert "missing.yaml" in called.err
+    assert called.reports("E101", "missing.yaml")
 
 
 def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):
     called = lagsim("bench", write(FALL), code=3)
-    assert "no reference for errors" in called.err
+    assert called.reports("E511")

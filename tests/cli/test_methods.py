@@ -76,5 +76,5 @@ def test_commands_on_several_methods_leave_a_retired_one_out(lagsim):
     )
     options = ("--methods", "exponential,rk4", "--steps", "0.01:0.02", "--json")
     found = lagsim("stability", "model.yaml", *options, code=0)
-    assert "`exponential` is retired: left out [W207]" in found.err
+    assert found.reports("W207", "`exponential`")
     assert list(found.json["borders"]) == ["rk4"]
