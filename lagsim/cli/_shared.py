@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.model.model import Model
+    from lagsim.notes import Caution
     from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
 
@@ -304,7 +305,7 @@ def drawn_or_reported(
     content = attempted(name, draw)
     if isinstance(content, bytes):
         return content
-    complain(f"warning: {content.text} [{content.number}]")
+    print_warning(content)
     warnings.append(content.record)
     return None
 
@@ -373,7 +374,7 @@ def experiment(
         files = dict(found.tables)
         warnings = list[Any]()
         for caution in results.cautions:
-            complain(f"warning: {caution.text} [{caution.number}]")
+            print_warning(caution)
             warnings.append(caution.record)
 
         def draw() -> None:
@@ -419,7 +420,7 @@ def methods_of(text: str | None) -> tuple[str, ...] | None:
     for name in found:
         if name in RETIRED:
             caution = Caution("retired", f"the method `{name}` is retired: left out")
-            complain(f"warning: {caution.text} [{caution.number}]")
+            print_warning(caution)
     return tuple(name for name in found if name not in RETIRED) or None
 
 
@@ -603,6 +604,11 @@ def report_stdout_failure(error: OSError) -> int:
 def complain(text: str, *, again: bool = False) -> None:
     """Print text for a person on stderr."""
     _report(without_controls(text, sys.stderr, again=again))
+
+
+def print_warning(caution: Caution) -> None:
+    """Print a warning with its number on stderr."""
+    complain(f"warning: {caution.text} [{caution.number}]")
 
 
 def _report(text: str) -> None:

@@ -20,11 +20,11 @@ from lagsim.cli._shared import (
     aligned_pairs,
     assignments,
     check_replaced,
-    complain,
     experiment,
     option,
     output_folder,
     parse_range,
+    print_warning,
     put_file,
     quiet,
     titled_rows,
@@ -80,7 +80,7 @@ def command(
     search = rest.Search(rest.setting_of(read))
     branches = _branches(read, vary, plot)
     for caution in search.setting.cautions:
-        complain(f"warning: {caution.text} [{caution.number}]")
+        print_warning(caution)
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         if branches is None:

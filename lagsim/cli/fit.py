@@ -25,6 +25,7 @@ from lagsim.cli._shared import (
     experiment,
     option,
     output_folder,
+    print_warning,
     put_file,
     quiet,
     titled_rows,
@@ -125,7 +126,7 @@ def command(
         fit.interrupt = interrupt
         found = fit.found(starts, progress)
         for caution in found.cautions:
-            complain(f"warning: {caution.text} [{caution.number}]")
+            print_warning(caution)
         document, contents = report.files_of(fit, found, given)
         if write is not None:
             put_file(write, contents[report.name_of(fit)])

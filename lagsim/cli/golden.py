@@ -20,6 +20,7 @@ from lagsim.cli._shared import (
     complain,
     flag,
     option,
+    print_warning,
     put_file,
     put_picture,
     quiet,
@@ -237,7 +238,7 @@ def _store(case: Case, folder: Path) -> _Answer:
         size, cautions = store(model.name, golden, folder)
     cautions += _doubts(golden, known)
     for caution in cautions:
-        complain(f"warning: {caution.text} [{caution.number}]")
+        print_warning(caution)
     counts = f"{_rows(golden)}, "
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
     lines = [f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"]

@@ -19,13 +19,13 @@ from lagsim.cli._shared import (
     aligned,
     aligned_pairs,
     assignments,
-    complain,
     drawn_or_reported,
     experiment,
     flag,
     option,
     output_folder,
     parse_range,
+    print_warning,
     put_file,
     quiet,
 )
@@ -83,7 +83,7 @@ def command(
     read = read_file(model, assignments(sets))
     small = Small(read, at.value)
     for caution in small.setting.cautions:
-        complain(f"warning: {caution.text} [{caution.number}]")
+        print_warning(caution)
     space, response = small.response(pairs, between) if pairs else (None, None)
     if matrices is not None:
         _write_matrices(matrices, space or small.matrices())

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import complain, option, put_picture, quiet, say
+from lagsim.cli._shared import option, print_warning, put_picture, quiet, say
 from lagsim.errors import InputError, Problem, counted, unusable
+from lagsim.notes import Caution
 from lagsim.outputs import animation
 from lagsim.studies import overlay
 from lagsim.studies.overlay import OverlaidRun, read
@@ -77,7 +78,7 @@ def _wrote(
     if not found and not also:
         raise InputError([Problem("nothing-to-draw", text) for text in reasons])
     for text in reasons:
-        complain(f"warning: {text}")
+        print_warning(Caution("nothing-to-draw", text))
     if not found:
         return False
     title = f"{overlay.title(runs)}: {counted(len(found), 'run')}"

@@ -80,7 +80,7 @@ def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, ca
         patch.setattr(os, call, full)
         called = lagsim("golden", model, "--update")
     assert called.code == 2
-    assert called.reports("E704"), called.err
+    assert called.reports("E701"), called.err
     assert contents("golden") == before
 
 
