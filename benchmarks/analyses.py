@@ -1,16 +1,18 @@
 """Answers besides one motion: modes, sensitivities and fits as whole commands.
 
 Each stands beside a run of the same model, by turns. The bounds are those that the
-commands are to keep.
+commands are to keep; they are compared with processor time, which other programs on the
+machine change less than the time that passes.
 """
 
 from __future__ import annotations
 
 import json
 import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from measure import LAGSIM, MODELS, Table, alternate, process
+from measure import LAGSIM, MODELS, Table, Timed, process
 
 CHAIN = """
 name: chain-of-masses
@@ -48,16 +50,10 @@ def _modes(folder, turns):
         "run --no-plots": [LAGSIM, "run", model, *quick, folder / "run"],
         "modes --no-plots": [LAGSIM, "modes", model, *quick, folder / "modes"],
     }
-    times = alternate(
-        {key: _called(command) for key, command in commands.items()}, turns
-    )
-    run, modes = times.values()
-    rows = [_row(key, x) for key, x in times.items()]
-    notes = [
-        f"modes / run: {modes.least / run.least:.3g}; at most {MODES} are expected"
-    ]
-    head = ["command", "s, least", "s, median"]
-    return Table("Modes of a chain of 100 masses, whole commands", head, rows, notes)
+    times = _by_turns(commands, turns)
+    run, modes = (x.cpu.least for x in times.values())
+    notes = [f"modes / run: {modes / run:.3g}; at most {MODES} are expected"]
+    return _table("Modes of a chain of 100 masses, whole commands", times, notes)
 
 
 def _sensitivities(folder, turns):
@@ -69,7 +65,7 @@ def _sensitivities(folder, turns):
             *plain, "--sensitivities", ",".join(NAMES), "-o", out,
         ],
     }  # fmt: skip
-    times = alternate({key: _called(x) for key, x in commands.items()}, turns)
+    times = _by_turns(commands, turns)
     found = json.loads((out / "run.json").read_text(encoding="utf-8"))
     counts = {name: x["runs"] for name, x in found["sensitivities"].items()}
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -77,10 +73,8 @@ def _sensitivities(folder, turns):
         f"{sum(counts.values()) + 1} runs, the middle one included: {listed}",
         f"at most {RUNS} are expected, and 41 where the first step serves",
     ]
-    head = ["command", "s, least", "s, median"]
-    rows = [_row(key, x) for key, x in times.items()]
     title = "Sensitivities of the elastic pendulum to five names, whole commands"
-    return Table(title, head, rows, notes)
+    return _table(title, times, notes)
 
 
 def _fit(folder, turns):
@@ -92,17 +86,35 @@ def _fit(folder, turns):
         LAGSIM, "fit", model, data / "trajectory.csv", *varied,
         "--set", "l=1.01", "--set", "K=26", "--no-plots", "-q", "-o", folder / "fit",
     ]  # fmt: skip
-    times = alternate({"fit": _called(command)}, turns)
-    notes = [f"at most {FIT} s are expected, on an idle machine"]
-    head = ["command", "s, least", "s, median"]
-    title = "Fit of three parameters to 200 points, whole command"
-    return Table(title, head, [_row("fit", times["fit"])], notes)
+    times = _by_turns({"fit": command}, turns)
+    notes = [f"at most {FIT} s are expected"]
+    return _table("Fit of three parameters to 200 points, whole command", times, notes)
 
 
-def _called(command):
-    """Return a function that runs a command and returns its seconds."""
-    return lambda: process(command).seconds
+@dataclass
+class Command:
+    """The times of a command, turn by turn: those that passed, and on processors."""
+
+    passed: Timed = field(default_factory=Timed)
+    cpu: Timed = field(default_factory=Timed)
 
 
-def _row(name, times):
-    return [name, f"{times.least:.3g}", f"{times.median:.3g}"]
+def _by_turns(commands, turns):
+    """Run commands in turn, after one turn that is not counted."""
+    times = {key: Command() for key in commands}
+    for turn in range(-1, turns):
+        for key, command in commands.items():
+            done = process(command)
+            if turn >= 0:
+                times[key].passed.seconds.append(done.seconds)
+                times[key].cpu.seconds.append(done.cpu)
+    return times
+
+
+def _table(title, times, notes):
+    head = ["command", "s, least", "s, median", "processor s, least", "median"]
+    rows = [
+        [key, *(f"{s:.3g}" for x in (one.passed, one.cpu) for s in (x.least, x.median))]
+        for key, one in times.items()
+    ]
+    return Table(title, head, rows, notes)

@@ -76,16 +76,17 @@ def ratio(slow, fast):
 
 @dataclass(frozen=True)
 class Process:
-    """A finished process."""
+    """A finished process: its seconds, what it wrote, and its processor time (s)."""
 
     seconds: float
     output: str
+    cpu: float
 
 
 def process(command, **environment):
     """Run a command to its end; `environment` is added to this one's."""
     with tempfile.TemporaryFile() as out:
-        began = time.perf_counter()
+        began, used = time.perf_counter(), _children()
         child = subprocess.run(
             [str(part) for part in command],
             stdout=out,
@@ -93,12 +94,18 @@ def process(command, **environment):
             env={**os.environ, **{k: str(v) for k, v in environment.items()}},
             check=False,
         )
-        passed = time.perf_counter() - began
+        passed, cpu = time.perf_counter() - began, _children() - used
         out.seek(0)
         text = out.read().decode()
     if child.returncode:
         raise RuntimeError(f"exit {child.returncode}: {command}\n{text}")
-    return Process(passed, text)
+    return Process(passed, text, cpu)
+
+
+def _children():
+    """Return the processor time (s) of all processes that this one waited for."""
+    ended = os.times()
+    return ended.children_user + ended.children_system
 
 
 # A process starts with the peak of the one that starts it: start it from a small one.
@@ -114,7 +121,7 @@ def peak(command, **environment):
     """Run a command; give the megabytes of its peak, and what it took and said."""
     done = process([sys.executable, "-S", "-c", PEAK, *command], **environment)
     *said, megabytes = done.output.splitlines()
-    return float(megabytes), Process(done.seconds, "\n".join(said))
+    return float(megabytes), Process(done.seconds, "\n".join(said), done.cpu)
 
 
 @contextmanager

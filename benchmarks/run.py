@@ -43,7 +43,11 @@ def in_clean_environment(arguments):
 
 
 def measure(parts, turns, results):
-    """Measure, print each table as it is done, and write them all."""
+    """Measure, print each table as it is done, and write them all.
+
+    Where some parts are measured alone, their tables replace those of the same title or
+    stand at the end, and the others stay.
+    """
     from measure import machine
 
     pages = []
@@ -52,8 +56,18 @@ def measure(parts, turns, results):
             pages.append(table.markdown())
             print(pages[-1], flush=True)
     about = "\n".join(f"- {line}" for line in machine(turns))
-    text = "\n".join([f"# Measured\n\n{about}\n", *pages])
-    results.write_text(text, encoding="utf-8")
+    head = f"# Measured\n\n{about}\n"
+    if len(parts) < len(PARTS) and results.exists():
+        head, *kept = results.read_text(encoding="utf-8").split("\n## ")
+        head = head.rstrip("\n") + "\n"
+        pages = [f"{page}\nThis part by itself:\n\n{about}\n" for page in pages]
+        pages = list(_merged([f"## {page}\n" for page in kept], pages).values())
+    results.write_text("\n".join([head, *pages]).rstrip("\n") + "\n", encoding="utf-8")
+
+
+def _merged(kept, pages):
+    """Return the pages by their titles, those of `pages` in place of kept ones."""
+    return {page.partition("\n")[0]: page.rstrip("\n") + "\n" for page in kept + pages}
 
 
 def main():
