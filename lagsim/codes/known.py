@@ -195,6 +195,7 @@ WarningCode = Literal[
     "rank",
     "reaction-zero",
     "redundant",
+    "residual-pattern",
     "result-replaced",
     "retired",
     "rough-start",

@@ -287,6 +287,17 @@ simulation: {duration: 1, output_step: 0.25}
             "printf 't,theta\\n0,1\\n0.5,0.2\\n1,-0.9\\n' > data.csv",
             "lagsim fit pendulum.yaml data.csv --vary l --vary g --no-plots",
         )),
+    warning("W325", "residual-pattern",
+        "Successive residuals of a fit are correlated, as measurement noise is not: "
+        "with the values found the model does not explain the data. Other starts have "
+        "been tried.",
+        "look at the residuals in fit.png; `--starts 20` or bounds such as "
+        "`--vary k=1:100` search farther; where all starts lead to these values the "
+        "model lacks an effect, and the intervals are too narrow",
+        commands=(
+            "(echo t,theta; seq 0 0.05 1 | sed 's/$/,0.5/') > data.csv",
+            "lagsim fit pendulum.yaml data.csv --vary l --no-plots",
+        )),
     warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: no "
         "page is written.",

@@ -60,8 +60,9 @@ FIRST, FACTOR = 1e-3, 3.0
 # Relative error of a derivative with which its step is accepted.
 ENOUGH = 1e-10
 # Difference of two orders, relative to the largest value of a derivative, above which a
-# row is not differentiable.
-NOT_DIFFERENTIABLE = 1e-6
+# row is not differentiable, by the highest order. Those of low order are for rough
+# derivatives, and have a truncation error where a motion gets far out of step.
+NOT_DIFFERENTIABLE = {8: 1e-6, 4: 1e-2}
 # Number of runs of the first step, of each further one at most, and of all steps of a
 # name on average.
 FIRST_RUNS, MORE_RUNS, MOST_RUNS = 8, 6, 14
@@ -193,7 +194,7 @@ class _Runs:
 
 
 def _judged(
-    estimates: Sequence[Floats], rows: Sequence[Floats], step: float
+    estimates: Sequence[Floats], rows: Sequence[Floats], step: float, apart_at: float
 ) -> _Difference:
     """Return the difference of the highest order with its errors.
 
@@ -205,6 +206,8 @@ def _judged(
         The rows of all runs.
     step : float
         The step of the differences.
+    apart_at : float
+        See NOT_DIFFERENTIABLE.
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -217,7 +220,7 @@ def _judged(
         while True:
             kept = ~lost
             scale = np.max(np.abs(best[kept]), axis=0, initial=0.0)
-            large = first > NOT_DIFFERENTIABLE * scale + floor
+            large = first > apart_at * scale + floor
             more = kept & np.any(large, axis=1)
             if not more.any():
                 break
@@ -519,7 +522,7 @@ def _central(runs: _Runs, power: int) -> _Difference:
         for order, weights in CENTRAL.items()
         if order <= runs.order
     ]
-    return _judged(estimates, [*above, *below], h)
+    return _judged(estimates, [*above, *below], h, NOT_DIFFERENTIABLE[runs.order])
 
 
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
@@ -535,7 +538,7 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
         np.tensordot(weights, rows[: order + 1], axes=1) / h
         for order, weights in used.items()
     ]
-    return _judged(estimates, [*rows], h)
+    return _judged(estimates, [*rows], h, NOT_DIFFERENTIABLE[runs.order])
 
 
 def _not_free(name: str, trial: Trial) -> LagsimError:

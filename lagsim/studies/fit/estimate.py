@@ -153,6 +153,32 @@ def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]
     ]
 
 
+def unspent(J: Floats, r: Floats, loss: str) -> float:
+    """Return the length of the step that a fit still has before it, in residuals.
+
+    It is the norm of J dx, with the step dx of the method of Gauss and Newton: 1 for a
+    step by a standard error where residuals are in standard deviations.
+
+    Parameters
+    ----------
+    J : ndarray, shape (n, p)
+        Derivatives of the residuals.
+    r : ndarray, shape (n,)
+        Residuals.
+    loss : str
+        One of LOSSES.
+    """
+    z = r * r
+    weights = {
+        LOSSES[0]: np.ones_like(z),
+        LOSSES[1]: (1.0 + z) ** -0.5,
+        LOSSES[2]: np.maximum(z, 1.0) ** -0.5,
+    }[loss]
+    roots = np.sqrt(weights)
+    _, (U, _, _), kept = _decomposed(J * roots[:, None])
+    return float(np.linalg.norm(U[: len(J), kept].T @ (roots * r)))
+
+
 def robust_factor(r: Floats, loss: str, free: float) -> float:
     """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6).
 

@@ -33,22 +33,25 @@ from lagsim.studies.fit.estimate import (
     estimated,
     robust_factor,
     undetermined,
+    unspent,
 )
 from lagsim.studies.fit.names import (
     CLOCK,
     Varied,
     concerned,
     drawn_start,
+    near_bounds,
     own_values,
     parse_names,
     start_within,
 )
 from lagsim.studies.fit.recordings import Recording, Setup, Task, Team
+from lagsim.studies.fit.restarts import BEGUN, COMPARED, parts_of, patterned
 from lagsim.studies.sensitivities import COMMON, RTOL, Sensitivities, difference_scale
 from lagsim.studies.trials import INADMISSIBLE, Trials, Variant
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model, Settings
@@ -63,10 +66,15 @@ if TYPE_CHECKING:
 CONVERGED, SPENT, INTERRUPTED = "converged", "no convergence", "interrupted"
 # Relative changes of cost and of values at which iterations end; most evaluations.
 SAME_COST, SAME_VALUES, MOST = 1e-10, 1e-10, 200
+# Most evaluations of a fit to a part of the records.
+MOST_OF_PART = 30
 # Derivatives on the way to the solution: by differences of lower order, of steps that
 # need no search; and those at the solution.
 ROUGH: dict[str, Any] = {"order": 4, "first": 1e-4, "spare": 8}
 ACCURATE: dict[str, Any] = {}
+# Parts of the residuals, and of the data, below which the step that is left at the
+# solution counts as none.
+LEFT, LEFT_OF_DATA = 0.05, 1e-9
 # Relative change of the data by a name, below which it counts as none.
 NO_CHANGE = 1e-9
 # Ratio of the standard deviation of normal values to the median of their sizes.
@@ -89,6 +97,11 @@ class StoppedError(Exception):
 
 
 # --- The fit
+
+
+def _least(results: Sequence[tuple[Floats, float, bool]]) -> tuple[Floats, float, bool]:
+    """Return the values, cost and convergence of least cost."""
+    return min(results, key=lambda one: one[1])
 
 
 class Jacobian(NamedTuple):
@@ -188,6 +201,8 @@ class Fit:
     ) -> None:
         self.given, self.records, self.loss = model, records, loss
         self.interrupt, self.runs, self.iterations = interrupt, 0, 0
+        # Options of the derivatives in iterations.
+        self.how = ROUGH
         self._progress: Progress = None
         self._team = Team(jobs)
         self.own = own_values(model, own or {}, len(records))
@@ -214,6 +229,8 @@ class Fit:
         """Set `data` (n,), all measurements of all records, and their columns."""
         data: list[Floats] = []
         columns: list[Any] = []
+        elapsed: list[Floats] = []
+        numbers: list[Any] = []
         self.seen: list[Flags] = []
         for record in self.records:
             gaps = np.full(len(record.times), np.nan)
@@ -222,10 +239,17 @@ class Fit:
             seen = np.isfinite(cells)
             self.seen.append(seen)
             data.append(cells[seen])
-            columns.append(np.nonzero(seen)[1])
+            rows, own_columns = np.nonzero(seen)
+            columns.append(own_columns)
+            elapsed.append((record.times - record.times[0])[rows])
+            numbers.append(np.full(len(rows), len(numbers)))
         self.data = np.concatenate(data)
-        # The number of the match of each measurement.
+        # Of each measurement the numbers of its match and record, the time since the
+        # begin of the record, and whether the fit counts it now.
         self.of = np.concatenate(columns)
+        self.number = np.concatenate(numbers)
+        self.elapsed = np.concatenate(elapsed)
+        self.counts = np.ones(len(self.data), dtype=bool)
 
     def _started(self, names: Sequence[Varied]) -> list[Varied]:
         """Return the varied names with start values, scales, and bounds of t0."""
@@ -393,11 +417,18 @@ class Fit:
             return np.full(len(self.data), np.inf)
         if not np.all(np.isfinite(raw)):
             return np.full(len(self.data), np.inf)
-        r = raw * weights[self.of]
+        r = raw * self._per_row(weights)
         size = float(r @ r)
-        if size < self._best[0]:
+        if size < self._best[0] and self.counts.all():
             self._best = size, x, raw
         return np.asarray(r)
+
+    def _per_row(self, weights: Floats) -> Floats:
+        """Return the weights (m,) of the columns for each measurement, shape (n,).
+
+        They are 0 for measurements that do not count.
+        """
+        return np.where(self.counts, weights[self.of], 0.0)
 
     def _solve(
         self, x: Floats, weights: Floats, loss: str
@@ -425,8 +456,8 @@ class Fit:
 
         They are orthonormal, in multiples of the scales of the names.
         """
-        J, _, error = self.jacobian(x, ROUGH)
-        return undetermined(J * weights[self.of][:, None], error)
+        J, _, error = self.jacobian(x, self.how)
+        return undetermined(J * self._per_row(weights)[:, None], error)
 
     def _minimised(
         self, x: Floats, weights: Floats, loss: str, held: Floats
@@ -438,7 +469,7 @@ class Fit:
         from scipy.optimize import least_squares  # slow to load
 
         s, begin = self.scales, self.start / self.scales
-        J = self.jacobian(x, ROUGH).J * weights[self.of][:, None]
+        J = self.jacobian(x, self.how).J * self._per_row(weights)[:, None]
         rows = held * (math.sqrt(float(np.mean(np.sum(J**2, axis=0)))) or 1.0)
 
         def residuals(z: Floats) -> Floats:
@@ -448,13 +479,16 @@ class Fit:
             self.iterations += 1
             if self._progress is not None:
                 self._progress(1.0 - 0.85**self.iterations)
-            J = self.jacobian(z * s, ROUGH).J
-            return np.vstack([determined(J * weights[self.of][:, None]), rows])
+            J = self.jacobian(z * s, self.how).J
+            return np.vstack([determined(J * self._per_row(weights)[:, None]), rows])
 
-        ends = np.array([[one.low, one.high] for one in self.names]).T / s
+        # A part of a record may determine so little that values run away.
+        whole = bool(self.counts.all())
+        ends = [(x.low, x.high) if whole else near_bounds(x) for x in self.names]
         found = least_squares(
-            residuals, x / s, jacobian, ends, x_scale="jac",
-            loss=loss, ftol=SAME_COST, xtol=SAME_VALUES, gtol=None, max_nfev=MOST,
+            residuals, x / s, jacobian, np.array(ends).T / s, x_scale="jac",
+            loss=loss, ftol=SAME_COST, xtol=SAME_VALUES, gtol=None,
+            max_nfev=MOST if whole else MOST_OF_PART,
         )  # fmt: skip
         return np.asarray(found.x * s), float(found.cost), found.status > 0
 
@@ -482,9 +516,10 @@ class Fit:
         with self._team:
             try:
                 self._check_first(x)
-                x, reached, ended = self._from_all(x, 1.0 / noise, starts)
+                x, reached, tried, ended = self._from_all(x, 1.0 / noise, starts)
                 x, noise, ended = self._again(x, noise, given, ended=ended)
-                return self._result(x, noise, given, ended, (starts + 1, reached))
+                x, ended = self._polished(x, 1.0 / noise, ended=ended)
+                return self._result(x, noise, given, ended, (tried, reached))
             except StoppedError:
                 _, x, raw = self._best
                 return Found(x, raw, noise, INTERRUPTED)
@@ -518,6 +553,34 @@ class Fit:
             self._best = math.inf, *self._best[1:]
             x, _, ended = self._solve(x, 1.0 / noise, self.loss)
         return x, noise, ended
+
+    def _polished(
+        self, x: Floats, weights: Floats, *, ended: bool
+    ) -> tuple[Floats, bool]:
+        """Fit again with accurate derivatives if the rough ones have misled the fit.
+
+        Parameters
+        ----------
+        x : ndarray, shape (p,)
+            Values of the fit.
+        weights : ndarray, shape (m,)
+            The inverse standard deviation of each column.
+        ended : bool
+            Whether the fit converged.
+        """
+        per_row = self._per_row(weights)
+        r = self.raw(x) * per_row
+        free = [one.label not in self._active(x) for one in self.names]
+        J = self.jacobian(x, ACCURATE).J * per_row[:, None]
+        left = unspent(J[:, free], r, self.loss)
+        size = float(np.linalg.norm(r)) / math.sqrt(len(r))
+        if left <= max(
+            LEFT * size, LEFT_OF_DATA * float(np.linalg.norm(self.data * per_row))
+        ):
+            return x, ended
+        self.how = ACCURATE
+        x, _, ended = self._solve(x, weights, self.loss)
+        return x, ended
 
     def _sizes(self) -> Floats:
         """Return the standard deviation of the data of each column, shape (m,).
@@ -564,15 +627,17 @@ class Fit:
 
     def _from_all(
         self, x: Floats, weights: Floats, starts: int
-    ) -> tuple[Floats, int, bool]:
+    ) -> tuple[Floats, int, int, bool]:
         """Fit from x (p,) and from `starts` random starts.
+
+        Where the residuals of the least cost follow a pattern, other starts are tried.
 
         Returns
         -------
         x : ndarray, shape (p,)
             The values of least cost.
-        reached : int
-            From how many starts these values were found.
+        reached, tried : int
+            From how many starts these values were found, and of how many.
         ended : bool
             Whether their fit converged.
         """
@@ -580,18 +645,62 @@ class Fit:
         results = [self._solve(x, weights, loss)]
         random = np.random.default_rng(SEED)
         for _ in range(starts):
-            other = np.array([drawn_start(one, random) for one in self.names])
+            other = self._drawn(random)
             if np.all(np.isfinite(self._cost(other, weights))):
                 try:
                     results.append(self._solve(other, weights, loss))
                 except LagsimError:
                     continue
-        best = min(results, key=lambda one: one[1])
+        for begin in self._restarts(weights, loss):
+            if not self._patterns(_least(results)[0]):
+                break
+            try:
+                results.append(self._solve(begin, weights, loss))
+            except LagsimError:
+                continue
+        best = _least(results)
         same = [
             one for one in results
             if np.all(np.abs(one[0] - best[0]) <= 1e-4 * self.scales)
         ]  # fmt: skip
-        return best[0], len(same), best[2]
+        return best[0], len(same), len(results), best[2]
+
+    def _drawn(self, random: np.random.Generator) -> Floats:
+        """Return random start values of the names, shape (p,)."""
+        return np.array([drawn_start(one, random) for one in self.names])
+
+    def _restarts(self, weights: Floats, loss: str) -> Iterator[Floats]:
+        """Yield values (p,) from which a fit may leave a local minimum.
+
+        The first are the result of fits to growing parts of the records; those after
+        them are the random starts of least cost.
+        """
+        x = self.start
+        for counts in parts_of(self.elapsed, 2 * len(self.names) + 2):
+            self.counts = counts
+            try:
+                x = self._solve(x, weights, loss)[0]
+            except LagsimError:
+                continue
+            finally:
+                self.counts = np.ones(len(self.data), dtype=bool)
+        yield x
+        random = np.random.default_rng(SEED)
+        drawn = [self._drawn(random) for _ in range(COMPARED)]
+        costs = [float(np.sum(self._cost(one, weights) ** 2)) for one in drawn]
+        for k in np.argsort(costs)[:BEGUN].tolist():
+            if math.isfinite(costs[k]):
+                yield drawn[k]
+
+    def _patterns(self, x: Floats) -> list[str]:
+        """Return the columns whose residuals at x (p,) follow a pattern."""
+        raw, records = self.raw(x), range(len(self.records))
+        return [
+            match.column for k, match in enumerate(self.matches)
+            if patterned(
+                raw, self.data, ((self.of == k) & (self.number == j) for j in records)
+            )
+        ]  # fmt: skip
 
     def _noise(self, raw: Floats, estimate: Estimate, given: Floats) -> Floats:
         """Return the standard deviation of each column (m,), given or estimated.
@@ -678,6 +787,11 @@ class Fit:
             text = f"the data do not determine {' and '.join(one)}: relative changes "
             text += f"in the ratio of {parts} leave all columns as they are"
             cautions.append(Caution("not-identifiable", text))
+        for column in self._patterns(x):
+            text = f"successive residuals of `{column}` are correlated: the model does "
+            text += f"not explain the data with these values, to which {starts[1]} of "
+            text += f"{counted(starts[0], 'start')} lead"
+            cautions.append(Caution("residual-pattern", text))
         if self._progress is not None:
             self._progress(1.0)
         return Found(x, raw, noise, outcome, found, active, *starts, cautions)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 CLOCK = "t0"
 # Ratio of the largest to the middle of the random starts of a name without bounds.
 SPREAD = 2.0
+# Ratio of the ends to the start of a name in fits to parts of the records.
+NEAR = 20.0
 
 
 class Varied(NamedTuple):
@@ -188,6 +190,17 @@ def start_within(low: float, high: float, value: float) -> float:
         return 0.5 * (low + high)
     end, sign = (low, 1.0) if math.isfinite(low) else (high, -1.0)
     return end + sign * (abs(end) or abs(value) or 1.0)
+
+
+def near_bounds(one: Varied) -> tuple[float, float]:
+    """Return bounds of a name within a factor NEAR of its start.
+
+    A name without a start value other than 0 keeps its bounds.
+    """
+    ends = sorted((one.start / NEAR, one.start * NEAR))
+    if not one.start:
+        return one.low, one.high
+    return max(one.low, ends[0]), min(one.high, ends[1])
 
 
 def drawn_start(one: Varied, random: np.random.Generator) -> float:
