@@ -70,12 +70,15 @@ def test_options_of_runs_and_values_of_one_file(lagsim, write, data):
     options = "--vary", "x", "--set", "x@2=0.5", "--set", "k=10", "--json", "--no-plots"
     options += "--duration", "10", "--method", "dop853", "--atol", "1e-12"
     first, second = data("a.csv"), data("b.csv")
-    document = lagsim("fit", path, first, second, *options, code=0, err="").json
+    called = lagsim("fit", path, first, second, *options, code=0)
+    document = called.json
     assert document["data"][1]["values"] == {"x": 0.5}
     assert "values" not in document["data"][0]
     assert document["parameters"]["x"]["value"] == pytest.approx(1.2, rel=1e-7)
     # The data of the second file are 2.4 times the motion from 0.5.
     assert document["rms"]["x"] > 0.1
+    assert [one["code"] for one in document["warnings"]] == ["residual-pattern"]
+    assert "[W325]" in called.err
 
 
 @pytest.mark.parametrize("name", ["duration", "method", "formulation", "atol", "set"])
