@@ -368,7 +368,7 @@ def power(g: Builder, x: int, y: int) -> int | None:
         return x
     if exponent == 0.5:
         return g.call("sqrt", x)
-    if exponent is not None and exponent % 1.0 == 0.5:
+    if exponent is not None and exponent % 1.0:
         found = _of_square(g, x, exponent)
         if found is not None:
             return found
@@ -455,7 +455,7 @@ def _multiple(g: Builder, x: int) -> tuple[float, int]:
 
 
 def _of_square(g: Builder, x: int, exponent: float) -> int | None:
-    """Return x^exponent for a half-integer exponent where u^2 is a factor of x."""
+    """Return x^exponent for an exponent that is no integer, if u^2 is a factor of x."""
     root, rest = _squared(g, x)
     if root is None:
         return None

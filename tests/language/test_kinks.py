@@ -17,7 +17,7 @@ SPELLINGS = {
         "sign(-2*x)*x*(-1)", "2*x*sign(x/3)/2",
     ),
     "abs(x*y)": ("sqrt(x^2*y^2)", "sqrt((x*y)^2)", "hypot(x*y, 0)"),
-    "abs(x)^3": ("(x^2)^1.5",),
+    "abs(x)^3": ("(x^2)^1.5",), "abs(x)^2.5": ("(x^2)^1.25",),
     "abs(x - y)": ("max(x - y, y - x)", "sqrt((x - y)^2)"),
     "abs(x)*sqrt(1 + y^2)": ("sqrt(x^2*(1 + y^2))", "sqrt(x^2)*sqrt(1 + y^2)"),
 }  # fmt: skip
