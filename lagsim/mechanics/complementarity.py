@@ -56,7 +56,7 @@ contact problems prone to Newton like solution methods, Comput. Methods Appl. Me
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -188,7 +188,11 @@ def solve(problem: ComplementarityProblem) -> Solution:
     alone = [rows[0] for rows in parts if len(rows) == 1 and own[rows[0]] >= 0.0]
     if alone:
         p[alone], w[alone] = _solved_alone(problem, alone)
+    at_rest = problem.c == 0.0
+    at_rest &= (problem.low <= 0.0).all(axis=0) & (problem.high >= 0.0).all(axis=0)
     for rows in parts:
+        if at_rest[rows].all():
+            continue
         if len(rows) > 1 or own[rows[0]] < 0.0:
             part = problem if len(parts) == 1 else problem.part(rows)
             p[rows], w[rows], solved = _solved(part)
@@ -213,17 +217,61 @@ def _solved_alone(
 
 def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
     """Return the groups of rows that are coupled by entries of D, bounds or discs."""
+    r = len(problem.c)
     if problem.D.all():
-        return [list(range(len(problem.c)))] if len(problem.c) else []
-    sets = DisjointSets(len(problem.c))
-    coupled = (problem.D != 0.0) | (problem.D.T != 0.0)
-    for i, j in np.argwhere(np.triu(coupled, 1)).tolist():
+        return [list(range(r))] if r else []
+    coupled = (problem.D != 0.0).tobytes()
+    return _groups(r, coupled, tuple(problem.normals), tuple(problem.pairs))
+
+
+@lru_cache(maxsize=64)
+def _groups(r: int, coupled: bytes, *others: tuple[int, ...]) -> list[list[int]]:
+    """Return groups of r rows that are coupled; memoized, as they change seldom.
+
+    coupled : flags (r, r) of coupled rows, as bytes.
+    others : each has for each row the index of another one in its group, or -1.
+    """
+    sets = DisjointSets(r)
+    pairs = np.frombuffer(coupled, dtype=bool).reshape(r, r)
+    for i, j in np.argwhere(np.triu(pairs | pairs.T, 1)).tolist():
         sets.merge(i, j)
-    for others in (problem.normals, problem.pairs):
-        for k, j in enumerate(others.tolist()):
+    for linked in others:
+        for k, j in enumerate(linked):
             if j >= 0:
-                sets.merge(k, j)
+                sets.merge(k, int(j))
     return sets.sets()
+
+
+def solved_regular(D: Floats, right: Floats) -> Floats | None:
+    """Solve D x = right for x (k,) by Cholesky factors; None if D may lose digits.
+
+    D : ndarray, shape (k, k)
+        Symmetric to rounding. Its condition, scaled to a diagonal of ones, counts.
+    """
+    if not is_regular(D):
+        return None
+    x = np.linalg.solve(D, right)
+    return np.asarray(x - np.linalg.solve(D, D @ x - right))
+
+
+# Least pivot of a regular matrix that is scaled to a diagonal of ones.
+REGULAR_PIVOT = 1e-2
+
+
+def is_regular(D: Floats) -> bool:
+    """Whether no pivot of D (k, k), scaled to a unit diagonal, is near 0.
+
+    D : symmetric to rounding.
+    """
+    own = D.diagonal()
+    if not (len(own) and own.min() > 0.0 and np.isfinite(own).all()):
+        return False
+    s = 1.0 / np.sqrt(own)
+    try:
+        pivots = np.linalg.cholesky(D * s * s[:, None]).diagonal()
+    except np.linalg.LinAlgError:
+        return False
+    return bool(pivots.min() ** 2 >= REGULAR_PIVOT)
 
 
 def _solved(problem: ComplementarityProblem) -> Solution:

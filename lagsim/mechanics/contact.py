@@ -50,9 +50,11 @@ from lagsim.mechanics.complementarity import (
     ComplementarityProblem,
     Solution,
     coupled_groups,
+    is_regular,
     least_parts,
     rates_at,
     solve,
+    solved_regular,
 )
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
@@ -662,41 +664,51 @@ class _ContactRows:
             if solution.w[k] <= rounding[k]:
                 (held if p[k] > small[k] else tied).append(k)
         touches = {*held, *tied}
-        for k, kind in enumerate(self.closed.kinds):
-            if not kind.bounded:
-                continue
+        bounded, ways = self._bounded(solution, rounding, limits, small)
+        for k, mode in bounded.items():
             n = self.closed.normals[k]
             if n >= 0 and n not in touches:
                 directions[k] = 0.0
-                continue
-            modes[k], way = self._bounded(k, solution, rounding, limits[k], small[k])
-            if modes[k] is Mode.SLIDING:
-                directions[k] = way
+            elif mode is Mode.SLIDING:
+                modes[k], directions[k] = mode, ways[k]
             else:
-                (held if modes[k] is Mode.HELD else tied).append(k)
-                modes[k] = Mode.OFF
+                (held if mode is Mode.HELD else tied).append(k)
         self._hold(p, held, tied, modes, directions, limits, limits > small)
         return modes, directions
 
     def _bounded(
-        self, k: int, solution: Solution, rounding: Floats, bound: float, small: float
-    ) -> tuple[Mode, float]:
-        """Return the mode of bounded row k, and its direction as in `Modes`.
+        self, solution: Solution, rounding: Floats, limits: Floats, small: Floats
+    ) -> tuple[dict[int, Mode], Floats]:
+        """Return the modes of bounded rows by their indices, and directions (r,).
 
-        OFF for a tied row. rounding : roundoff bounds (r,) of accelerations. bound : of
-        the multiplier's size. small : sizes up to this count as 0.
+        OFF for tied rows; directions as in `RowModes`, of rows that slide.
+
+        Parameters
+        ----------
+        solution : Solution
+        rounding : ndarray, shape (r,)
+            Roundoff bounds of accelerations.
+        limits, small : ndarray, shape (r,)
+            Bounds of the multipliers' sizes; sizes up to `small` count as 0.
         """
-        if self.given[k]:
-            return Mode.SLIDING, float(self.directions[k])
-        rows = self.disc(k)
-        slip = np.linalg.norm(solution.w[rows])
-        force = np.linalg.norm(solution.p[rows])
-        inside = not force >= bound - small
-        if slip > rounding[rows].max():
-            at_bound = not inside and bound > small
-            way = solution.p[k] / force if at_bound else -solution.w[k] / slip
-            return Mode.SLIDING, float(way)
-        return (Mode.HELD if inside else Mode.OFF), 0.0
+        p, w = solution.p, solution.w
+        force, slip, least = np.abs(p), np.abs(w), rounding.copy()
+        for k, pair in enumerate(self.closed.pairs):
+            if pair > k:
+                disc = [k, pair]
+                force[disc] = np.linalg.norm(p[disc])
+                slip[disc] = np.linalg.norm(w[disc])
+                least[disc] = rounding[disc].max()
+        inside = ~(force >= limits - small)
+        slides = (slip > least) | self.given
+        at_bound = ~inside & (limits > small)
+        known = np.where(at_bound, force, slip)
+        ways = np.where(at_bound, p, -w) / np.where(known > 0.0, known, 1.0)
+        ways = np.where(self.given, self.directions, ways)
+        chosen = np.where(slides, Mode.SLIDING, np.where(inside, Mode.HELD, Mode.OFF))
+        modes = chosen.tolist()
+        bounded = np.flatnonzero(self.closed.bounded).tolist()
+        return {k: Mode(modes[k]) for k in bounded}, ways
 
     def disc(self, k: int) -> list[int]:
         """Return [k], or both rows of the disc of row k, in ascending order."""
@@ -727,7 +739,10 @@ class _ContactRows:
         pressed : ndarray of bool, shape (r,)
             The rows whose limit is larger than rounding.
         """
-        closed, span = self.closed, _Independent(self.closed.columns)
+        closed, span = (
+            self.closed,
+            _Independent(self.closed.columns, regular=self.regular),
+        )
         turn = self._turned(p, tied, pressed)
         x, rate = self._rates(p, held, tied, pressed, turn)
         none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
@@ -824,7 +839,7 @@ class _ContactRows:
         x, w = np.zeros((2, r))
         if self.ahead is None or not tied:
             return x, w
-        span = _Independent(self.closed.columns, turn)
+        span = _Independent(self.closed.columns, turn, regular=self.regular)
         edges = [i for i, k in self.problem.discs if k in tied and pressed[k]]
         # Rows that are not coupled with tied ones decide nothing.
         some = sorted(
@@ -854,6 +869,16 @@ class _ContactRows:
         """Groups of rows that are coupled by D, bounds or discs."""
         return [set(rows) for rows in coupled_groups(self.problem)]
 
+    @cached_property
+    def regular(self) -> bool:
+        """Whether all rows are independent by a margin."""
+        return self.closed.pushes is None and is_regular(self.closed.D)
+
+    @cached_property
+    def alone(self) -> set[int]:
+        """Rows that are coupled with no other row."""
+        return {k for group in self.groups if len(group) == 1 for k in group}
+
 
 class _Independent(Span):
     """Span of selected columns of Y turn (k, r), which are scaled to length 1.
@@ -863,10 +888,17 @@ class _Independent(Span):
     Y : ndarray, shape (k, r)
     turn : ndarray, shape (r, r), optional
         A rotation of the columns.
+    regular : bool
+        Whether all columns are known to be independent.
     """
 
-    def __init__(self, Y: Floats, turn: Floats | None = None) -> None:
+    def __init__(
+        self, Y: Floats, turn: Floats | None = None, *, regular: bool = False
+    ) -> None:
         super().__init__(len(Y))
+        self.regular = regular
+        if regular:
+            return
         if turn is not None and not np.array_equal(turn, np.eye(len(turn))):
             Y = Y @ turn
         lengths = np.linalg.norm(Y, axis=0)
@@ -880,7 +912,9 @@ class _Independent(Span):
 
         A column that is independent of all others need not be in the basis.
         """
-        return bool(self.alone[row]) or self.extend(self.units[row], DEPENDENT_ROWS)
+        if self.regular or self.alone[row]:
+            return True
+        return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
         """Whether column `row` of Y is independent of the span, which is unchanged."""
@@ -1081,11 +1115,11 @@ def _decided(rows: _ContactRows, modes: list[Mode], directions: Floats) -> RowMo
     slides = Mode.SLIDING in modes
     h, own = c + closed.D @ p0, closed.D.diagonal()
     p, jams = p0.copy(), slides and _jams(rows, E, held)
+    alone = [k for k in held if k in rows.alone]
+    p[alone] = -h[alone] / own[alone]
     for group in rows.groups:
-        some = sorted(group.intersection(held))
-        if len(group) == 1 and some:
-            p[some] = -h[some] / own[some]
-        elif some:
+        some = sorted(group.intersection(held)) if len(group) > 1 else []
+        if some:
             x, ratio = _solved_together(rows, E, h, some)
             p += E[:, some] @ x
             jams |= slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
@@ -1125,6 +1159,11 @@ def _solved_together(
         The determinant of B relative to that without friction, det(R)^2.
     """
     closed = rows.closed
+    rubs = np.count_nonzero(E[:, some]) > len(some)
+    if closed.pushes is None and not rubs:
+        found = solved_regular(closed.D[np.ix_(some, some)], -h[some])
+        if found is not None:
+            return found, 1.0
     Q, R = np.linalg.qr(closed.factor[:, some])
     forces = Q.T @ (closed.columns @ E[:, some])
     B, x = closed.D[some] @ E[:, some], np.zeros(len(some))

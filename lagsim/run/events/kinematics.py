@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.algebra import Span, least_squares
+from lagsim.mechanics.complementarity import solved_regular
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Delassus, delassus
 from lagsim.methods.parts import parameters as kept
@@ -41,9 +42,15 @@ class MassAndRows:
     """The mass matrix M (n, n), and rows of equalities and laws (L, n), at a state."""
 
     def __init__(self, n: int, laws: int, numbers: Floats) -> None:
+        self._made_of = n, laws, numbers
         self.M, rows = numbers[: n * n].reshape(n, n), numbers[n * n :].reshape(-1, n)
         self.equalities, self.rows = np.split(rows, [len(rows) - laws])
         self.slopes = np.abs(self.rows)
+
+    def is_of(self, n: int, laws: int, numbers: Floats) -> bool:
+        """Whether the arguments of the constructor are those of this object."""
+        known = self._made_of
+        return known[:2] == (n, laws) and np.array_equal(known[2], numbers)
 
     @cached_property
     def reply(self) -> Delassus:
@@ -61,16 +68,40 @@ class MassAndRows:
             The changes of the residuals or rates of these laws.
         """
         D = self.reply.D[np.ix_(some, some)]
-        return self.reply.response[:, some] @ least_squares(D, rates, None)
+        found = solved_regular(D, rates)
+        if found is None:
+            found = least_squares(D, rates, None)
+        return self.reply.response[:, some] @ found
+
+    @cached_property
+    def coupling(self) -> Floats:
+        """The sizes |D_ij| (L, L) of the elements of the Delassus matrix."""
+        return np.abs(self.reply.D)
 
 
-@lru_cache(maxsize=4)
-def _shape(n: int, laws: int, numbers: bytes) -> MassAndRows:
-    """Return the `MassAndRows` with these numbers as bytes: M, then rows; memoized.
+# The last few `MassAndRows`, from the latest on: they change seldom.
+_LAST: list[MassAndRows] = []
+_KEPT = 4
+
+
+def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
+    """Return the `MassAndRows` with these numbers: M, then rows; memoized.
 
     n, laws : the counts of coordinates and laws.
     """
-    return MassAndRows(n, laws, np.frombuffer(numbers))
+    for known in _LAST:
+        if known.is_of(n, laws, numbers):
+            return known
+    found = MassAndRows(n, laws, numbers.copy())
+    _LAST.insert(0, found)
+    del _LAST[_KEPT:]
+    return found
+
+
+@lru_cache(maxsize=4)
+def _probes(size: int) -> Floats:
+    """Return relative changes (size,) of components by `PROBE`, which cannot cancel."""
+    return np.array([PROBE * (0.5 + scattered(i, 0)) for i in range(size)])
 
 
 class Kinematics:
@@ -118,7 +149,7 @@ class Kinematics:
         self.t = t = arc.t if t is None else t
         self.count, size = len(system.laws), (n + m) * n
         found = arc.runner.function("geometry", size + 4 * m)(t, y)
-        self.shape = _shape(n, self.count, found[:size].tobytes())
+        self.shape = _shape(n, self.count, found[:size])
         self.rows = self.shape.rows
         values = found[size:].reshape(4, m)[:, m - self.count :]
         self.residuals, self.rates, gap_scales, rate_scales = values
@@ -173,7 +204,7 @@ class Kinematics:
         self.moves: Floats = np.zeros(n)
         if any(closed := self.is_closed()):
             most = self._most(closed)
-            self.pushes = self.forces + np.abs(self.shape.reply.D) @ most
+            self.pushes = self.forces + self.shape.coupling @ most
             self.moves = np.abs(self.shape.reply.response) @ most
 
     def _most(self, closed: list[bool]) -> Floats:
@@ -204,9 +235,7 @@ class Kinematics:
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Return `_free` at t and at a state changed by a part PROBE of its sizes."""
-        # Each component changes by another part: equal parts could cancel.
-        parts = [PROBE * (0.5 + scattered(i, 0)) for i in range(len(self.y))]
-        return self._free(t, self.y + np.array(parts) * self._known())
+        return self._free(t, self.y + _probes(len(self.y)) * self._known())
 
     @cached_property
     def restitutions(self) -> Floats:
@@ -368,10 +397,16 @@ class Kinematics:
 
     def strikes(self, k: int) -> bool:
         """Whether the rate of closed law k must jump."""
-        kind, rate = self.laws[k].kind, self.rates[k]
-        if kind is Kind.TIMED:
-            return bool(abs(rate) > self.still[k])
-        return kind is not Kind.SLIP and bool(rate < -self.still[k])
+        return self._strikes[k]
+
+    @cached_property
+    def _strikes(self) -> list[bool]:
+        """Whether the rate of each law must jump if it is closed."""
+        kinds = self.arc.system.p.law_kind
+        against = self.rates < -self.still
+        either = np.abs(self.rates) > self.still
+        jumps = np.where(kinds == kept.TIMED, either, against & (kinds != kept.SLIP))
+        return list(jumps.tolist())
 
     def is_off(self, k: int, part: float) -> bool:
         """Whether the residual of law k exceeds a part of its range, and rounding."""
@@ -414,6 +449,13 @@ class Kinematics:
         values = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
         return float(max(values, CLEAR_OF_ROUNDING * rounded))
+
+    @cached_property
+    def leasts(self) -> Floats:
+        """The heights (L,) of `least` with the tolerance of the run."""
+        values = self.arc.plan.tolerance * self.reach[0]
+        rounded = self.slack + math.ulp(self.t) * self.reach[1]
+        return np.asarray(np.maximum(values, CLEAR_OF_ROUNDING * rounded))
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of other laws change the rate of law k."""
