@@ -1,6 +1,5 @@
 """The modules in no room of the house, and names with one meaning each."""
 
-import ast
 import functools
 import re
 from collections import Counter
@@ -20,9 +19,8 @@ WORDS = re.findall(r"(?m)^\| ([^|]+) \|.*\| (`[^|]+) \|$", GLOSSARY)
 @functools.cache
 def classes_of(path):
     """Return the names of the classes that a module defines."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    classes = (node.name for node in tree.body if isinstance(node, ast.ClassDef))
-    return [name for name in classes if not name.startswith("_")]
+    found = re.findall(r"(?m)^class (\w+)", path.read_text(encoding="utf-8"))
+    return [name for name in found if not name.startswith("_")]
 
 
 def test_every_file_is_in_a_room():
