@@ -62,7 +62,7 @@ function take(found, values) {
   }
   const t = wanted();
   open([run]);
-  begin();  // draws the graphs, too
+  begin();
   if (t !== null) seek(t);
   addressed = true;
   filled();
@@ -94,6 +94,7 @@ async function settle() {
   // Nothing is found where a later motion has taken its place.
   if (!found || mine !== version || t !== state.t) return;
   exact = {t, found};
+  if (!drawn) redraw();
   show();
 }
 
@@ -128,7 +129,8 @@ shown.push((t) => {
   document.body.dataset.state = JSON.stringify(found);
   linked(t);
   if (drawn === shownTheme) cursors(t);
-  else redraw();
+  else if (drawn) redraw();
+  else afterMotion();
 });
 
 // --- The address holds the settings and, while paused, the time
@@ -481,6 +483,14 @@ class Portrait extends Graph {
 }
 
 const graphs = [new OverTime($("graph")), new Portrait($("portrait"))];
+
+// The first graphs follow the first picture of the motion.
+let follows = false;
+function afterMotion() {
+  if (follows) return;
+  follows = true;
+  requestAnimationFrame(() => setTimeout(() => { if (!drawn) redraw(); }));
+}
 
 function redraw() {
   drawn = shownTheme;

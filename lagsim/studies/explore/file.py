@@ -24,6 +24,7 @@ from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.names import in_file
 from lagsim.limits import STEPS
 from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import CURVE, SHAPES
 from lagsim.native.graph.tapes import by_columns
 from lagsim.native.link import wasm
@@ -190,14 +191,15 @@ def _features(session: Session) -> Iterator[str]:
         yield f"`until: {model.until.text}`"
     for law in case.equations.laws:
         yield FEATURES[law.kind].format(law.constraint)
+    graph = case.equations.graph
+    if any(op == DATA for op in graph.ops):
+        yield from (f"the table `{table.name}`" for table in model.tables)
     for side in session.plan.switches.sides:
         yield f"the switch `{side.text}`"
-    if system.switches.modes:
-        yield "jumps and corners of expressions of t"
     if settings.rest:
         yield "`begin: rest`"
-    if any(op == DATA for op in case.equations.graph.ops):
-        yield "tables"
+    for mode in system.switches.modes:
+        yield f"the switch `{expression_text(graph, mode.discrete)}` in t"
 
 
 # --- The problem: values, start, constraints

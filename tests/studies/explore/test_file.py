@@ -31,6 +31,7 @@ HELD = (
     "seven-joint-arm", "spacecraft", "vibration-absorber", "von-mises-truss",
     "ziegler-column",
 )  # fmt: skip
+POINTS = "[[0, 0], [1, 2], [9, 3]], interpolation: cubic"
 EVENT = "modes: {on: 1}\nevents: {off: {at: x <= 0, set: {on: 0}}}\nforces: {x: on}\n"
 OTHERS = sorted({x.stem for x in MODELS.glob("*.yaml")} - {*HELD})
 
@@ -59,7 +60,8 @@ def page(oscillator):
     [
         ("constraints: {wall: {relation: x >= -1, restitution: 0.5}}", "`wall`"),
         ("forces: {x: -0.1*sign(x_dot)}", "`sign(x_dot)`"),
-        ("forces: {x: floor(2*t)}", "expressions of t"),
+        ("forces: {x: floor(2*t)}", "`floor(2*t)`"),
+        (f"tables: {{f: {{points: {POINTS}}}}}\nforces: {{x: f(t)}}", "the table `f`"),
         (EVENT, "`off`"),
     ],
 )  # fmt: skip
@@ -75,6 +77,8 @@ def test_what_a_page_cannot_compute_is_refused_by_its_name(tmp_path, more, featu
 @pytest.mark.parametrize(
     ("change", "feature"),
     [("duration: 3", "duration: 3, until: x <= 0"),
+     ("initial: {x: 0.5, x_dot: 0}\nsimulation: {",
+      "initial: {x: {guess: 0}}\nsimulation: {begin: rest, "),
      ("output_step: 0.5", "output_step: 0.5, rtol: 1e-9*k")],
 )  # fmt: skip
 def test_ends_and_tolerances_that_vary_are_refused(tmp_path, change, feature):
