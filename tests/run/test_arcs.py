@@ -122,7 +122,7 @@ def test_a_constraint_whose_position_jumps_ends_the_run():
     assert trajectory.outcome is Outcome.CONSTRAINT_JUMPS
     assert trajectory.outcome.word == "failed"
     assert trajectory.end == 1.0
-    assert "constraint `wall` prescribes jumps at t = 1.0 (x = " in trajectory.reason
+    assert all(x in trajectory.reason for x in ("`wall`", "t = 1.0 (x = "))
     # What was computed is kept, and ends there.
     assert found["t"][-1] == 1.0
     assert list(found["t"]) == [0.0, 0.5, 1.0]

@@ -62,7 +62,7 @@ def test_where_relations_part_the_reason_names_the_first_row_that_is_none(pair):
     laws = [one, other.format(more="max(0, t - 2.91)")]
     model = lagsim.load(driven.parting(laws))
     found = lagsim.simulate(model, error_bar="never")
-    assert "from t = 3 on" in found.reason
+    assert "t = 3 " in found.reason
     assert len(found.t) == 30
 
 

@@ -48,7 +48,6 @@ def test_a_jump_ends_the_run(monkeypatch):
     found = run(SLIDES)
     assert found.trajectory.outcome.name == "STATE_JUMPS"
     assert found.trajectory.outcome.word == "failed"
-    assert "would have jumped" in found.trajectory.reason
     monkeypatch.undo()
     whole = run(SLIDES)
     assert whole.trajectory.outcome.name == "DONE"

@@ -121,7 +121,7 @@ def test_a_friction_that_becomes_negative_ends_the_run():
     w = np.sqrt(G)
     assert found.result.outcome == "failed"
     assert found.t[-1] == pytest.approx(np.arctanh(0.15 * w) / w, abs=GLOBAL)
-    assert "the friction of `floor`" in found.result.reason
+    assert "`floor`" in found.result.reason
 
 
 @pytest.mark.parametrize("duration", [2, 0.8])
@@ -133,7 +133,7 @@ def test_a_limit_that_becomes_negative_ends_the_run(duration):
     found = tried(text)
     assert found.result.outcome == "failed"
     assert found.t[-1] == pytest.approx(0.5, abs=GLOBAL)
-    assert "the limit of `brake`" in found.result.reason
+    assert "`brake`" in found.result.reason
     late = text.replace("duration", "start: 0.75\n  duration")
     with refused("out-of-range", "`brake`", "-0.25"):
         lagsim.check(lagsim.load(late))
@@ -173,7 +173,7 @@ def test_a_restitution_beyond_one_ends_the_run():
     found = tried(plane(law=stop, start={"y": 1.0}))
     assert found.result.outcome == "failed"
     assert found.t[-1] == pytest.approx(np.sqrt(2 / G), abs=GLOBAL)
-    assert "the restitution of `floor` is 1.38" in found.result.reason
+    assert all(x in found.result.reason for x in ("`floor`", "1.38"))
 
 
 # --- Poisson's law --------------------------------------------------------------------
