@@ -277,6 +277,13 @@ class System:
         alone = (x for x in self.indicators if x.members == 1)
         return [x for x in alone if depends([x.node]) <= known]
 
+    @property
+    def sampled(self) -> int:
+        """Number of leading components of y without which no indicator depends on y."""
+        used = self.equations.graph.depends([x.node for x in self.indicators])
+        places = (k for k, name in enumerate(self.state, 1) if name in used)
+        return max(places, default=0)
+
     def watched_for(self, plan: Plan) -> list[Indicator]:
         """Return the indicators of all terms that end or change an arc under `plan`.
 
@@ -617,6 +624,7 @@ class Runner:
             states=len(system.equations.states),
             size=system.size,
             signals=sum(x.members for x in system.indicators),
+            sampled=system.sampled,
             sections=located,
             strobes=strobes,
             states_room=room,

@@ -241,6 +241,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
 def go_on(s: State, p: Parameters) -> None:
     """Restart the method at the present state, with a first step like the last."""
     last = s.step_h
+    s.end_step = 0.0
     start(s, p)
     if ADAPTIVE:
         s.h = max(s.h, last)
@@ -390,6 +391,7 @@ def begin(s: State, p: Parameters) -> None:
     """Begin an arc if s.fresh is 1."""
     if s.fresh > 0.0:
         drop_compensation(s)
+        s.end_step = 0.0
         start(s, p)
         s.fresh = 0.0
 

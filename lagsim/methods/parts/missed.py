@@ -42,6 +42,8 @@ from lagsim.tolerances import (
     VALUE_ROUNDOFF,
 )
 
+SWITCHES = True
+
 # Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
 # or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
 # no feature, but the search for events has points on either side.
@@ -66,6 +68,8 @@ KNOWN = 0.1
 TURNED = 0.25
 # A signal is also known if the error of its distance is below this.
 FLAT = 0.1
+# Coefficients of the polynomials of `shape_step`.
+DEGREES = 6
 # Golden section.
 GOLDEN = 0.6180339887498949
 # Largest difference, in tolerances, of y' from the equations and the slope of the dense
@@ -85,6 +89,7 @@ class SearchTable(Rank):
     conditions: int  # of events and `until`, which are located when they become true
     signals: int
     sections: int  # relations whose crossings are shown
+    sampled: int  # the signals depend on no component of the state from this one on
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
     defect_row: float  # the row at which the last defect was found
     most_step: float  # no step is longer until one has been made; 0: no such limit
@@ -99,6 +104,13 @@ class SearchTable(Rank):
     starts: Floats = array(lambda s: 2 * rows(s))
     middles: Floats = array(lambda s: 2 * rows(s))
     ends: Floats = array(lambda s: 2 * rows(s))
+    # Values and slopes at the end of the last step that was examined, its time, and the
+    # length of the step; 0: unknown.
+    last_ends: Floats = array(lambda s: 2 * rows(s))
+    end_time: float
+    end_step: float
+    # Polynomials of the components of the state in the last step.
+    shape: Floats = array(lambda s: DEGREES * s.sampled)
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
@@ -142,10 +154,21 @@ def check_features(
 
     old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
-    sample_roughly(s, p, h, old, old_rates, new, new_rates, 0.0, BESIDE, s.starts)
-    sample_roughly(s, p, h, old, old_rates, new, new_rates, 1.0, -BESIDE, s.ends)
-    x = BETWEEN
-    sample_roughly(s, p, h, old, old_rates, new, new_rates, x, -BESIDE, s.middles)
+    shape_step(s, h, old, old_rates, new, new_rates)
+    count = rows(s)
+    if not SWITCHES and s.end_step > 0.0 and s.end_time == s.t:
+        # The start of this step is the end of the last one.
+        s.starts[:count] = s.last_ends[:count]
+        part = h / s.end_step
+        for k in range(count, 2 * count):
+            s.starts[k] = part * s.last_ends[k]
+    else:
+        sample_roughly(s, p, h, 0.0, BESIDE, s.starts)
+    sample_roughly(s, p, h, 1.0, -BESIDE, s.ends)
+    sample_roughly(s, p, h, BETWEEN, -BESIDE, s.middles)
+    s.last_ends[:] = s.ends
+    s.end_step = h
+    s.end_time = s.t + h
     # At the end of an arc its closest approach may be that of the whole motion.
     s.feature_possible = 1.0 if s.t + h >= next_end(s, p) else 0.0
     for k in range(events(s), events(s) + s.signals):
@@ -153,44 +176,67 @@ def check_features(
             s.feature_possible = 1.0
 
 
-def sample_roughly(
+def shape_step(
     s: SearchTable,
-    p: Parameters,
     h: float,
     old: Floats,
     old_rates: Floats,
     new: Floats,
     new_rates: Floats,
-    x: float,
-    beside: float,
-    out: Floats,
+) -> None:
+    """Store polynomials of the state in the fraction u of a step h, in `shape`.
+
+    A cubic between states and rates (size,) at both ends, and for positions the terms
+    by which it lacks their second derivatives there.
+    """
+    shape = s.shape
+    old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
+    for i in range(s.sampled):
+        change = new[i] - old[i]
+        A = h * old_rates[i]
+        B = h * new_rates[i]
+        P = 3.0 * change - 2.0 * A - B
+        Q = A + B - 2.0 * change
+        a = 0.0
+        b = 0.0
+        if i < s.n:
+            # u^2 (1 - u)^2 ((1 - u) a + u b)
+            a = 0.5 * h * h * old_a[i] - P
+            b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
+        k = DEGREES * i
+        shape[k] = old[i]
+        shape[k + 1] = A
+        shape[k + 2] = P + a
+        shape[k + 3] = Q + b - 3.0 * a
+        shape[k + 4] = 3.0 * a - 2.0 * b
+        shape[k + 5] = b - a
+
+
+def sample_roughly(
+    s: SearchTable, p: Parameters, h: float, x: float, beside: float, out: Floats
 ) -> None:
     """Estimate the signals and their slopes at the fraction x of a step, in out (2 R,).
 
-    By a cubic between states and rates (size,) at both ends. beside : distance over
-    which slopes are differenced.
+    By the polynomials of `shape_step`. beside : distance over which slopes are
+    differenced, a power of 2.
     """
-    z, count = s.point, rows(s)
-    old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
+    z, shape, count = s.point, s.shape, rows(s)
+    first = events(s)
+    per = 1.0 / beside
     for point in range(2):
         u = x if point == 1 else x + beside
-        for i in range(s.size):
-            change = new[i] - old[i]
-            A = h * old_rates[i]
-            B = h * new_rates[i]
-            z[i] = cubic(u, old[i], A, new[i], B)
-            if i < s.n:
-                # Positions with their second derivatives too: what the cubic lacks.
-                P = 3.0 * change - 2.0 * A - B
-                Q = A + B - 2.0 * change
-                a = 0.5 * h * h * old_a[i] - P
-                b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
-                z[i] += u * u * (1.0 - u) * (1.0 - u) * ((1.0 - u) * a + u * b)
-        signals(s.t + u * h, z, p, s.values[events(s) :])
+        for i in range(s.sampled):
+            k = DEGREES * i
+            high = shape[k + 4] + u * shape[k + 5]
+            middle = shape[k + 2] + u * shape[k + 3]
+            low = shape[k] + u * shape[k + 1]
+            z[i] = low + u * u * (middle + u * u * high)
+        signals(s.t + u * h, z, p, s.values[first:])
         if point == 0:
             out[count : 2 * count] = s.values[:count]
     out[:count] = s.values[:count]
-    out[count : 2 * count] = (out[count : 2 * count] - s.values[:count]) / beside
+    for k in range(count):
+        out[count + k] = (out[count + k] - s.values[k]) * per
 
 
 def may_approach(s: SearchTable, k: int, width: float) -> bool:
@@ -201,11 +247,22 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
     """
     if not signal_is_known(s, k, width):
         return True
+    kind = s.kinds[k - events(s)]
+    power = s.powers[k - events(s)]
+    on_left = nearest(s, k, s.starts, s.middles, BETWEEN * width)
+    on_right = nearest(s, k, s.middles, s.ends, (1.0 - BETWEEN) * width)
+    if SMALL <= kind <= LARGE:  # a power of the signal
+        # Distances differ by power log(largest/least), which is at most this.
+        a, m, b = abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])
+        least = min(a, m, b, abs(on_left), abs(on_right))
+        largest = max(a, m, b, abs(on_left), abs(on_right))
+        if power * (largest - least) <= APPROACH * least:
+            return False
     first = away(s, k, s.starts)
     middle = away(s, k, s.middles)
     last = away(s, k, s.ends)
-    left = closest(s, k, s.starts, s.middles, BETWEEN * width)
-    right = closest(s, k, s.middles, s.ends, (1.0 - BETWEEN) * width)
+    left = distance(kind, power, on_left)
+    right = distance(kind, power, on_right)
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
@@ -302,6 +359,15 @@ def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -
 
     left, right : rows and slopes (2 R,) at the points, `width` apart.
     """
+    kind, power = s.kinds[k - events(s)], s.powers[k - events(s)]
+    return distance(kind, power, nearest(s, k, left, right, width))
+
+
+def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
+    """Return the value of signal k of least distance that is possible between points.
+
+    Arguments: see `closest`.
+    """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, left, right, width)
     u = -lowest(-1.0, s, k, left, right, width)
@@ -309,7 +375,7 @@ def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -
         u = max(u, -low)
     elif kind != LARGEST:
         u = max(low, -u, 0.0)
-    return distance(kind, s.powers[k - events(s)], u)
+    return u
 
 
 def lowest(
