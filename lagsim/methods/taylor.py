@@ -21,7 +21,7 @@ ed., section I.8.
 from __future__ import annotations
 
 import math
-from math import exp, log
+from math import exp, floor, log
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
@@ -31,7 +31,8 @@ from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import LOCAL, series
-from lagsim.native.kernels.words import fused
+from lagsim.native.elementary import BIAS, ONE_POWER
+from lagsim.native.kernels.words import bits, from_bits, fused
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
 
@@ -59,6 +60,8 @@ TIGHT_ORDER = 14
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
+# Steps for which terms of forces are kept where they are far from being a scale.
+SPARED = 3.0
 # The reason for a step shorter than this part of the last one is examined.
 SUDDEN = 0.7
 # So often the first step and its tolerances are made to agree, to this part.
@@ -86,6 +89,7 @@ def start(s: Taylor, p: Parameters) -> None:
     series(s.t, s.y, p, c)
     s.evaluations += 1.0
     s.step_h = 0.0
+    s.spared = 0.0
     control.record_sizes(s, p)
     rates = c[1 + s.size :]
     control.bound_roundoff(s, p, s.t, s.y, rates, 1.0, 0.0, 1)
@@ -160,7 +164,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
         control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
-    sum_rates(size, 0, c, h, s.rates)
+    sum_rates(size, s.n, c, h, s.rates)
     return 1 if constraints.is_finite(size, s.new) else 0
 
 
@@ -176,6 +180,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
     control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
+    last_rates(s, c, h)
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
@@ -205,7 +210,11 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
+    renewed = s.spared == 0.0
     control.record_measured(s, p)
+    free = not CONSTRAINED and not SWITCHES and p.m == 0 and p.works == 0
+    if renewed and free and s.wide > 0.0:
+        s.spared = SPARED
     s.h = next_
     if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
@@ -233,7 +242,7 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
 MOST_ORDER = 18
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
-LOG_SHRINK = 2.0
+LOG2_SHRINK = 2.0 * 1.4426950408889634
 # Below this numbers are not normal.
 LEAST_NUMBER = 2.0**-1000
 # A priori bounds are met with this much room, or one step in two fails the check.
@@ -241,8 +250,12 @@ SAFETY = 0.9
 # At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
 # steps average more of what forces are rounded by.
 TIGHT_SAFETY = 0.6
-# Logarithm of an unbounded step.
-UNBOUNDED = 700.0
+# Logarithm, base 2, of an unbounded step.
+UNBOUNDED = 1000.0
+# Least-maximum fits of (log2(1 + f) - f)/(f (1 - f)) and of (1 + f - 2^f)/(f (1 - f))
+# for 0 <= f <= 1, by powers of f.
+OF_LOG2 = (0.43872574, -0.23905821, 0.08213067)
+OF_POWER = (0.30699608, 0.06544626, 0.013702)
 
 
 class Taylor(State):
@@ -315,23 +328,56 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     if not max(last, second, third, fourth) < OVERFLOW:
         return 0.0
     logarithm = min(
-        bound(fourth, 4.0 * LOG_SHRINK, order - 3),
-        bound(third, 3.0 * LOG_SHRINK, order - 2),
-        bound(second, 2.0 * LOG_SHRINK, order - 1),
-        bound(last, LOG_SHRINK, order),
+        bound(fourth, 4.0 * LOG2_SHRINK, order - 3),
+        bound(third, 3.0 * LOG2_SHRINK, order - 2),
+        bound(second, 2.0 * LOG2_SHRINK, order - 1),
+        bound(last, LOG2_SHRINK, order),
     )
     safety = TIGHT_SAFETY if s.rtol < control.TIGHT else SAFETY
-    return min(safety * exp(logarithm), float(arc))
+    return min(safety * rough_power_of_two(logarithm), float(arc))
 
 
 def bound(term: float, shrink: float, k: int) -> float:
-    """Return log h of the longest step h with `term` h^k at most e^shrink.
+    """Return log2 h of the longest step h with `term` h^k at most 2^shrink.
+
+    To 1e-4/k, which is enough for the length of a step.
 
     term : |y_k|, the size of the coefficient of order k in tolerances.
     """
     part = 1.0 / k
-    found = (shrink - log(max(term, LEAST_NUMBER))) * part
+    found = (shrink - rough_log2(max(term, LEAST_NUMBER))) * part
     return found if term > LEAST_NUMBER else UNBOUNDED
+
+
+def rough_log2(x: float) -> float:
+    """Return log2 x of a normal number x > 0, to 1.2e-4.
+
+    From the exponent, and a polynomial of the significand that is exact at its ends.
+
+    Examples
+    --------
+    >>> rough_log2(8.0), round(rough_log2(10.0), 3)
+    (3.0, 3.322)
+    """
+    whole = bits(x) // ONE_POWER
+    part = from_bits(bits(x) - (whole - BIAS) * ONE_POWER) - 1.0
+    bend = OF_LOG2[0] + part * (OF_LOG2[1] + part * OF_LOG2[2])
+    return (whole - BIAS) + (part + part * (1.0 - part) * bend)
+
+
+def rough_power_of_two(x: float) -> float:
+    """Return 2^x for |x| < 1022, to 5e-6 of its value.
+
+    Examples
+    --------
+    >>> rough_power_of_two(-2.0), round(rough_power_of_two(0.5), 4)
+    (0.25, 1.4142)
+    """
+    whole = floor(x)
+    part = x - whole
+    bend = OF_POWER[0] + part * (OF_POWER[1] + part * OF_POWER[2])
+    power = from_bits((whole + BIAS) * ONE_POWER)
+    return power * (1.0 + (part - part * (1.0 - part) * bend))
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -377,6 +423,20 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
         if order % 2 == 1:
             high = fused(high, h, c[1 + size + i])
         out[i] = high
+
+
+def last_rates(s: Taylor, c: Floats, h: float) -> None:
+    """Store the rates of positions by the series c at h, in `rates` (n,).
+
+    Their series is that of the velocities without its last term.
+    """
+    order = int(c[0])
+    place = 1 + order * s.size + s.n
+    power = 1.0
+    for _ in range(order):
+        power *= h
+    for i in range(s.n):
+        s.rates[i] = s.new[s.n + i] - c[place + i] * power
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:

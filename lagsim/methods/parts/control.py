@@ -51,6 +51,9 @@ AMPLIFIED = 4.0
 # Size of a component relative to its range: 1/2 for an oscillation about 0, 1 for a
 # motion away from 0.
 WIDTH = 0.7
+# Ratio of a range to the least scale of its component from which on that scale, which
+# varies slowly, need not be known in each step.
+WIDE = 100.0
 # Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
 # At tight tolerances the floor is below the last place: truncation errors of the size
@@ -76,6 +79,8 @@ class Control(ArcRows):
     bounded_step: float  # the step for which it was bounded; 0 for a start
     balanced: float  # 1 where a component has no scale but that of forces that cancel
     balanced_alone: float  # 1: the roundoff of these alone counts
+    wide: float  # 1 where the range of each component exceeds that scale by far
+    spared: float  # steps for which energies and terms of forces are not renewed
     sizes: Floats = array("size")  # the largest of y so far
     # The least and the largest value of each component.
     low: Floats = array("size", inf)
@@ -112,6 +117,9 @@ def record_sizes(s: Control, p: Parameters) -> None:
 def record_measured(s: Control, p: Parameters) -> None:
     """Update sizes and energy by the state that `set_tolerances` evaluated last."""
     record_extents(s)
+    if s.spared > 0.0:
+        s.spared -= 1.0
+        return
     change = abs(s.energies[1] - s.potential)
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
     parts, accelerations = s.parts, s.parts[s.velocities]
@@ -149,7 +157,12 @@ def forget_roundoff(s: Control) -> None:
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Store kinetic energy, energy and diagonal of M at a state."""
+    """Store kinetic energy, energy and diagonal of M at a state.
+
+    Not in steps for which these are kept, see `spared`.
+    """
+    if s.spared > 0.0:
+        return
     energies_masses(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
@@ -167,6 +180,7 @@ def set_tolerances(
     if SWITCHES and p.surfaces > 0 and h < SHORTER * s.bounded_step:
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
+    s.wide = 1.0
     if s.atol >= 0.0:
         for i in range(size):
             scale = max(abs(s.y[i]), abs(new[i]))
@@ -200,6 +214,7 @@ def set_tolerances(
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
         s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
+        s.wide = min(s.wide, 1.0 if sized >= WIDE * least else 0.0)
         rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
         counts = held if sized < least else 1.0 - s.balanced_alone
         rough = max(rough, counts * roundoff[i] * h)
