@@ -11,13 +11,11 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from functools import cached_property, wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, ParamSpec
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.equations import may_jump
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
@@ -26,29 +24,37 @@ from lagsim.run.events.conditions import is_postponed, located_within
 from lagsim.run.events.constraints import (
     NearDependence,
     RankLosses,
-    at_start,
     before_event,
-    inelastic_impact,
     singularity_caution,
 )
-from lagsim.run.events.contacts import Contacts, comes_to_rest
-from lagsim.run.events.sequence import STUCK
+from lagsim.run.events.contacts import Contacts
+from lagsim.run.events.records import NOTHING
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import KnotTimes, Pulses, TimeBreaks, clocks
-from lagsim.run.events.transitions import NOTHING, Transitions
+from lagsim.run.events.transitions import Transitions
 from lagsim.run.failures import (
     FAILED,
     Fallback,
     Stiffness,
     Unmet,
-    end_of_table,
     reason_of,
     unsettled,
 )
+from lagsim.run.instant import InstantRecord
 from lagsim.run.instants import instant, is_same, width
 from lagsim.run.interrupt import Horizon
+from lagsim.run.settle import (
+    Deciders,
+    due_before,
+    equalities_may_jump,
+    met_at,
+    settle,
+    settle_start,
+    unless_overflow,
+)
 from lagsim.run.trajectory import (
     GO_ON,
+    NOWHERE,
     Decision,
     Ending,
     Outcome,
@@ -56,49 +62,19 @@ from lagsim.run.trajectory import (
     Statistics,
     Trajectory,
     Turn,
-    quoted,
 )
 from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
     from lagsim.run.arc import Arc
-    from lagsim.run.events.constraints import Before
+    from lagsim.run.events.records import Before
     from lagsim.run.events.sections import Sections
-    from lagsim.run.events.transitions import Due
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
-
-
-P = ParamSpec("P")
-
-# Words in the messages of Python, numpy and scipy about numbers that are out of range,
-# in a ValueError or its subclass LinAlgError.
-OUT_OF_RANGE = ("NaN", "infs", "math domain")
-
-
-def unless_overflow(work: Callable[P, Ending | None]) -> Callable[P, Ending | None]:
-    """Decorate a stage of a run: an overflow in Python ends the run.
-
-    Kernels check each state themselves. Events are computed in Python, which raises
-    ArithmeticError or ValueError where numpy returns inf and nan.
-    """
-
-    @wraps(work)
-    def guarded(*args: P.args, **kwargs: P.kwargs) -> Ending | None:
-        try:
-            return work(*args, **kwargs)
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return Ending(Outcome.NOT_FINITE)
-        except ValueError as error:
-            if not any(word in str(error) for word in OUT_OF_RANGE):
-                raise
-            return Ending(Outcome.NOT_FINITE)
-
-    return guarded
 
 
 def finite_rows(rows: Floats, columns: int) -> int:
@@ -227,12 +203,7 @@ class Run:
     ) -> None:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
-        self.transitions = self.switching = None
-        for source in self.sources:
-            if isinstance(source, Transitions):
-                self.transitions = source
-            elif isinstance(source, Switching):
-                self.switching = source
+        self.deciders = _deciders(self.arc, self.sources)
         # Sources with event times known in advance.
         self.timed = [x for x in self.sources if type(x).times is not Source.times]
         self.recorder = Recorder(observers)
@@ -243,13 +214,7 @@ class Run:
         if sections is not None:
             sections.begin(first)
         self.shown = first.row()[0]  # the time and the state of the last row
-        self.instant = self.arc.t  # the time of the last instant
-        # The row after an impact, written when time advances, since events that are
-        # due at the same instant act first.
-        self.after: Floats | None = None
-        self.former: Floats | None = None  # the columns before events acted
-        # Jumps of velocities, and their number when conditions were decided last.
-        self.impacts = self.judged = 0
+        self.record = InstantRecord(self.arc, math.nan)  # of the last instant
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -289,36 +254,24 @@ class Run:
     @unless_overflow
     def begin(self) -> Ending | None:
         """Begin the first arc; return the ending if the run ends at its start."""
-        system = self.arc.system
-        # The start, before its switches have the modes of the first arc.
-        jumps = self._may_jump and (system.switches.modes or system.switches.corners)
-        before = at_start(self.arc) if jumps else None
-        values = self.arc.located(self.arc.t, self.arc.y)
-        ending = self._set_modes() or self._past_table() or self._strike(before)
-        if ending is None and self.transitions is not None:
-            struck = values if self.impacts else None
-            due = self.transitions.look_at_start(self.arc, struck)
-            if due != NOTHING:
-                ending = self._act_at_start(due)
+        ending = self._recorded(settle_start(self.arc, self.deciders))
         if ending is None:
             self._set_out(self.arc.settings.end)
         return ending
 
-    def _act_at_start(self, due: Due) -> Ending | None:
-        """Apply the events due at the start and all that follow.
-
-        Return an ending or None.
-        """
-        assert self.transitions is not None
-        before = before_event(self.arc) if self._may_jump else None
-        self.judged = self.impacts
-        ending = self._let_act(due)
-        ending = ending or self._settle(None, Turn.MODES, before)
-        if self.transitions.is_over:
-            return Ending(Outcome.UNTIL)
-        if self.after is not None:
-            self.after = self._row()
-        return ending
+    def _recorded(self, now: InstantRecord) -> Ending | None:
+        """Write the rows and lists of a settled instant; return the run's ending."""
+        for rows in now.rows:
+            self.recorder.hand_on(rows)
+        self.recorder.keep(
+            Decision(events=now.events, cautions=now.cautions, choices=now.choices)
+        )
+        if now.ending is not None and now.ending.outcome is Outcome.TABLE_ENDS:
+            self.cut = self.arc.observed()
+        self.record = now._replace(
+            admissible=None, shown=None, rows=(), events=(), cautions=(), choices=()
+        )
+        return now.ending
 
     @unless_overflow
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
@@ -364,9 +317,10 @@ class Run:
         """
         arc = self.arc
         emitted = int(arc.state.emitted)
-        if self.sections is not None and self.after is not None:
-            self.sections.take(arc, self.after[0, 0])  # with its impulses
-        if self.after is not None and (emitted or arc.t > self.after[0, 0]):
+        after = self.record.after
+        if self.sections is not None and after is not None:
+            self.sections.take(arc, after[0, 0])  # with its impulses
+        if after is not None and (emitted or arc.t > after[0, 0]):
             self._pass_impact()
         if self.sections is not None:
             self.sections.take(arc)
@@ -402,8 +356,8 @@ class Run:
     def _meet(self, code: int) -> None:
         """Replace the arc's time by the time of its instant, see `instants`."""
         arc, settings = self.arc, self.arc.settings
-        if is_same(settings, arc.t, self.instant):
-            arc.state.t = self.instant
+        if is_same(settings, arc.t, self.record.t):
+            arc.state.t = self.record.t
             return
         known = [time for source in self.timed for time in source.times(arc)]
         soon, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
@@ -432,31 +386,38 @@ class Run:
             arc.runner.meet_instant(arc.state)
         before = self._before(code)
         corner = self._corner(code)
-        self.judged = self.impacts
-        if code == at.SWITCH_FOUND and self.switching is not None:
-            self.switching.locate(arc)
-        due = NOTHING
-        if code in INSTANTS and self.transitions is not None:
-            due = self.transitions.due(arc, self._comes_to_rest)
-            ending = self._let_act(due)
-            if ending is not None:
-                return ending
-        source, decision = self._decision(code)
+        decision = self._decision(code)
         if code in LOCATED:
             decision = self._with_breaks(decision)
-        if due != NOTHING and (decision is None or decision.turn is not Turn.NONE):
-            decision = (decision or Decision())._replace(turn=Turn.MODES)
-        if decision is not None:
-            return self._act_and_show(source, decision, before, corner)
-        return self._end_of(code)
+        located = NOWHERE if decision is None else decision.located
+        now = met_at(self.arc, self.record, located, before)
+        if code in INSTANTS:
+            now = due_before(now, self.deciders)
+        if now.due != NOTHING:
+            decision = (decision or GO_ON)._replace(turn=Turn.SETTLE)
+        if decision is None and code == at.DONE and self._strikes_last():
+            decision = Decision(turn=Turn.SETTLE)
+        if decision is None:
+            return self._end_of(code)
+        return self._act(decision, now, corner)
 
-    def _decision(self, code: int) -> tuple[Source | None, Decision | None]:
-        """Return the first source that handles the kernel's code, and its decision."""
+    def _decision(self, code: int) -> Decision | None:
+        """Return the decision of the first source that handles the kernel's code.
+
+        None if no source does.
+        """
         for source in self.sources:
             decision = source.decide(self.arc, code)
             if decision is not None:
-                return source, decision
-        return None, None
+                return decision
+        return None
+
+    def _strikes_last(self) -> bool:
+        """Whether a law strikes at the end of the run, to rounding of its time."""
+        arc, contacts = self.arc, self.deciders.contacts
+        if contacts is None or arc.t < arc.settings.end or self.record.t == arc.t:
+            return False
+        return contacts.approach(arc)
 
     def _with_breaks(self, decision: Decision | None) -> Decision | None:
         """Return a decision at a located event, joined with that of a break then.
@@ -465,16 +426,16 @@ class Run:
         former branches of some switches, and the new ones of t, an expression could
         have a value that it has on neither side.
         """
-        for source in self.timed:
-            passed = source.decide(self.arc, at.DONE)
-            if passed is not None:
-                own = decision or GO_ON
-                decision = own._replace(
-                    events=own.events + passed.events,
-                    ending=own.ending or passed.ending,
-                    turn=passed.turn,
-                )
-        return decision
+        breaks = self.deciders.breaks
+        passed = None if breaks is None else breaks.decide(self.arc, at.DONE)
+        if passed is None:
+            return decision
+        own = decision or GO_ON
+        return own._replace(
+            events=own.events + passed.events,
+            ending=own.ending or passed.ending,
+            turn=passed.turn,
+        )
 
     def _end_of(self, code: int) -> Ending | None:
         """Return the ending that a kernel's return code means.
@@ -488,51 +449,13 @@ class Run:
             code = code if finite else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
 
-    def _act_and_show(
-        self,
-        source: Source | None,
-        decision: Decision,
-        before: Before | None,
-        corner: Floats | None,
-    ) -> Ending | None:
-        """Carry out a decision, and store the corner of the curves at the event."""
-        shown = self.recorder.rows
-        ending = self._act(source, decision, before)
-        # An impact has rows of its own.
-        struck = self.after is not None or shown != self.recorder.rows
-        if corner is not None and self.corners and not struck:
-            within = ASIDE * self.arc.settings.duration
-            self.corners.add(corner, self._seen(), within)
-        return ending
-
-    def _comes_to_rest(self, arc: Arc) -> bool:
-        """Whether a law or a surface may hold a rate at 0 from this instant on."""
-        if arc.system.laws and comes_to_rest(arc):
-            return True
-        return self.switching is not None and self.switching.comes_to_rest(arc)
-
-    def _let_act(self, due: Due) -> Ending | None:
-        """Apply the events of the file that are due.
-
-        Return the ending if the run ends.
-        """
-        assert self.transitions is not None
-        if not (due.periodic or due.conditions):
-            return None
-        arc = self.arc
-        # The row before an impact has the modes before the event.
-        self.former = arc.observed() if arc.system.laws else None
-        acted = self.transitions.act(arc, due)
-        self._take(acted)
-        return acted.ending
-
     def _before(self, code: int) -> Before | None:
         """Return the row before the event just located, if equalities may jump there.
 
         code : the kernel's return code. None if no jump is possible.
         """
         arc = self.arc
-        if not self._may_jump:
+        if not self.deciders.jumping:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
@@ -542,16 +465,6 @@ class Run:
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         return before_event(arc)
-
-    @cached_property
-    def _may_jump(self) -> bool:
-        """Whether an equality or its rate may jump.
-
-        Impacts of unilateral constraints are handled by `Contacts`.
-        """
-        e = self.arc.equations
-        nodes = [node for x in e.rows for node in (x.residual, x.rate)]
-        return self.arc.system.m > 0 and may_jump(e, nodes)
 
     def _corner(self, code: int) -> Floats | None:
         """Return the columns (4, k) of states beside an event, see `_seen`.
@@ -584,120 +497,35 @@ class Run:
         return arc.runner.tabulate(states)
 
     def _act(
-        self, source: Source | None, decision: Decision, before: Before | None
+        self, decision: Decision, now: InstantRecord, corner: Floats | None
     ) -> Ending | None:
-        """Carry out a decision, and all impacts, modes and events that follow it."""
+        """Carry out a decision: settle the instant, or begin another arc."""
+        shown = self.recorder.rows
         self._take(decision)
-        turn = decision.turn
-        if decision.ending is not None or turn is Turn.NONE:
+        if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending
-        ending = self._settle(source, turn, before)
-        if self.transitions is not None and self.transitions.is_over:
-            return Ending(Outcome.UNTIL)
-        if ending is not None:
-            return ending
-        if self.after is not None:
-            self.after = self._row()
+        if decision.turn is Turn.SETTLE:
+            ending = self._recorded(settle(now, self.deciders))
+            # An impact has rows of its own.
+            struck = self.record.after is not None or shown != self.recorder.rows
+            if corner is not None and self.corners and not struck:
+                within = ASIDE * self.arc.settings.duration
+                self.corners.add(corner, self._seen(), within)
+            if ending is not None:
+                return ending
         self._set_out(decision.ahead)
         return None
 
-    def _settle(
-        self, source: Source | None, turn: Turn, before: Before | None
-    ) -> Ending | None:
-        """Select modes and apply impacts and events of an instant until none is due.
-
-        source : source that has already set its own mode if the turn is MODE.
-        before : state before the event.
-        """
-        while True:
-            if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
-                ending = self._set_modes(source if turn is Turn.MODE else None)
-                if ending is not None:
-                    return ending
-            if turn is not Turn.ARC:
-                ending = self._past_table() or self._strike(before)
-                if ending is not None:
-                    return ending
-            if self.transitions is None or self.transitions.is_over:
-                return None
-            struck, self.judged = self.impacts != self.judged, self.impacts
-            due = self.transitions.due_after(self.arc, struck=struck)
-            if due == NOTHING:
-                return None
-            before = before_event(self.arc) if self._may_jump else None
-            ending = self._let_act(due)
-            if ending is not None:
-                return ending
-            source, turn = None, Turn.MODES
-
-    def _past_table(self) -> Ending | None:
-        """Return the ending if a table is evaluated beyond its last point."""
-        ending = end_of_table(self.arc)
-        if ending is not None:
-            self.cut = self.arc.observed()
-        return ending
-
-    def _strike(self, before: Before | None) -> Ending | None:
-        """Apply the impact on constraints whose rates jump at the current time."""
-        if before is None:
-            return None
-        struck = inelastic_impact(self.arc, before, self.switching)
-        self._take(struck)
-        moved = struck.ending is None and struck.y is not None
-        if moved and self.switching is not None:
-            return self._set_modes()  # by the velocities after the impact
-        return struck.ending
-
-    def _set_modes(self, but: Source | None = None) -> Ending | None:
-        """Select the modes of all sources except `but`.
-
-        After an impact the modes of all sources are selected again; the run ends if
-        impacts do not end after `STUCK` repetitions.
-        """
-        struck, left = True, STUCK
-        while struck:
-            if not left:
-                late = self.recorder.events[-STUCK:]
-                about = quoted(x for e in late if (x := e.constraint or e.switch))
-                return Ending(Outcome.SWITCHES_ACCUMULATE, about)
-            struck, left = False, left - 1
-            for source in self.sources:
-                if source is but:
-                    continue
-                begun = source.begin(self.arc)
-                self._take(begun)
-                if begun.ending is not None:
-                    return begun.ending
-                struck |= begun.rows is not None
-            but = None
-        return None
-
     def _take(self, decision: Decision) -> None:
-        """Carry out a decision on the arc, write an impact's rows, store records."""
+        """Carry out a decision on the arc, and store its records."""
         if decision is GO_ON:
             return
         self.recorder.keep(decision)
         if decision.arc is not None:
             self.arc = decision.arc
-        arc = self.arc
-        arc.store(decision.numbers)
+        self.arc.store(decision.numbers)
         if decision.sizes is not None:
-            arc.sizes[:] = decision.sizes
-        if decision.rows is not None:
-            self.impacts += 1
-            rows = decision.rows if self.former is None else self.former[None]
-            self.former = None
-            # With an impulse of an event, all jumps of an instant have one row before.
-            joined = arc.system.p.kicked > 0.0 and self.after is not None
-            if self.after is not None and not joined:
-                self.recorder.hand_on(self.after)
-            if arc.row_time(-1) < arc.t and not joined:
-                self.recorder.hand_on(rows)
-        if decision.y is not None:
-            arc.put(decision.y)
-        if decision.rows is not None:
-            self.after = self._row()
-            arc.pass_shown()
+            self.arc.sizes[:] = decision.sizes
 
     def _set_out(self, ahead: float) -> None:
         """Begin the next arc at the current state.
@@ -707,8 +535,8 @@ class Run:
         arc = self.arc
         known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
-        self.instant, self.former = arc.t, None
         self.arc = arc.next(end, ahead)
+        self.record = met_at(self.arc, self.record, NOWHERE, None)
         self.arcs += 1
         for source in self.sources:
             self._take(source.set_out(self.arc))
@@ -722,9 +550,9 @@ class Run:
 
         Set impulse columns to 0.
         """
-        if self.after is not None:
-            self.recorder.hand_on(self.after)
-            self.after = None
+        if self.record.after is not None:
+            self.recorder.hand_on(self.record.after)
+            self.record = self.record._replace(after=None)
             p = self.arc.system.p
             p.impulses[:] = p.row_impulses[:] = p.kicked = 0.0
 
@@ -788,14 +616,23 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield TimeBreaks(arc)
     if arc.equations.model.events or arc.equations.model.located:
         yield Transitions(arc)
-    contacts = Contacts(arc) if arc.system.laws else None
     if arc.system.surfaces:
-        yield Switching(arc, contacts)
-    if contacts is not None:
-        yield contacts
+        yield Switching(arc)
+    if arc.system.laws:
+        yield Contacts(arc)
     if arc.system.m:
         yield NearDependence()
         yield RankLosses()
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
         yield Pulses()
+
+
+def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
+    """Return the sources that decide at an instant."""
+    kinds = {
+        KnotTimes: "knots", TimeBreaks: "breaks", Transitions: "transitions",
+        Switching: "switching", Contacts: "contacts",
+    }  # fmt: skip
+    own = {kinds[type(x)]: x for x in sources if type(x) in kinds}
+    return Deciders(jumping=equalities_may_jump(arc), **own)

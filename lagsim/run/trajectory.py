@@ -116,9 +116,28 @@ class Turn(Enum):
     """Continuation of a run after the decision of a source."""
 
     NONE = "the arc goes on"
-    ARC = "another arc begins, in the mode that there is"
-    MODE = "another arc begins, in a mode that has been set"
-    MODES = "another arc begins, and all sources set their modes"
+    ARC = "another arc begins, in the same modes"
+    SETTLE = "the instant is settled, then another arc begins"
+
+
+class Located(NamedTuple):
+    """The event function of a mode whose zero has ended an arc.
+
+    Attributes
+    ----------
+    surface, law : int
+        The number of the switching surface or of the law; -1 for none.
+    off : float
+        Largest distance of the surface's expression from its level, by the error of
+        the time located.
+    """
+
+    surface: int = -1
+    law: int = -1
+    off: float = 0.0
+
+
+NOWHERE = Located()
 
 
 class Ending(NamedTuple):
@@ -155,6 +174,8 @@ class Decision(NamedTuple):
         Reason to end the run.
     turn : Turn
         Continuation of the run.
+    located : Located
+        The event function that has ended the arc, where the instant is settled.
     ahead : float
         Time at which the sources examine the next arc again.
     """
@@ -169,6 +190,7 @@ class Decision(NamedTuple):
     rows: Floats | None = None
     ending: Ending | None = None
     turn: Turn = Turn.NONE
+    located: Located = NOWHERE
     ahead: float = inf
 
 
@@ -178,8 +200,7 @@ GO_ON = Decision()
 class Source:
     """Source of events that pause or end arcs, and of the modes after the events.
 
-    A source may store data about past events. It changes only the modes of its own
-    surfaces or constraints; all other changes are returned in a `Decision`.
+    A source may store data about past events. It returns all changes in a `Decision`.
     """
 
     _warned: frozenset[str] = frozenset()
@@ -192,13 +213,6 @@ class Source:
             return ()
         self._warned |= {f"{code} {about}"}
         return (Caution(code, text),)
-
-    def begin(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Select the mode of this source at the current state; return a decision.
-
-        The other sources have set their modes already, or set them afterwards.
-        """
-        return GO_ON
 
     def times(self, arc: Arc) -> Iterable[float]:  # noqa: ARG002
         """Return times known in advance at which the arc ends; inf for no such time."""

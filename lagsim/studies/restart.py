@@ -71,9 +71,9 @@ _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.events.constraints",
     "run.events.contacts", "run.events.filippov", "run.events.sections",
-    "run.events.sequence",
+    "run.events.sequence", "run.events.records",
     "run.events.switching", "run.events.times", "run.events.transitions",
-    "run.failures", "run.interrupt",
+    "run.failures", "run.instant", "run.interrupt", "run.settle", "run.trajectory",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
 )  # fmt: skip
 CLASSES = frozenset(

@@ -16,7 +16,7 @@ Where the constraint Jacobian loses rank, the dependent constraints are reported
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from lagsim.plan.plan import by_loops, usual_lengths
 from lagsim.program.system import System
 from lagsim.run.arc import shift
 from lagsim.run.events.impulses import transmit
+from lagsim.run.events.records import Before, SurfacesAt
+from lagsim.run.events.switching import corners_met
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
 
@@ -42,22 +44,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.switching import Switching
-
-
-class Before(NamedTuple):
-    """Table row just before the time reached, and the velocity error before it.
-
-    Attributes
-    ----------
-    row : ndarray, shape (1, k)
-        Columns of the table, dated at the time reached.
-    off : ndarray, shape (n,)
-        Newton step of the velocities onto the constraints: an error by drift, or one
-        that stabilization reduces slowly, is not part of an impact.
-    """
-
-    row: Floats
-    off: Floats
 
 
 def before_event(arc: Arc) -> Before:
@@ -105,7 +91,9 @@ def _newton_step(arc: Arc, level: str) -> Floats:
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
 
-def inelastic_impact(arc: Arc, before: Before, switching: Switching | None) -> Decision:
+def inelastic_impact(
+    arc: Arc, before: Before, switching: Switching | None, surfaces: SurfacesAt
+) -> tuple[Decision, SurfacesAt]:
     """Apply the inelastic impact of constraints whose rate jumps.
 
     The velocities are projected onto the constraints by the least change in the metric
@@ -118,11 +106,15 @@ def inelastic_impact(arc: Arc, before: Before, switching: Switching | None) -> D
         The row and the velocity error just before the instant.
     switching : Switching or None
         The switching surfaces of the run, for corners.
+    surfaces : SurfacesAt
+        The surfaces at this instant.
 
     Returns
     -------
     Decision
         `GO_ON` where the velocities jump by no more than rounding.
+    SurfacesAt
+        The surfaces, with the corners at which velocities are stopped.
     """
     now = arc.observed()
     names = arc.system.columns.names
@@ -131,22 +123,25 @@ def inelastic_impact(arc: Arc, before: Before, switching: Switching | None) -> D
         g = now[at] - before.row[0, at]
         scale = now[names.index(f"scale:{constraint.name}")]
         if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):
-            return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, constraint.name))
+            ending = Ending(Outcome.CONSTRAINT_JUMPS, constraint.name)
+            return Decision(ending=ending), surfaces
     step = _newton_step(arc, "velocity") - before.off
     if not _strikes(arc, step, before.off):
-        return GO_ON
+        return GO_ON, surfaces
     before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[arc.velocities] += step
-    bent = [] if switching is None else switching.corners_met(arc)
-    rests = switching.stop(arc, y, bent) if switching is not None and bent else []
+    bent, rests = corners_met(arc, surfaces.levels), list[Event]()
+    if switching is not None and bent:
+        rests, stopped = switching.stop(arc, y, surfaces)
+        surfaces = surfaces._replace(stopped=stopped)
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
     if arc.system.impulses is not None:
         transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
         events = [*_corners(arc, switching, bent, energy), *rests]
-    return Decision(events=tuple(events), rows=before.row, y=y)
+    return Decision(events=tuple(events), rows=before.row, y=y), surfaces
 
 
 def _corners(

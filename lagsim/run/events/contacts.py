@@ -1,10 +1,10 @@
 """Impacts and mode selection of laws: contacts, friction, limits, freewheels.
 
-In an arc each law has a mode (`program/laws.py`). Where a mode ends or a gap closes,
-the impacts of closing laws are computed first: their impulses change the velocities to
-admissible ones. Then the accelerations decide which of the closed laws hold. A contact
-whose rebound would be below the tolerance comes to rest: the rest time of a ball with
-ever smaller bounces is the limit of a geometric series.
+In an arc each law has a mode (`program/laws.py`). At an instant the impacts of closing
+laws are computed first (`Contacts.velocities`): their impulses change the velocities to
+admissible ones. Then the accelerations decide which of the closed laws hold
+(`Contacts.modes`). A contact whose rebound would be below the tolerance comes to rest:
+the rest time of a ball with ever smaller bounces is the limit of a geometric series.
 """
 
 from __future__ import annotations
@@ -25,10 +25,19 @@ from lagsim.notes import Event
 from lagsim.run.events.conditions import count_closed
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
+from lagsim.run.events.records import LawsAt, LawState
 from lagsim.run.events.sequence import Flights, SwitchSequence
 from lagsim.run.events.sliders import at_edge, select_sliding
 from lagsim.run.events.slips import begin_slips
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn, quoted
+from lagsim.run.trajectory import (
+    Decision,
+    Ending,
+    Located,
+    Outcome,
+    Source,
+    Turn,
+    quoted,
+)
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
@@ -98,17 +107,54 @@ class StateAfter:
         Table rows just before an impact; None where no impact is reported.
     ending
         The reason why the motion cannot continue, or None.
+    laws : LawsAt
+        The laws at the instant.
+    state : LawState or None
+        The laws at the state reached, after their impacts.
     """
 
     y: Floats
+    laws: LawsAt
     events: list[Event] = field(default_factory=list)
     cautions: list[Caution] = field(default_factory=list)
     rows: Floats | None = None
     ending: Ending | None = None
+    state: LawState | None = None
+
+    def decision(self, arc: Arc) -> Decision:
+        """Return the decision with these results.
+
+        Raises
+        ------
+        InputError
+            If no motion can begin at the start of the run.
+        """
+        if self.ending is not None and arc.steps == 0:
+            why = f"{self.ending.about}: {self.ending.outcome.advice}"
+            text = f"no motion exists from this start on: {why}"
+            raise InputError([Problem("no-motion", text)])
+        return Decision(
+            events=tuple(self.events), cautions=tuple(self.cautions), y=self.y,
+            sizes=np.maximum(arc.sizes, np.abs(self.y)), rows=self.rows,
+            ending=self.ending,
+        )  # fmt: skip
 
 
 class Contacts(Source):
-    """Source of a run that computes the impacts of its laws and selects their modes."""
+    """Source of a run that computes the impacts of its laws and selects their modes.
+
+    Attributes
+    ----------
+    sequence : SwitchSequence
+        The last ends of modes of laws, by which accumulations are found.
+    bounces : list of int
+        The number of impacts of each law since it was at rest.
+    flights : list of Flights
+        The last flights of each law.
+    modes_at_start : dict
+        The modes of the file at the start, at which the examination of the start has
+        checked all laws in force.
+    """
 
     def __init__(self, arc: Arc) -> None:
         self.laws = arc.system.laws
@@ -117,83 +163,50 @@ class Contacts(Source):
         self.flights = [Flights() for _ in self.laws]
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
-        self.ended = False
-        # Laws that slid until this time, for repeated selections at it; and how often
-        # each law that held until then has reached the limit of its multiplier.
-        self.slid: set[int] = set()
-        self.left: dict[int, int] = {}
-        # Laws closed at this time whatever their gaps are; constraints whose bounces
-        # end.
-        self.also: set[int] = set()
-        self.rested: set[str] = set()
-        # Time, laws and their modes, where selected together with modes of surfaces.
-        self.joint: tuple[float, list[int], RowModes] | None = None
-        self.before = np.zeros(len(self.laws))  # the modes up to the time reached
-        self.asked_at = arc.t
         self.modes_at_start = arc.modes
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = p.law_opens[:] = 0.0
 
-    def begin(self, arc: Arc) -> Decision:
-        """Compute the impacts and select the modes at the state reached."""
-        return self._decision(arc, self._through(arc, None))
-
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision at the end of a law's mode or of the run; else None.
-
-        Raises
-        ------
-        InputError
-            If no motion can begin at the start of the run.
-        """
-        if code == at.DONE and arc.t >= arc.settings.end and not self.ended:
-            # An impact at the end of the run is reported, to rounding of its time.
-            self.ended = True
-            found = self._through(arc, None)
-            return None if found.rows is None else self._decision(arc, found, Turn.ARC)
+        """Return the decision to settle the end of a law's mode; else None."""
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
+        return Decision(turn=Turn.SETTLE, located=Located(law=k))
+
+    def approach(self, arc: Arc) -> bool:
+        """Whether a closed law approaches at the state reached."""
+        here = Kinematics(arc, arc.y)
+        closed = here.is_closed()
+        return any(
+            closed[k] and law.kind.strikes and here.strikes(k)
+            for k, law in enumerate(self.laws)
+        )
+
+    def located(self, arc: Arc, laws: LawsAt, k: int) -> LawsAt:
+        """Store that the mode of law k has ended, and return the laws at the instant.
+
+        A law that was located counts as closed. The end of a slip on a disc ends the
+        regularized beginnings of the slips that have begun with it.
+        """
         self.sequence.add(arc.t, k)
-        p, pair = arc.system.p, self.laws[k].pair
-        self._note_former(arc)
+        p, pair, left = arc.system.p, self.laws[k].pair, dict(laws.left)
         if p.law_mode[k] == kept.HELD:
-            self.left[k] = self.left.get(k, 0) + 1
+            left[k] = left.get(k, 0) + 1
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
-            # Ends the regularized beginning of this slip, and of slips begun with it.
             also = np.isfinite(p.law_lasts) & (p.law_begun == p.law_begun[k])
             p.law_floor[also] = p.law_floor[[k, pair]] = 0.0
-        # Where surfaces or a break may change sides, modes are selected after these.
-        joint = arc.system.surfaces > 0 or arc.t >= arc.end
-        found = self._through(arc, k, select=not joint)
+        return laws._replace(left=left, closed=laws.closed | {k})
+
+    def accumulate(self) -> Ending | None:
+        """Return the ending of a run whose laws' modes end too often."""
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
-        if (restless or self.sequence.is_stuck()) and found.ending is None:
-            about = self._names(restless or self.sequence.lately())
-            found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
-        turn = Turn.MODES if joint else Turn.ARC
-        return self._decision(arc, found, turn)
-
-    def _decision(
-        self, arc: Arc, found: StateAfter, turn: Turn = Turn.NONE
-    ) -> Decision:
-        if found.ending is not None and arc.steps == 0:
-            why = f"{found.ending.about}: {found.ending.outcome.advice}"
-            text = f"no motion exists from this start on: {why}"
-            raise InputError([Problem("no-motion", text)])
-        return Decision(
-            events=tuple(found.events), cautions=tuple(found.cautions), y=found.y,
-            sizes=np.maximum(arc.sizes, np.abs(found.y)), rows=found.rows,
-            ending=found.ending, turn=turn,
-        )  # fmt: skip
-
-    def _note_former(self, arc: Arc) -> None:
-        """Store which laws slid up to the current time, once for each time."""
-        if arc.t != self.asked_at:
-            slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
-            self.asked_at, self.slid = arc.t, set(slid.tolist())
-            self.left, self.also, self.rested = {}, set(), set()
+        if not (restless or self.sequence.is_stuck()):
+            return None
+        about = self._names(restless or self.sequence.lately())
+        return Ending(Outcome.SWITCHES_ACCUMULATE, about)
 
     def _report(
         self, found: StateAfter, code: WarningCode, some: list[int], **numbers: float
@@ -216,34 +229,34 @@ class Contacts(Source):
     def _names(self, some: Collection[int]) -> str:
         return quoted(self.laws[k].name for k in some)
 
-    def _through(self, arc: Arc, met: int | None, *, select: bool = True) -> StateAfter:
-        """Compute the impacts at the state reached, then select the modes.
+    def velocities(
+        self, arc: Arc, laws: LawsAt, met: int, *, decided: bool
+    ) -> StateAfter:
+        """Compute the impacts of all laws that approach at the state reached.
 
         Parameters
         ----------
         arc : Arc
-        met : int or None
-            Number of the law whose mode has ended.
-        select : bool
-            Whether the modes are selected here, not later with the sides of surfaces.
+        laws : LawsAt
+        met : int
+            Number of the law whose mode has ended, or -1.
+        decided : bool
+            Whether all sides are decided on which the bounds of laws may depend.
         """
-        here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy())
+        here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy(), laws)
         corrected = _corrected_state(here, met)
         if corrected is not None:
             found.y, here = corrected, Kinematics(arc, corrected.copy())
         arc.system.p.law_opens[:] = 0.0
-        self._note_former(arc)
-        if met is not None:
-            self.also.add(met)
-        also = set(self.also)
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
-        closed = here.is_closed(also)
+        closed = here.is_closed(laws.closed)
         here.grazing = _grazing(here, closed, flown)
         if here.grazing:
-            also.difference_update(here.grazing)
-            self.also.difference_update(here.grazing)
-            closed = here.is_closed(also)
+            found.laws = laws = laws._replace(
+                closed=laws.closed.difference(here.grazing)
+            )
+            closed = here.is_closed(laws.closed)
         ends = self._ends(here, closed)
         judged = self._is_examined(arc)
         for k, law in enumerate(self.laws):
@@ -252,7 +265,7 @@ class Contacts(Source):
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
         # Whether the bound of a law falls depends on sides that are decided later.
-        if wrong := here.out_of_range(some, self.also if select else ()):
+        if wrong := here.out_of_range(some, laws.closed if decided else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
         some = [k for k in some if closed[k] and self.laws[k].kind.strikes]
@@ -266,48 +279,41 @@ class Contacts(Source):
             here = here.at(found.y)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
-        if found.ending is None and select:
-            self._select(here, also, some, found)
+        if found.rows is not None:
+            found.laws = found.laws._replace(shared=None)
+        found.state = LawState(here, some)
         return found
 
-    def _select(
-        self,
-        here: Kinematics,
-        also: Collection[int],
-        some: list[int],
-        found: StateAfter,
-    ) -> None:
-        """Select the modes of laws by the accelerations.
+    def modes(self, arc: Arc, laws: LawsAt, state: LawState) -> StateAfter:
+        """Select the modes of laws by the accelerations at the state reached.
 
         Parameters
         ----------
-        here : Kinematics
-        also : collection of int
-            Laws that count as closed whatever their gaps are.
-        some : list of int
-            Laws that are closed and can strike.
-        found : StateAfter
-            The events and warnings are added to it.
+        arc : Arc
+        laws : LawsAt
+        state : LawState
+            The laws at this state, none of which approaches.
         """
-        arc, p = here.arc, here.arc.system.p
-        joint, self.joint = self.joint, None
-        if joint is None or joint[0] != arc.t or found.rows is not None or here.grazing:
-            chosen = _chosen(here, that_could_act(here, also), self.left)
+        here, some = state
+        found = StateAfter(arc.y.copy(), laws)
+        p, slid = arc.system.p, laws.slid
+        if laws.shared is None or here.grazing:
+            chosen = _chosen(here, that_could_act(here, laws.closed), laws.left)
         else:
-            chosen = Chosen.of(here, *joint[1:])
-        self._put(arc, chosen)
-        _set_floors(here, chosen, self.slid)
+            chosen = Chosen.of(here, *laws.shared)
+        put_modes(arc, chosen)
+        _set_floors(here, chosen, slid)
         _set_slack(here, chosen)
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
-        stopped = [k in self.slid and self.laws[k].pair >= 0 for k in held]
+        stopped = [k in slid and self.laws[k].pair >= 0 for k in held]
         if any(stopped):  # the remaining speed of a slip that stops is removed
             asked = np.where(stopped, here.rates[held], 0.0)
             found.y[arc.velocities] -= here.shape.lift(held, asked)
-        _stop(here, found.y, [k for k in held if k in self.slid])
-        events = _changes(here, self.before) if arc.steps else ()
-        self.before = p.law_mode.copy()
-        found.events += [e for e in events if e.constraint not in self.rested]
+        _stop(here, found.y, [k for k in held if k in slid])
+        events = _changes(here, laws.mode) if arc.steps else ()
+        found.laws = laws._replace(mode=p.law_mode.copy(), shared=None)
+        found.events += [e for e in events if e.constraint not in laws.rested]
         if chosen.paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         # The friction of a body that rests on two points is never determined.
@@ -323,50 +329,7 @@ class Contacts(Source):
         if shares or chosen.open:
             code: WarningCode = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
-
-    def that_may_act(self, arc: Arc) -> list[int]:
-        """Return the numbers of the laws that could act at the state reached."""
-        self._note_former(arc)
-        return that_could_act(Kinematics(arc, arc.y), self.also)
-
-    def take(self, arc: Arc, some: list[int], found: RowModes) -> None:
-        """Store modes of some laws that were selected together with sides of surfaces.
-
-        Parameters
-        ----------
-        arc : Arc
-        some : list of int
-            Numbers of the laws.
-        found : RowModes
-            Modes of rows; the rows of these laws are first.
-        """
-        self.joint = arc.t, some, found
-        self._put(arc, Chosen.of(Kinematics(arc, arc.y), some, found))
-
-    def _put(self, arc: Arc, chosen: Chosen) -> None:
-        """Store selected modes in the parameters that the kernels read."""
-        p = arc.system.p
-        own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
-        p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
-        p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
-
-    def rest_soon(self, arc: Arc, within: float) -> None:
-        """Set the slips on discs that may stop within this time to be at rest.
-
-        This applies where switches accumulate: a slip whose direction turns with the
-        switches vanishes at their limit, and friction along the remaining slip would
-        hide the effect of the switches.
-
-        Parameters
-        ----------
-        arc : Arc
-        within : float
-            The time.
-        """
-        here, p = Kinematics(arc, arc.y), arc.system.p
-        discs = [k for k, law in enumerate(self.laws) if law.pair >= 0]
-        slow = within * np.abs(here.present[discs])
-        p.law_still[discs] = np.maximum(p.law_still[discs], slow)
+        return found
 
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
         """Return the kinematics after sliders without mass have changed their modes.
@@ -497,7 +460,8 @@ class Contacts(Source):
             if k in ends:
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
-                    self.rested.add(name)
+                    rested = found.laws.rested | {name}
+                    found.laws = found.laws._replace(rested=rested)
                 self.bounces[k] = 0
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
@@ -567,15 +531,48 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
 
 
-def _corrected_state(here: Kinematics, met: int | None) -> Floats | None:
+def laws_at(arc: Arc) -> LawsAt:
+    """Return the laws at an instant, by the modes of the arc that has ended."""
+    mode = arc.system.p.law_mode.copy()
+    return LawsAt(mode, frozenset(np.flatnonzero(mode == kept.SLIDING).tolist()))
+
+
+def put_modes(arc: Arc, chosen: Chosen) -> None:
+    """Store selected modes in the parameters that the kernels read."""
+    p = arc.system.p
+    own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
+    p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
+    p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
+
+
+def rest_soon(arc: Arc, within: float) -> None:
+    """Set the slips on discs that may stop within this time to be at rest.
+
+    This applies where switches accumulate: a slip whose direction turns with the
+    switches vanishes at their limit, and friction along the remaining slip would hide
+    the effect of the switches.
+
+    Parameters
+    ----------
+    arc : Arc
+    within : float
+        The time.
+    """
+    here, p = Kinematics(arc, arc.y), arc.system.p
+    discs = [k for k, law in enumerate(arc.system.laws) if law.pair >= 0]
+    slow = within * np.abs(here.present[discs])
+    p.law_still[discs] = np.maximum(p.law_still[discs], slow)
+
+
+def _corrected_state(here: Kinematics, met: int) -> Floats | None:
     """Return the state (size,) corrected for errors of the step that just ended.
 
     None where there is nothing to correct. met : the index of the law whose mode has
-    ended, or None.
+    ended, or -1.
     """
     if here.arc.system.p.law_opens.any():
         return _raised_state(here)
-    if met is not None and _is_stopping(here, met):
+    if met >= 0 and _is_stopping(here, met):
         return _straightened_state(here, met)
     return None
 

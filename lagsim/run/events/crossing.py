@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
-from lagsim.run.events.contacts import ahead_of
+from lagsim.run.events.contacts import Chosen, ahead_of, put_modes, that_could_act
 from lagsim.run.events.filippov import (
     ABOVE,
     BELOW,
@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import RowModes
-    from lagsim.run.events.contacts import Contacts
     from lagsim.run.events.filippov import Rows, SurfaceModes
     from lagsim.run.events.kinematics import Acting
+    from lagsim.run.events.records import LawsAt
 
 
 # First step in parts of the run, ratio of successive steps, largest number of steps.
@@ -336,9 +336,10 @@ class Crossing:
     known: Mapping[int, float]
     at_rest: Collection[int]  # surfaces whose rate is zero
     left: float  # the time in which the motion comes to rest on the surfaces `at_rest`
-    hit: int | None  # the surface that has ended the arc before
+    hit: int  # the surface that has ended the arc before, or -1
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
-    contacts: Contacts | None  # laws that could act beside the surfaces
+    beside: LawsAt | None  # the laws at the instant, or None without laws
+    shared: tuple[list[int], RowModes] | None = None  # see `LawsAt`
     laws: list[int] = field(default_factory=list)  # numbers of the laws that could act
     open: list[int] = field(default_factory=list)  # surfaces that forces decide
     loose: list[int] = field(default_factory=list)  # surfaces decided by open ones
@@ -366,8 +367,9 @@ class Crossing:
         modes = self.modes
         self.roundoff = np.zeros(modes.count)
         value, whole = modes.value.copy(), modes.whole
-        if self.contacts is not None:
-            self.laws = self.contacts.that_may_act(modes.arc)
+        if self.beside is not None:
+            here = Kinematics(modes.arc, modes.arc.y)
+            self.laws = that_could_act(here, self.beside.closed)
         for k in modes.order:
             if not modes.depends[k].isdisjoint(self.stale):
                 self._evaluate()
@@ -427,7 +429,7 @@ class Crossing:
         elif k not in self.levels:
             self._put_clear(k)
             return
-        elif modes.keeps(k) or (k in self.resting and self.contacts is None):
+        elif modes.keeps(k) or (k in self.resting and self.beside is None):
             self._put(k, LEVEL)
             return
         rate = self._rate(rows, k)
@@ -559,8 +561,9 @@ class Crossing:
         # The surface just reached starts from its side, not from rest at its level.
         still = [i for i, k in enumerate(self.open) if k != self.hit]
         found = cone.select(now, still)
-        if self.contacts is not None and cone.modes is not None:
-            self.contacts.take(self.modes.arc, self.laws, cone.modes)
+        if self.beside is not None and cone.modes is not None:
+            self._put_laws(cone.modes)
+            self.shared = self.laws, cone.modes
         if found is None and self.at_rest:  # the motion spirals into its rest
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
@@ -582,8 +585,8 @@ class Crossing:
             Modes of all rows, those of the laws first.
         """
         self._share(w)
-        if self.contacts is not None:
-            self.contacts.take(self.modes.arc, self.laws, chosen)
+        if self.beside is not None:
+            self._put_laws(chosen)
         modes, arc, k = self.modes, self.modes.arc, self.open[i]
         t, y, level = arc.t, arc.y, self.levels[k]
         clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
@@ -682,9 +685,14 @@ class Crossing:
                 least = np.fmax(least, change)
         self.roundoff[self.open] = least
         cone = FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
-        if self.contacts is not None and self.laws:
-            cone.laws = partial(self._acting, self.contacts.left)
+        if self.beside is not None and self.laws:
+            cone.laws = partial(self._acting, self.beside.left)
         return cone
+
+    def _put_laws(self, found: RowModes) -> None:
+        """Store modes of the laws, whose forces the following evaluations include."""
+        here = Kinematics(self.modes.arc, self.modes.arc.y)
+        put_modes(here.arc, Chosen.of(here, self.laws, found))
 
     def _acting(
         self, left: Mapping[int, int], corner: Sequence[int]

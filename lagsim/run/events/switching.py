@@ -1,6 +1,6 @@
-"""Switches in the state: the modes of an arc, and the modes after a located switch.
+"""Switches in the state: the modes of surfaces, and the accumulation of switches.
 
-At the start of an arc the state is below, above or on each surface. On a surface, the
+At an instant the state is below, above or on each surface. On a surface, the
 rate of its expression selects the side. Where this rate vanishes or depends on the
 side, Filippov's conditions select the mode (`crossing`): the motion leaves to a side or
 slides along the surface.
@@ -9,7 +9,7 @@ slides along the surface.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
+from lagsim.run.events.contacts import rest_soon
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import SLIDING, SurfaceModes
 from lagsim.run.events.sequence import REGULAR, SwitchSequence
@@ -26,6 +27,7 @@ from lagsim.run.trajectory import (
     GO_ON,
     Decision,
     Ending,
+    Located,
     Outcome,
     Source,
     Turn,
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
-    from lagsim.run.events.contacts import Contacts
+    from lagsim.run.events.records import LawsAt, SurfacesAt
 
 # Error of a nearly constant coordinate, in units of rtol times its largest change in a
 # step.
@@ -67,24 +69,51 @@ BENT = (
 )
 
 
-class Switching(Source):
-    """The source of the switches of a run that depend on its state."""
+class SidesFound(NamedTuple):
+    """The modes of all surfaces that were selected at an instant.
 
-    def __init__(self, arc: Arc, contacts: Contacts | None) -> None:
-        self.contacts = contacts
+    Attributes
+    ----------
+    decision : Decision
+        The state on the surfaces followed, with the events and warnings.
+    surfaces : SurfacesAt
+    laws : LawsAt or None
+        The laws, with the modes that were selected together with sides.
+    """
+
+    decision: Decision
+    surfaces: SurfacesAt
+    laws: LawsAt | None
+
+
+class Switching(Source):
+    """The source of the switches of a run that depend on its state.
+
+    Attributes
+    ----------
+    modes : SurfaceModes
+        The modes of all surfaces in the present arc.
+    sequence : SwitchSequence
+        The last switches, by which accumulations are found.
+    resting : dict of int to float
+        Surfaces at whose level constraints hold the motion in the present arc, see
+        `SurfaceModes.held`.
+    approaches, reach, tried_at : int, float, float
+        The number of attempts to step towards a surface beyond which values are not
+        finite, since a surface was reached; the part of the distance of the last
+        attempt, and its time.
+    passed_at : float
+        The time of the last point of a table that the kernel has passed.
+    """
+
+    def __init__(self, arc: Arc) -> None:
         self.modes = SurfaceModes(arc)
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
         self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
-        self.jumped = False
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
-        # Time at which a surface was reached last, its number, and largest distance.
-        self.met: tuple[float, int, float] = (math.nan, 0, 0.0)
-        self.resting: dict[int, float] = {}  # see `SurfaceModes.held`
-        # Surfaces that the state is on, and corners at which velocities were stopped.
-        self.levels: dict[int, float] = {}
-        self.stopped: tuple[float, set[int]] = (math.nan, set())
+        self.resting: dict[int, float] = {}
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = self.passed_at = math.nan
@@ -118,25 +147,16 @@ class Switching(Source):
         self.passed_at = float(state.cross_times[count - 1])
         return Decision(events=tuple(events))
 
-    def locate(self, arc: Arc) -> None:
-        """Store the distance to its level of the surface that the kernel has located.
-
-        Events of the file that act at the same instant may then change the expression.
-        """
-        hit = int(arc.state.switched) - 1
-        if hit < self.modes.count:
-            self._reach_surface(arc, hit)
-
-    def _reach_surface(self, arc: Arc, k: int) -> None:
-        """Store the time at which surface k is reached, with its distance then."""
+    def _reached(self, arc: Arc, k: int) -> Decision:
+        """Return the decision to settle at surface k, with its distance before acts."""
         modes, off = self.modes, 0.0
         modes.arc = arc
         if k not in modes.carried:  # a carried surface has another value above
             value = float(modes.values(arc.t, arc.y)[k])
             off = abs(value - modes.level(k, value))
-        self.met = arc.t, k, TWICE * off
+        return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
-    def comes_to_rest(self, arc: Arc) -> bool:
+    def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
         """Whether a surface of velocities is at its level, but for rounding."""
         modes = self.modes
         modes.arc = arc
@@ -144,8 +164,8 @@ class Switching(Source):
             return False
         values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
         near = RESIDUAL_ROUNDOFF * sizes
-        if self.met[0] == arc.t:
-            near[self.met[1]] = max(near[self.met[1]], self.met[2])
+        if surfaces.met >= 0:
+            near[surfaces.met] = max(near[surfaces.met], surfaces.off)
         return any(
             on and abs(value - modes.level(k, value)) <= least
             for k, (on, value, least) in enumerate(
@@ -161,27 +181,31 @@ class Switching(Source):
         self.modes.arc = arc
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
-            return self._meet(arc, hit) if hit < self.modes.count else None
+            return self._reached(arc, hit) if hit < self.modes.count else None
         if code == at.PAUSED:
             asked = arc.is_looked_at and arc.t != self.passed_at
             return self._stuck(arc) if asked else None
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 
-    # The start of an arc
+    # The modes at an instant
 
-    def begin(
+    def select(
         self,
         arc: Arc,
+        surfaces: SurfacesAt,
+        laws: LawsAt | None,
         hit: int | None = None,
         *,
         at_rest: Collection[int] = (),
         time: float | None = None,
-    ) -> Decision:
+    ) -> SidesFound:
         """Select the modes of all surfaces at the state reached.
 
         Parameters
         ----------
+        surfaces : SurfacesAt
+        laws : LawsAt or None
         hit
             The surface whose mode has just ended.
         at_rest
@@ -192,26 +216,26 @@ class Switching(Source):
         modes = self.modes
         modes.arc = arc
         time = arc.t if time is None else time
-        if self.stopped[0] == arc.t:
-            at_rest = {*at_rest, *self.stopped[1]}
+        if surfaces.stopped:
+            at_rest = {*at_rest, *surfaces.stopped}
         before, held = self.slides, modes.holds
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
-        known = self._known() | dict.fromkeys(at_rest, math.inf)
+        known = self._known(surfaces) | dict.fromkeys(at_rest, math.inf)
         roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
         left = max(0.0, time - arc.t) if at_rest else 0.0
-        met = self.met[1] if self.met[0] == arc.t else None
         crossing = Crossing(
-            modes, known, at_rest, left, met, self.resting, self.contacts
+            modes, known, at_rest, left, surfaces.met, self.resting, laws
         )
         crossing.find()
-        self.levels = crossing.levels
+        levels = crossing.levels
         rests = come_to_rest(modes, crossing.levels, crossing.sizes, left)
         if not rests:
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
-            ridges = [k for k in self.corners_met(arc) if modes.kind[k] == kept.LEVEL]
+            ridges = corners_met(arc, levels)
+            ridges = [k for k in ridges if modes.kind[k] == kept.LEVEL]
             cautions += self._undecided(ridges)
             for k in crossing.undecided:
                 if modes.kind[k] == 0.0:  # rows show the choice
@@ -219,24 +243,28 @@ class Switching(Source):
         modes.write()
         modes.store(roundoff=2.0 * roundoff)
         self._set_slack(crossing)
-        return Decision(
-            y=self._projected(resting=rests or bool(at_rest)),
+        y = self._projected(resting=rests or bool(at_rest))
+        found = Decision(
+            y=y,
             events=tuple(self._changes(held, hit, time, rests=rests)),
             cautions=cautions,
+            ending=None if y is not None else Ending(Outcome.STATE_JUMPS),
         )
+        surfaces = surfaces._replace(levels=levels)
+        if laws is not None:
+            laws = laws._replace(shared=crossing.shared)
+        return SidesFound(found, surfaces, laws)
 
     # Corners of equalities
 
-    def corners_met(self, arc: Arc) -> list[int]:
-        """Return the numbers of the corners of equalities that the state is on."""
-        return [k for k in self.levels if k in arc.system.switches.corners]
-
-    def stop(self, arc: Arc, y: Floats, corners: Collection[int]) -> list[Event]:
+    def stop(
+        self, arc: Arc, y: Floats, surfaces: SurfacesAt
+    ) -> tuple[list[Event], frozenset[int]]:
         """Stop velocities that do not lead onto the sides selected at corners.
 
         The velocities in y are projected onto the rows of both sides. So are velocities
         that forces reverse before the position changes by more than rounding; then the
-        events of rest are returned.
+        events of rest are returned, and the corners at which velocities are stopped.
 
         Parameters
         ----------
@@ -244,9 +272,9 @@ class Switching(Source):
             The arc that begins.
         y : ndarray, shape (size,)
             The state, which is changed in place.
-        corners
-            The numbers of the corners of equalities.
+        surfaces : SurfacesAt
         """
+        corners = corners_met(arc, surfaces.levels)
         modes, found = self.modes, list[Event]()
         stopped = set[int]()
         if self._followed(arc):  # other corners
@@ -268,12 +296,11 @@ class Switching(Source):
             rest = (k for k in wrong if short[k] and speeds[k] > least[k])
             found += [self._rested(arc, k, time) for k in rest]
             for k in wrong:
-                modes.put(k, self.levels[k], SLIDING)
+                modes.put(k, surfaces.levels[k], SLIDING)
             stopped.update(wrong)
             modes.write()
             self._put_on(y)
-        self.stopped = (arc.t, stopped)
-        return found
+        return found, frozenset(stopped)
 
     def _put_on(self, y: Floats) -> None:
         """Project the state y (size,), in place, onto surfaces that the motion follows.
@@ -293,7 +320,7 @@ class Switching(Source):
     def _projected(self, *, resting: bool) -> Floats | None:
         """Return the state (size,) projected onto the surfaces followed.
 
-        None, with `jumped` set, where the projection changes the state too far.
+        None where the projection changes the state too far.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
@@ -309,11 +336,10 @@ class Switching(Source):
             change = y[part] - former[part]
             far = shift(masses, change, self._reach(y)[part], arc.seen[part])
             if not far <= most:
-                self.jumped = True
                 return None
         return y
 
-    def _known(self) -> dict[int, float]:
+    def _known(self, surfaces: SurfacesAt) -> dict[int, float]:
         """Return the surfaces known to be at their levels: index -> largest distance.
 
         These are the surface reached last, with its distance then, and the surfaces at
@@ -327,8 +353,8 @@ class Switching(Source):
             held = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.held()
         held |= self.resting
-        if self.met[0] == arc.t:
-            held[self.met[1]] = max(self.met[2], held.get(self.met[1], 0.0))
+        if (k := surfaces.met) >= 0:
+            held[k] = max(surfaces.off, held.get(k, 0.0))
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
@@ -402,37 +428,39 @@ class Switching(Source):
         if hit is not None and before[hit] == holds[hit] == self.slides[hit]:
             yield Event(time, "switch", switch=self.sides[hit].text)
 
-    def _meet(self, arc: Arc, k: int) -> Decision:
+    def meet(
+        self, arc: Arc, surfaces: SurfacesAt, laws: LawsAt | None, k: int
+    ) -> SidesFound:
         """Select the modes at surface k, which the motion has just reached.
 
         Where switches accumulate, the state is taken as at rest on their surfaces.
+        Arguments: see `select`.
         """
         self.approaches = 0
         self.sequence.add(arc.t, k)
         several = self.sequence.lately()
         limit = self.sequence.limit()
         if limit is None:
-            found = self.begin(arc, k)
+            found = self.select(arc, surfaces, laws, k)
             goes_on = not self.sequence.is_stuck()
         else:
             near = self._near(limit - arc.t)
             several = [i for i in several if i == k or i in near]
             self.sequence.recent.clear()
-            if self.contacts is not None:
-                self.contacts.rest_soon(arc, REACH * (limit - arc.t))
-            found = self.begin(arc, at_rest=several, time=limit)
+            if laws is not None:
+                rest_soon(arc, REACH * (limit - arc.t))
+            found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
             zeno = [self._rested(arc, k, limit) for k in several]
-            found = found._replace(events=(*zeno, *found.events))
+            events = (*zeno, *found.decision.events)
+            found = found._replace(decision=found.decision._replace(events=events))
             goes_on = bool(np.any(self.modes.bound[several]))
-            if self.contacts is not None and not (goes_on or self.jumped):
+            if laws is not None and not (goes_on or found.decision.ending):
                 # Impacts accumulate, whose limit is computed by `contacts`.
-                found, goes_on = self.begin(arc, k), True
-        if self.jumped:
-            return found._replace(ending=Ending(Outcome.STATE_JUMPS))
-        if not goes_on:
-            names = self._names(several)
-            return found._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
-        return found._replace(turn=Turn.MODE)
+                found, goes_on = self.select(arc, surfaces, laws, k), True
+        if goes_on or found.decision.ending:
+            return found
+        ending = Ending(Outcome.SWITCHES_ACCUMULATE, self._names(several))
+        return found._replace(decision=found.decision._replace(ending=ending))
 
     def _near(self, within: float) -> list[int]:
         """Return the surfaces whose levels the motion can reach in a time.
@@ -471,8 +499,7 @@ class Switching(Source):
         k, time = found
         if k is None:
             return Decision(turn=Turn.ARC, ahead=time)
-        self._reach_surface(arc, k)
-        return self._meet(arc, k)
+        return self._reached(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
         """Return the next surface, if it is reached already, and a time just before it.
@@ -501,12 +528,11 @@ class Switching(Source):
         """
         k, ahead = self._next(arc)
         if ahead < math.inf and self._is_on(arc, k):
-            self._reach_surface(arc, k)
-            return self._meet(arc, k)
+            return self._reached(arc, k)
         on = any(self._is_on(arc, k) for k in range(self.modes.count))
         if not on or arc.runner.method.NAME != SERIES:
             return None
-        return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
+        return handed_over(arc, BENT, {})._replace(turn=Turn.ARC)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Return the surface that the motion reaches next, and the time to it.
@@ -530,3 +556,11 @@ class Switching(Source):
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
         return bool(off <= 8.0 * RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())[k])
+
+
+def corners_met(arc: Arc, levels: Collection[int]) -> list[int]:
+    """Return the numbers of the corners of equalities that the state is on.
+
+    levels : the surfaces that the state is on.
+    """
+    return [k for k in levels if k in arc.system.switches.corners]

@@ -258,7 +258,7 @@ class TimeBreaks(_Ahead):
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following(inf)
-        return Decision(events=self._events(arc), turn=Turn.MODES, ending=ending)
+        return Decision(events=self._events(arc), turn=Turn.SETTLE, ending=ending)
 
     def _events(self, arc: Arc) -> tuple[Event, ...]:
         """Return the event of the break reached; none at knots where y' is continuous.

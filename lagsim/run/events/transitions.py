@@ -7,30 +7,32 @@ evaluated with the velocities before, changes the velocities (`impulses`).
 Events whose conditions become true by these acts follow at the same instant, until no
 further condition becomes true. Then all sources set their own modes and impacts take
 place, by which conditions may become true (`conditions`): their events act, and the
-cycle repeats. Where events restore modes that were in force earlier at the same
-instant, with the same state, the cycle has no end, and the run ends.
+cycle repeats (`settle`). Where events restore modes that were in force earlier at the
+same instant, with the same state, the cycle has no end, and the run ends.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.notes import Event
 from lagsim.run.events.conditions import Truth
 from lagsim.run.events.impulses import data_at, kick
+from lagsim.run.events.records import NOTHING, ActsAt, Due
 from lagsim.run.events.sequence import STUCK, SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 from lagsim.tolerances import SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
+    from lagsim.run.events.records import Round
 
 # An event chatters where `sequence.STUCK` successive acts are on average at most this
 # part of the duration apart.
@@ -39,27 +41,7 @@ HARDLY = 1e-12
 MOST_ACTS = 1000
 
 
-class Due(NamedTuple):
-    """Events that are due at an instant.
-
-    Attributes
-    ----------
-    periodic : frozenset of int
-        The numbers of periodic events.
-    conditions : frozenset of int
-        The numbers of conditions of located events, and of `until` after the last.
-    waits : bool
-        Whether the truth of other conditions is decided once the modes of the instant
-        are: their values jump where a rate is 0 that a law may hold at 0.
-    """
-
-    periodic: frozenset[int] = frozenset()
-    conditions: frozenset[int] = frozenset()
-    waits: bool = False
-
-
 NONE = frozenset[int]()
-NOTHING = Due()
 
 
 class Transitions(Source):
@@ -69,14 +51,13 @@ class Transitions(Source):
     ----------
     next : list of int
         The number of the next act of each periodic event; -1 for all other events.
-    rounds : list of (list of str, dict)
-        The rounds at the last instant, since the state jumped: the names of the located
-        events that acted together, and the modes before these acts.
-    visits : list of (list of str, dict, ndarray)
-        The same of a model with impulses, whether or not the state jumped, with the
-        velocities before the acts.
-    is_over : bool
-        Whether `until` has come true.
+    periodic, event_of : list of int
+        The numbers of periodic events; the number of the event of each condition.
+    sequences : list of SwitchSequence
+        The last times at which each event acted, by which chatter is found.
+    energetic, set_by_modes, kicks : bool
+        Whether energies depend on modes that events set; whether conditions do; whether
+        events give impulses.
     """
 
     DERIVED = ("_truth",)
@@ -86,14 +67,9 @@ class Transitions(Source):
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
-        self.rounds: list[tuple[list[str], dict[str, float]]] = []
-        self.visits: list[tuple[list[str], dict[str, float], Floats]] = []
-        self.acts = [0] * len(events)  # of each event, at the last instant
-        self.time = math.nan  # of the last instant
         self.sequences = [
             SwitchSequence(settings.start, settings.duration) for _ in events
         ]
-        self.begun = self.is_over = False
         self.energetic = arc.system.equations.is_set
         self.kicks = arc.equations.model.kicks
         self._truth: Truth | None = None
@@ -101,11 +77,11 @@ class Transitions(Source):
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
 
-    def begin(self, arc: Arc) -> Decision:
-        """Return the events that acted at the start, before the first row."""
-        if self.begun:
-            return Decision()
-        self.begun = True
+    def start(self, arc: Arc) -> Decision:
+        """Return the events that acted at the start, before the first row.
+
+        Their modes are those of the first arc. Their impulses are given here.
+        """
         begun = arc.equations.begun_by
         events, state = arc.equations.model.events, arc.state
         located = [x.name for x in events if x.at is not None]
@@ -168,11 +144,8 @@ class Transitions(Source):
     def due_after(self, arc: Arc, *, struck: bool) -> Due:
         """Return the events that are due by the state after all acts and impacts.
 
-        struck : whether velocities have jumped, so that the state differs from the
-        state before the instant.
+        struck : whether velocities have jumped since conditions were decided.
         """
-        if struck:
-            self.rounds.clear()
         if not len(arc.state.orientation):
             return NOTHING
         truth = self._truth
@@ -183,42 +156,52 @@ class Transitions(Source):
         self._truth = truth if found else None
         return Due(conditions=frozenset(found)) if found else NOTHING
 
-    def act(self, arc: Arc, due: Due) -> Decision:
+    def act(self, arc: Arc, due: Due, acts: ActsAt) -> tuple[Decision, ActsAt]:
         """Execute the events that are due, and events that become due by their acts.
 
         The decision returned contains the events, the state where its work integrals
         may have changed, and the ending of the run if an act causes one.
+
+        Parameters
+        ----------
+        arc : Arc
+        due : Due
+            The events that are due.
+        acts : ActsAt
+            The events that have acted at this instant.
         """
-        if arc.t != self.time:
-            self.time, self.acts = arc.t, [0] * len(self.acts)
-            self.rounds.clear()
-            self.visits.clear()
+        acts = acts if acts.counts else acts._replace(counts=(0,) * len(self.next))
         events = arc.equations.model.events
         event_of = self.event_of
         y = arc.y.copy()
         rows = arc.runner.tabulate(arc.row()) if self.kicks else None
         before = arc.energies(y) if self.energetic else None
         found: list[Event] = []
-        ending = self._returned(arc, due)
+        acts, ending = self._returned(arc, due, acts)
+        is_over, counts, rounds = acts.is_over, list(acts.counts), list(acts.rounds)
         impulse = np.zeros(len(arc.equations.q))
         while due != NOTHING and ending is None:
-            self.is_over |= len(event_of) in due.conditions
+            is_over |= len(event_of) in due.conditions
             own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
             if self._truth is not None:
                 once = [c for k, c in own.items() if events[k].once]
                 self._truth.hold(for_ever=once)
-            self.rounds.append(([events[k].name for k in sorted(own)], arc.modes))
+            names = tuple(events[k].name for k in sorted(own))
+            rounds.append((names, arc.modes, y[arc.velocities]))
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
                 if events[k].impulses:
                     given, failed = _impulse(arc, k)
                     impulse, ending = impulse + given, ending or failed
                 ending = ending or self._set(arc, k)
+                counts[k] += 1
+                if self._chatters(arc, k, counts[k]):
+                    ending = ending or _chatter(acts.visits or rounds)
             if due.periodic or any(events[k].once for k in own):
                 # They act once at an instant, so no cycle contains this round.
-                self.rounds.clear()
+                rounds.clear()
             else:
-                ending = ending or self._undone(arc)
+                ending = ending or _undone(arc, rounds)
             due = NOTHING
             if found and self._truth is not None:
                 due = Due(conditions=frozenset(self._truth.changed()))
@@ -227,36 +210,37 @@ class Transitions(Source):
         kicks = ending is None and bool(impulse.any())
         if kicks:
             y, energy = self._kicked(arc, impulse, y)
-            names = {x.name for x in events if x.impulses}
-            found = [_with_energy(x, energy, names) for x in found]
+            kicking = {x.name for x in events if x.impulses}
+            found = [_with_energy(x, energy, kicking) for x in found]
         changed = kicks or before is not None
-        return Decision(
+        decision = Decision(
             tuple(found), y=y if changed else None, rows=rows if kicks else None,
             ending=ending,
         )  # fmt: skip
+        after = ActsAt(tuple(counts), tuple(rounds), acts.visits, is_over)
+        return decision, after
 
-    def _returned(self, arc: Arc, due: Due) -> Ending | None:
-        """Return the ending of a run whose events lead back to a state by impulses.
+    def _returned(
+        self, arc: Arc, due: Due, acts: ActsAt
+    ) -> tuple[ActsAt, Ending | None]:
+        """Add a visit, and return the ending of a run whose impulses lead back to it.
 
         The modes and the velocities are equal to those before an earlier round of the
         instant, with the same events.
         """
         if not self.kicks:
-            return None
+            return acts, None
         events = arc.equations.model.events
         own = [self.event_of[c] for c in due.conditions if c < len(self.event_of)]
-        names, v = [events[k].name for k in sorted(own)], arc.y[arc.velocities].copy()
         if due.periodic or any(events[k].once for k in own):
-            self.visits.clear()
-            return None
+            return acts._replace(visits=()), None
+        names, v = tuple(events[k].name for k in sorted(own)), arc.y[arc.velocities]
         least = SOLUTION_ROUNDOFF * arc.seen[arc.velocities]
-        earlier, now = self.visits, (names, arc.modes, v)
+        earlier, now = acts.visits, (names, arc.modes, v.copy())
         for k, (some, modes, w) in enumerate(earlier):
             if some == names and modes == now[1] and (np.abs(w - v) <= least).all():
-                about = quoted(name for some, *_ in earlier[k:] for name in some)
-                return Ending(Outcome.EVENTS_CHATTER, about)
-        earlier.append(now)
-        return None
+                return acts, _chatter(earlier[k:])
+        return acts._replace(visits=(*earlier, now)), None
 
     def _kicked(
         self, arc: Arc, impulse: Floats, y: Floats | None = None
@@ -278,10 +262,7 @@ class Transitions(Source):
         return after, energy
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
-        """Set the modes of event k; return the ending of the run if this ends it.
-
-        The run ends where a mode is not finite or the event chatters.
-        """
+        """Set the modes of event k; return an ending where a mode is not finite."""
         events = arc.equations.model.events
         event, first = events[k], sum(len(x.sets) for x in events[:k])
         every = sum(len(x.sets) for x in events)
@@ -295,32 +276,37 @@ class Transitions(Source):
         arc.runner.prepare()
         if event.at is None:
             self.next[k] += 1
-            return ending
-        return ending or self._chatters(arc, k)
+        return ending
 
-    def _undone(self, arc: Arc) -> Ending | None:
-        """Return the ending of a run whose last round restores modes of an earlier one.
+    def _chatters(self, arc: Arc, k: int, count: int) -> bool:
+        """Whether located event k acts too often in negligible time.
 
-        The events of these rounds undo each other at one instant. Within one round
-        events may restore modes: all were due together, and none follows from another.
+        count : the number of its acts at this instant.
         """
-        *earlier, (_, before) = self.rounds
-        seen = [modes for _, modes in earlier]
-        if arc.modes == before or arc.modes not in seen:
-            return None
-        cycle = self.rounds[seen.index(arc.modes) :]
-        about = quoted(name for names, _ in cycle for name in names)
-        return Ending(Outcome.EVENTS_CHATTER, about)
-
-    def _chatters(self, arc: Arc, k: int) -> Ending | None:
-        """Return the ending of the run if event k acts too often in negligible time."""
-        self.acts[k] += 1
-        if self.acts[k] == 1:
+        if arc.equations.model.events[k].at is None:
+            return False
+        if count == 1:
             self.sequences[k].add(arc.t, k)
-        if self.acts[k] <= MOST_ACTS and not self.sequences[k].is_stuck(STUCK * HARDLY):
-            return None
-        names = [name for names, *_ in self.visits or self.rounds for name in names]
-        return Ending(Outcome.EVENTS_CHATTER, quoted(names))
+        return count > MOST_ACTS or self.sequences[k].is_stuck(STUCK * HARDLY)
+
+
+def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
+    """Return the ending of a run whose last round restores modes of an earlier one.
+
+    The events of these rounds undo each other at one instant. Within one round events
+    may restore modes: all were due together, and none follows from another.
+    """
+    *earlier, (_, before, _) = rounds
+    seen = [modes for _, modes, _ in earlier]
+    if arc.modes == before or arc.modes not in seen:
+        return None
+    return _chatter(rounds[seen.index(arc.modes) :])
+
+
+def _chatter(rounds: Sequence[Round]) -> Ending:
+    """Return the ending of a run that the located events of some rounds cause."""
+    about = quoted(name for names, *_ in rounds for name in names)
+    return Ending(Outcome.EVENTS_CHATTER, about)
 
 
 def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:

@@ -1,0 +1,148 @@
+"""The parts of the record of one instant: events of the file, surfaces and laws.
+
+Each is frozen data that a phase of `run.settle` receives and returns, see
+`run.instant.InstantRecord`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact import RowModes
+    from lagsim.run.events.kinematics import Kinematics
+
+    # The names of the located events that acted in one round, the modes of the file
+    # before these acts, and the velocities before them.
+    Round = tuple[tuple[str, ...], dict[str, float], Floats]
+
+
+class Due(NamedTuple):
+    """Events of the file that are due.
+
+    Attributes
+    ----------
+    periodic : frozenset of int
+        The numbers of periodic events.
+    conditions : frozenset of int
+        The numbers of conditions of located events, and of `until` after the last.
+    waits : bool
+        Whether the truth of other conditions is decided once the modes of the instant
+        are: their values jump where a rate is 0 that a law may hold at 0.
+    """
+
+    periodic: frozenset[int] = frozenset()
+    conditions: frozenset[int] = frozenset()
+    waits: bool = False
+
+    @property
+    def acts(self) -> bool:
+        """Whether any event acts, or `until` is true."""
+        return bool(self.periodic or self.conditions)
+
+
+NOTHING = Due()
+
+
+class Before(NamedTuple):
+    """Table row just before the time reached, and the velocity error before it.
+
+    Attributes
+    ----------
+    row : ndarray, shape (1, k)
+        Columns of the table, dated at the time reached.
+    off : ndarray, shape (n,)
+        Newton step of the velocities onto the constraints: an error by drift, or one
+        that stabilization reduces slowly, is not part of an impact.
+    """
+
+    row: Floats
+    off: Floats
+
+
+class ActsAt(NamedTuple):
+    """The events of the file that have acted at an instant.
+
+    Attributes
+    ----------
+    counts : tuple of int
+        The number of acts of each event.
+    rounds : tuple of Round
+        The rounds since the state has jumped by anything but impulses of events.
+    visits : tuple of Round
+        The rounds that acts, impacts and modes have led to, one for each phase `acts`,
+        since one that cannot recur; of models with impulses only.
+    is_over : bool
+        Whether `until` has come true.
+    """
+
+    counts: tuple[int, ...] = ()
+    rounds: tuple[Round, ...] = ()
+    visits: tuple[Round, ...] = ()
+    is_over: bool = False
+
+
+class SurfacesAt(NamedTuple):
+    """The switching surfaces at an instant.
+
+    Attributes
+    ----------
+    levels : mapping of int to float
+        The level of each surface that the state is on, by the last phase `sides`.
+    met, off : int, float
+        The surface that was located last, or -1, and the largest distance of its
+        expression from its level.
+    stopped : frozenset of int
+        Corners of equalities at which velocities have been stopped.
+    """
+
+    levels: Mapping[int, float] = {}
+    met: int = -1
+    off: float = 0.0
+    stopped: frozenset[int] = frozenset()
+
+
+class LawsAt(NamedTuple):
+    """The laws at an instant.
+
+    Attributes
+    ----------
+    mode : ndarray, shape (L,)
+        The modes selected last; before the first selection, those of the arc that has
+        ended. Listed events are differences of two selections.
+    slid : frozenset of int
+        Laws that slid in the arc that has ended.
+    left : mapping of int to int
+        How often each law that held has reached the limit of its multiplier.
+    closed : frozenset of int
+        Laws that count as closed whatever their gaps are, since they were located.
+    rested : frozenset of str
+        Contacts whose bounces have ended, which list no event `contact`.
+    shared : tuple of (list of int, RowModes), or None
+        Laws and their modes in the problem that the last phase `sides` has solved for
+        surfaces and laws together; None without such a problem, and after impacts.
+    """
+
+    mode: Floats
+    slid: frozenset[int] = frozenset()
+    left: Mapping[int, int] = {}
+    closed: frozenset[int] = frozenset()
+    rested: frozenset[str] = frozenset()
+    shared: tuple[list[int], RowModes] | None = None
+
+
+class LawState(NamedTuple):
+    """The laws at the state reached, by the last phase `velocities`.
+
+    Attributes
+    ----------
+    here : Kinematics
+    some : list of int
+        The laws that are closed and can strike.
+    """
+
+    here: Kinematics
+    some: list[int]

@@ -1,0 +1,90 @@
+"""The record of one instant: all that the phases of `settle` hand on to each other.
+
+A record is never changed: each phase returns the next one. The state (q, q', s), the
+modes of the file and the modes of rows and surfaces are in the memory of the arc, which
+compiled functions read; `settle` writes them there between two phases. Everything else
+that is known of an instant is here, and nothing of it survives the instant: a record is
+handed on to the next call of `settle` only where no time has passed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.run.events.records import NOTHING, ActsAt, Due, SurfacesAt
+from lagsim.run.trajectory import NOWHERE
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.notes import Caution, Choice, Event
+    from lagsim.run.arc import Arc
+    from lagsim.run.events.records import Before, LawsAt, LawState
+    from lagsim.run.trajectory import Decision, Ending, Located
+
+
+class InstantRecord(NamedTuple):
+    """One instant, as the phases so far have left it.
+
+    Attributes
+    ----------
+    arc : Arc
+        The arc, with the state, and the modes of the file, rows and surfaces.
+    t : float
+        The time of the instant, with which everything is dated.
+    located : Located
+        The event function that has ended the arc.
+    due : Due
+        The events of the file that act next.
+    acts, surfaces, laws
+        The parts of the record of events, surfaces and laws; `laws` is None in a model
+        without laws.
+    stale : bool
+        Whether the branches of t are to be selected again.
+    before : Before or None
+        The row before, where equalities may jump.
+    shown : ndarray, shape (k,), or None
+        The columns before events acted, which are the row before an impact.
+    impacts : bool
+        Whether velocities have jumped since conditions were decided.
+    admissible : LawState or None
+        The laws, where no closed row approaches; None where this is to be decided.
+    jumped : bool
+        Whether velocities have jumped since sides were decided.
+    rows : tuple of ndarray, shape (1, k)
+        Rows of jumps that are to be written.
+    after : ndarray, shape (1, k), or None
+        The row after the last jump, which is written once time has advanced.
+    events, cautions, choices
+        The entries of the run's lists, in the order in which they arose.
+    ending : Ending or None
+        The reason why the run ends here.
+    """
+
+    arc: Arc
+    t: float
+    located: Located = NOWHERE
+    due: Due = NOTHING
+    acts: ActsAt = ActsAt()
+    surfaces: SurfacesAt = SurfacesAt()
+    laws: LawsAt | None = None
+    stale: bool = True
+    before: Before | None = None
+    shown: Floats | None = None
+    impacts: bool = False
+    admissible: LawState | None = None
+    jumped: bool = False
+    rows: tuple[Floats, ...] = ()
+    after: Floats | None = None
+    events: tuple[Event, ...] = ()
+    cautions: tuple[Caution, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    ending: Ending | None = None
+
+    def joined(self, found: Decision) -> InstantRecord:
+        """Return the record with the entries and the ending of a decision."""
+        return self._replace(
+            events=self.events + found.events,
+            cautions=self.cautions + found.cautions,
+            choices=self.choices + found.choices,
+            ending=self.ending or found.ending,
+        )

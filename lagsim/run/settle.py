@@ -1,0 +1,426 @@
+"""What happens at one instant: `settle`, whose code reads as docs/events.md.
+
+An arc ends where something must be decided. `settle` decides all of it at that time and
+in that state, in seven phases, each of which receives the record of the instant and
+returns the next one (`instant.InstantRecord`):
+
+    1 acts        events of the file that are due, in the order of the file
+    2 sides       branches of t, then the side of each switching surface
+    3 velocities  impacts: of equalities that jump, then of laws that approach
+    4 modes       the modes of laws, by the accelerations
+    5 ties        within 2 and 4: by the rates of what is tied, then by a rule
+    6 repeat      events that these phases have made due act at the same instant
+    7 bookkeep    rows before and after jumps, and lists, all with one time
+
+Only `settle` carries out what a phase has found: it writes state and modes to the
+memory of the arc, which the compiled functions and the kernels of the next arc read.
+"""
+
+from __future__ import annotations
+
+from functools import wraps
+from typing import TYPE_CHECKING, NamedTuple, ParamSpec
+
+import numpy as np
+
+from lagsim.mechanics.equations import may_jump
+from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
+from lagsim.run.events.contacts import comes_to_rest, laws_at
+from lagsim.run.events.records import NOTHING
+from lagsim.run.events.sequence import STUCK
+from lagsim.run.failures import end_of_table
+from lagsim.run.instant import InstantRecord
+from lagsim.run.trajectory import NOWHERE, Decision, Ending, Outcome, quoted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.run.arc import Arc
+    from lagsim.run.events.contacts import Contacts
+    from lagsim.run.events.records import Before
+    from lagsim.run.events.switching import Switching
+    from lagsim.run.events.times import KnotTimes, TimeBreaks
+    from lagsim.run.events.transitions import Transitions
+    from lagsim.run.trajectory import Located
+
+P = ParamSpec("P")
+
+# Words in the messages of Python, numpy and scipy about numbers that are out of range,
+# in a ValueError or its subclass LinAlgError.
+OUT_OF_RANGE = ("NaN", "infs", "math domain")
+
+
+class Deciders(NamedTuple):
+    """The parts of a run that decide at an instant; None for what a model has not.
+
+    Attributes
+    ----------
+    knots, breaks
+        The branches of t: cells of tables that kernels pass, and all others.
+    transitions
+        The events of the file.
+    switching
+        The surfaces of switches in the state.
+    contacts
+        The laws: contacts, friction, limits, freewheels, relations with `when`.
+    jumping : bool
+        Whether an equality of the model or its rate may jump.
+    """
+
+    knots: KnotTimes | None = None
+    breaks: TimeBreaks | None = None
+    transitions: Transitions | None = None
+    switching: Switching | None = None
+    contacts: Contacts | None = None
+    jumping: bool = False
+
+
+def unless_overflow(
+    work: Callable[P, Ending | None],
+) -> Callable[P, Ending | None]:
+    """Decorate a stage of a run: an overflow in Python ends the run.
+
+    Kernels check each state themselves. Events are computed in Python, which raises
+    ArithmeticError or ValueError where numpy returns inf and nan.
+    """
+
+    @wraps(work)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> Ending | None:
+        try:
+            return work(*args, **kwargs)
+        except (ArithmeticError, ValueError) as error:
+            if not is_overflow(error):
+                raise
+            return Ending(Outcome.NOT_FINITE)
+
+    return guarded
+
+
+def is_overflow(error: Exception) -> bool:
+    """Whether an exception reports a number that is out of range."""
+    if isinstance(error, ArithmeticError | np.linalg.LinAlgError):
+        return True
+    return any(word in str(error) for word in OUT_OF_RANGE)
+
+
+def phase(
+    work: Callable[[InstantRecord, Deciders], InstantRecord],
+) -> Callable[[InstantRecord, Deciders], InstantRecord]:
+    """Decorate a phase: it does nothing once the run has ended, as by an overflow."""
+
+    @wraps(work)
+    def guarded(now: InstantRecord, by: Deciders) -> InstantRecord:
+        if now.ending is not None:
+            return now
+        try:
+            return work(now, by)
+        except (ArithmeticError, ValueError) as error:
+            if not is_overflow(error):
+                raise
+            return now._replace(ending=Ending(Outcome.NOT_FINITE))
+
+    return guarded
+
+
+# --- The record of an instant
+
+
+def met_at(
+    arc: Arc, last: InstantRecord, located: Located, before: Before | None
+) -> InstantRecord:
+    """Return the record with which an instant begins, at the end of an arc.
+
+    Parameters
+    ----------
+    arc : Arc
+        The arc that has ended, at the time of the instant.
+    last : InstantRecord
+        The record of the last instant. Where no time has passed since, it is this
+        instant that goes on: what has acted, struck and been located still counts.
+    located : Located
+        The event function that has ended the arc.
+    before : Before or None
+        The row before, where equalities may jump.
+    """
+    if last.t == arc.t:
+        now = last._replace(arc=arc, before=before, shown=None)
+    else:
+        laws = laws_at(arc) if arc.system.laws else None
+        now = InstantRecord(arc, arc.t, laws=laws, before=before)
+    alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
+    now = now._replace(located=located, stale=not alone, impacts=False, admissible=None)
+    if located.surface >= 0:
+        met = now.surfaces._replace(met=located.surface, off=located.off)
+        now = now._replace(surfaces=met)
+    return now
+
+
+def equalities_may_jump(arc: Arc) -> bool:
+    """Whether an equality of the model or its rate may jump."""
+    e = arc.equations
+    nodes = [node for x in e.rows for node in (x.residual, x.rate)]
+    return arc.system.m > 0 and may_jump(e, nodes)
+
+
+# --- The algorithm
+
+
+def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Decide everything at one instant.
+
+    Parameters
+    ----------
+    now : InstantRecord
+        The instant, with the event function that ended the arc, and the events due.
+    by : Deciders
+        The parts of the run that decide.
+
+    Returns
+    -------
+    InstantRecord
+        The instant, with the state just after it and the modes of the next arc in the
+        arc's memory, and the rows and the events that are to be recorded.
+    """
+    now = acts(now, by)
+    while True:
+        now = sides_and_velocities(now, by)
+        now = modes(now, by)
+        now = due_after(now, by)
+        if not now.due.acts or now.ending is not None:
+            return bookkeep(now, by)
+        now = acts(now, by)
+
+
+def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Decide sides and velocities by turns, until no velocity jumps.
+
+    A law that was located may be struck with the sides as they were; sides are decided
+    after it.
+    """
+    if now.located.law >= 0:
+        now = end_of_mode(now, by)
+    now = branches(now, by)
+    for _ in range(STUCK):
+        now = velocities(sides(now, by), by)
+        if not now.jumped or now.ending is not None:
+            return now
+    late = now.events[-STUCK:]
+    about = quoted(x for e in late if (x := e.constraint or e.switch))
+    return now._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
+
+
+@phase
+def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Execute the events that are due, and all that follow by the modes they set.
+
+    All events due together act in the order of the file; events whose conditions these
+    acts make true act next, until no further condition becomes true. Then the sum of
+    their impulses changes the velocities.
+    """
+    if by.transitions is None or not now.due.acts:
+        return now
+    arc, before = now.arc, now.before
+    if before is None and by.jumping:
+        before = before_event(arc)
+    # The row before an impact has the modes before the event.
+    shown = arc.observed() if arc.system.laws else None
+    found, acted = by.transitions.act(arc, now.due, now.acts)
+    now = now._replace(acts=acted, before=before, shown=shown, stale=True)
+    return carried_out(now, found)
+
+
+@phase
+def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Strike the laws with the sides as they were, since a law was located."""
+    assert by.contacts is not None
+    assert now.laws is not None
+    met = now.located.law
+    laws = by.contacts.located(now.arc, now.laws, met)
+    return laws_struck(now._replace(laws=laws, located=NOWHERE), by, met)
+
+
+@phase
+def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Select the branches of all switches of t alone, from this time on."""
+    if not now.stale:
+        return now
+    if by.knots is not None:
+        by.knots.begin(now.arc)
+    if by.breaks is not None:
+        by.breaks.begin(now.arc)
+    return now._replace(stale=False, admissible=None)
+
+
+@phase
+def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Select the side of each surface: below, above, or on it, and then its mode.
+
+    Each is decided after the surfaces on which its argument depends, and again whenever
+    one of these has changed. Where forces decide, the laws that could act are rows of
+    the same problem.
+    """
+    now = now._replace(jumped=False)
+    if by.switching is None:
+        return now
+    located, arc = now.located, now.arc
+    if located.surface >= 0:
+        found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
+    else:
+        found = by.switching.select(arc, now.surfaces, now.laws)
+    now = now._replace(
+        surfaces=found.surfaces, laws=found.laws, located=NOWHERE, admissible=None
+    )
+    return carried_out(now, found.decision)
+
+
+@phase
+def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Strike where velocities are not admissible: equalities first, then laws.
+
+    An equality whose rate has jumped is an inelastic impact. Laws that approach are
+    struck together, each by its own restitution.
+    """
+    ending = end_of_table(now.arc)
+    if ending is not None:
+        return now._replace(ending=ending)
+    if now.before is not None:
+        found, surfaces = inelastic_impact(
+            now.arc, now.before, by.switching, now.surfaces
+        )
+        now = carried_out(now._replace(surfaces=surfaces, before=None), found)
+        if now.jumped or now.ending is not None:
+            return now._replace(admissible=None)
+    if by.contacts is None or now.admissible is not None:
+        return now
+    return laws_struck(now, by)
+
+
+def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecord:
+    """Return the record after the impacts of laws.
+
+    met : the law whose mode has ended, or -1.
+    """
+    assert by.contacts is not None
+    assert now.laws is not None
+    arc = now.arc
+    decided = met < 0 or not (arc.system.surfaces or arc.t >= arc.end)
+    found = by.contacts.velocities(arc, now.laws, met, decided=decided)
+    now = now._replace(laws=found.laws)
+    now = carried_out(now, found.decision(arc))._replace(admissible=found.state)
+    if now.ending is None and met >= 0:
+        now = now._replace(ending=by.contacts.accumulate())
+    return now
+
+
+@phase
+def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Select the modes of all laws by the accelerations, in one problem.
+
+    Laws beside surfaces whose sides the forces decide have their modes from the problem
+    of these sides. What is tied is decided by rates (`mechanics.contact.modes`).
+    """
+    if by.contacts is None or now.laws is None or now.admissible is None:
+        return now
+    found = by.contacts.modes(now.arc, now.laws, now.admissible)
+    now = now._replace(laws=found.laws, admissible=None)
+    return carried_out(now, found.decision(now.arc))
+
+
+@phase
+def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Find the events that have become due by the state after all phases."""
+    now = now._replace(due=NOTHING)
+    if by.transitions is None or now.acts.is_over:
+        return now
+    struck = now.impacts
+    if struck:
+        now = now._replace(acts=now.acts._replace(rounds=()), impacts=False)
+    return now._replace(due=by.transitions.due_after(now.arc, struck=struck))
+
+
+@phase
+def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Return the record with the row after the last jump, and the end by `until`."""
+    if now.after is not None:
+        now = now._replace(after=now.arc.runner.tabulate(now.arc.row()))
+    if by.transitions is not None and now.acts.is_over:
+        now = now._replace(ending=Ending(Outcome.UNTIL))
+    return now
+
+
+def carried_out(now: InstantRecord, found: Decision) -> InstantRecord:
+    """Carry out on the arc what a phase has found, and return the next record.
+
+    Where velocities jump, the row before the jump and the row after it are stored. All
+    jumps of an instant at which an event gives an impulse have one row before.
+    """
+    arc, rows, after = now.arc, now.rows, now.after
+    if found.sizes is not None:
+        arc.sizes[:] = found.sizes
+    jumps, shown = found.rows is not None, now.shown
+    if found.rows is not None:
+        before = found.rows if shown is None else shown[None]
+        shown = None
+        joined = arc.system.p.kicked > 0.0 and after is not None
+        if after is not None and not joined:
+            rows = (*rows, after)
+        if arc.row_time(-1) < arc.t and not joined:
+            rows = (*rows, before)
+    if found.y is not None:
+        arc.put(found.y)
+    if jumps:
+        after = arc.runner.tabulate(arc.row())
+        arc.pass_shown()
+    return now.joined(found)._replace(
+        rows=rows, after=after, shown=shown,
+        impacts=now.impacts or jumps, jumped=now.jumped or jumps,
+    )  # fmt: skip
+
+
+# --- The events that are due, just before an instant and at the start
+
+
+def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Return the record with the events that are due by the state just before."""
+    if by.transitions is None:
+        return now
+
+    def rests(arc: Arc) -> bool:
+        """Whether a law or a surface may hold a rate at 0 from this instant on."""
+        if arc.system.laws and comes_to_rest(arc):
+            return True
+        on = by.switching
+        return on is not None and on.comes_to_rest(arc, now.surfaces)
+
+    return now._replace(due=by.transitions.due(now.arc, rests))
+
+
+def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
+    """Decide everything at the start of a run.
+
+    The acts at the start have set the modes of the file before the first row, so their
+    impulses alone are left, and conditions that the start makes true.
+    """
+    switches = arc.system.switches
+    jumps = by.jumping and (switches.modes or switches.corners)
+    now = InstantRecord(arc, arc.t, before=at_start(arc) if jumps else None)
+    if arc.system.laws:
+        now = now._replace(laws=laws_at(arc))
+    values = arc.located(arc.t, arc.y)
+    now = branches(now, by)
+    if by.transitions is not None:
+        now = first_acts(now, by)
+    now = modes(sides_and_velocities(now, by), by)
+    if by.transitions is not None and now.ending is None:
+        struck = values if now.impacts else None
+        now = now._replace(due=by.transitions.look_at_start(arc, struck), impacts=False)
+        if now.due != NOTHING:
+            return settle(now, by)
+    return bookkeep(now, by)
+
+
+@phase
+def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """List the acts at the start, and give their impulses."""
+    assert by.transitions is not None
+    return carried_out(now, by.transitions.start(now.arc))
