@@ -12,7 +12,7 @@ import math
 import time
 from collections import Counter
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -159,6 +159,8 @@ class Recorder:
         for observer in self.observers:
             observer.add(rows)
 
+
+Kind = TypeVar("Kind", bound=Source)
 
 # Codes of kernels that end an arc within a step, and all codes that end one at an
 # instant.
@@ -630,9 +632,12 @@ def _sources(arc: Arc) -> Iterator[Source]:
 
 def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
     """Return the sources that decide at an instant."""
-    kinds = {
-        KnotTimes: "knots", TimeBreaks: "breaks", Transitions: "transitions",
-        Switching: "switching", Contacts: "contacts",
-    }  # fmt: skip
-    own = {kinds[type(x)]: x for x in sources if type(x) in kinds}
-    return Deciders(jumping=equalities_may_jump(arc), **own)
+
+    def own(kind: type[Kind]) -> Kind | None:
+        """Return the source of a class, or None."""
+        return next((x for x in sources if isinstance(x, kind)), None)
+
+    return Deciders(
+        own(KnotTimes), own(TimeBreaks), own(Transitions), own(Switching),
+        own(Contacts), equalities_may_jump(arc),
+    )  # fmt: skip
