@@ -47,6 +47,7 @@ from lagsim.run.settle import (
     Deciders,
     due_before,
     equalities_may_jump,
+    may_strike,
     met_at,
     settle,
     settle_start,
@@ -416,10 +417,10 @@ class Run:
 
     def _strikes_last(self) -> bool:
         """Whether a law strikes at the end of the run, to rounding of its time."""
-        arc, contacts = self.arc, self.deciders.contacts
-        if contacts is None or arc.t < arc.settings.end or self.record.t == arc.t:
+        arc = self.arc
+        if arc.t < arc.settings.end or self.record.t == arc.t:
             return False
-        return contacts.approach(arc)
+        return may_strike(arc, self.deciders)
 
     def _with_breaks(self, decision: Decision | None) -> Decision | None:
         """Return a decision at a located event, joined with that of a break then.
@@ -503,6 +504,9 @@ class Run:
     ) -> Ending | None:
         """Carry out a decision: settle the instant, or begin another arc."""
         shown = self.recorder.rows
+        if decision.ending is None and decision.turn is Turn.SETTLE:
+            now = now._replace(breaks=decision.events)
+            decision = decision._replace(events=())
         self._take(decision)
         if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending

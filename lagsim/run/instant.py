@@ -40,6 +40,8 @@ class InstantRecord(NamedTuple):
         without laws.
     stale : bool
         Whether the branches of t are to be selected again.
+    breaks : tuple of Event
+        The events of breaks at this time, listed when branches are selected.
     before : Before or None
         The row before, where equalities may jump.
     shown : ndarray, shape (k,), or None
@@ -68,6 +70,7 @@ class InstantRecord(NamedTuple):
     surfaces: SurfacesAt = SurfacesAt()
     laws: LawsAt | None = None
     stale: bool = True
+    breaks: tuple[Event, ...] = ()
     before: Before | None = None
     shown: Floats | None = None
     impacts: bool = False

@@ -248,7 +248,9 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
         by.knots.begin(now.arc)
     if by.breaks is not None:
         by.breaks.begin(now.arc)
-    return now._replace(stale=False, admissible=None)
+    return now._replace(
+        events=now.events + now.breaks, breaks=(), stale=False, admissible=None
+    )
 
 
 @phase
@@ -421,6 +423,21 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
 
 @phase
 def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """List the acts at the start, and give their impulses."""
-    assert by.transitions is not None
-    return carried_out(now, by.transitions.start(now.arc))
+    """List the acts at the start, and give their impulses.
+
+    The row before an impulse shows the forces of the modes in which the state would
+    stay without it.
+    """
+    arc, transitions = now.arc, by.transitions
+    assert transitions is not None
+    if arc.equations.begun_by.impulses and not may_strike(arc, by):
+        at_rest = modes(velocities(sides(now, by), by), by)
+        now = now._replace(ending=at_rest.ending)
+        if by.switching is not None:
+            by.switching.modes.forget()
+    return carried_out(now, transitions.start(arc))
+
+
+def may_strike(arc: Arc, by: Deciders) -> bool:
+    """Whether a closed law approaches at the state reached."""
+    return by.contacts is not None and by.contacts.approach(arc)

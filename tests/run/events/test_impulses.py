@@ -293,6 +293,36 @@ def test_a_kick_breaks_friction_loose(brake, far):
     assert result["x"] == pytest.approx(x, abs=1e-10 + 1e-14 * far)
 
 
+HELD = {
+    "floor": ("{relation: y >= 0, restitution: 0}", 2 * 9.81, "y"),
+    "brake": ("{relation: x_dot = 0, limit: 5}", -1.5, "x"),
+    "switch": (None, 1.5, "x"),
+}
+
+
+@pytest.mark.parametrize("held", HELD)
+def test_a_kick_at_the_start_has_the_forces_at_rest_in_the_row_before(held):
+    # Mass 2; at rest under its weight, and held in x against a force of 1.5.
+    relation, force, way = HELD[held]
+    friction = " - 4*sign(x_dot)" if held == "switch" else ""
+    more = f"forces: {{x: 1.5{friction}}}\n"
+    if relation is not None:
+        more += f"constraints: {{c: {relation}}}\n"
+    result = run(
+        "k: {every: 10, impulse: {x: 0.5, y: 3}}", coordinates="x: {}, y: {}",
+        initial="x: 0, y: 0", kinetic="x_dot^2 + y_dot^2", potential="2*9.81*y",
+        end=0.1, step=0.05, more=more,
+    )  # fmt: skip
+    assert result.t[:2] == pytest.approx([0.0, 0.0])
+    assert result[f"{way}_dot"][0] == 0.0
+    assert result[f"{way}_ddot"][0] == pytest.approx(0.0, abs=JUMP)
+    if relation is not None:
+        assert result["lambda_c"][0] == pytest.approx(force)
+    # The kick: 0.5/2 in x and 3/2 in y, but the brake's limit has no impulse.
+    kicked = {"x": 0.25, "y": 1.5}
+    assert result[f"{way}_dot"][1] == pytest.approx(kicked[way], abs=JUMP)
+
+
 def test_a_freewheel_answers_and_a_latch_holds():
     result = run(
         "a: {every: 1, impulse: {x: 1, y: 2}}, b: {every: 2, impulse: {x: -3}}",
