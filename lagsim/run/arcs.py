@@ -49,6 +49,7 @@ from lagsim.run.settle import (
     equalities_may_jump,
     may_strike,
     met_at,
+    new_record,
     settle,
     settle_start,
     unless_overflow,
@@ -271,9 +272,10 @@ class Run:
         )
         if now.ending is not None and now.ending.outcome is Outcome.TABLE_ENDS:
             self.cut = self.arc.observed()
-        self.record = now._replace(
-            admissible=None, shown=None, rows=(), events=(), cautions=(), choices=()
-        )
+        self.record = now.but(
+            admissible=None, impacts=False, shown=None, rows=(), events=(),
+            cautions=(), choices=(),
+        )  # fmt: skip
         return now.ending
 
     @unless_overflow
@@ -503,14 +505,12 @@ class Run:
         self, decision: Decision, now: InstantRecord, corner: Floats | None
     ) -> Ending | None:
         """Carry out a decision: settle the instant, or begin another arc."""
-        shown = self.recorder.rows
-        if decision.ending is None and decision.turn is Turn.SETTLE:
-            now = now._replace(breaks=decision.events)
-            decision = decision._replace(events=())
-        self._take(decision)
+        if decision.ending is not None or decision.turn is not Turn.SETTLE:
+            self._take(decision)
         if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending
         if decision.turn is Turn.SETTLE:
+            shown, now = self.recorder.rows, now.but(breaks=decision.events)
             ending = self._recorded(settle(now, self.deciders))
             # An impact has rows of its own.
             struck = self.record.after is not None or shown != self.recorder.rows
@@ -542,7 +542,8 @@ class Run:
         known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
         self.arc = arc.next(end, ahead)
-        self.record = met_at(self.arc, self.record, NOWHERE, None)
+        if self.record.t != arc.t:
+            self.record = new_record(self.arc)
         self.arcs += 1
         for source in self.sources:
             self._take(source.set_out(self.arc))
@@ -558,7 +559,7 @@ class Run:
         """
         if self.record.after is not None:
             self.recorder.hand_on(self.record.after)
-            self.record = self.record._replace(after=None)
+            self.record = self.record.but(after=None)
             p = self.arc.system.p
             p.impulses[:] = p.row_impulses[:] = p.kicked = 0.0
 
@@ -641,7 +642,13 @@ def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
         """Return the source of a class, or None."""
         return next((x for x in sources if isinstance(x, kind)), None)
 
+    switches = arc.system.switches
     return Deciders(
-        own(KnotTimes), own(TimeBreaks), own(Transitions), own(Switching),
-        own(Contacts), equalities_may_jump(arc),
+        own(KnotTimes),
+        own(TimeBreaks),
+        own(Transitions),
+        own(Switching),
+        own(Contacts),
+        equalities_may_jump(arc),
+        bool(switches.modes or switches.sides),
     )  # fmt: skip

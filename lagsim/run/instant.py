@@ -9,20 +9,29 @@ handed on to the next call of `settle` only where no time has passed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from lagsim.run.events.records import NOTHING, ActsAt, Due, SurfacesAt
+from lagsim.run.events.records import NO_ACTS, NO_SURFACES, NOTHING
 from lagsim.run.trajectory import NOWHERE
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution, Choice, Event
     from lagsim.run.arc import Arc
-    from lagsim.run.events.records import Before, LawsAt, LawState
-    from lagsim.run.trajectory import Decision, Ending, Located
+    from lagsim.run.events.records import (
+        ActsAt,
+        Before,
+        Due,
+        LawsAt,
+        LawState,
+        SurfacesAt,
+    )
+    from lagsim.run.trajectory import Ending, Located
 
 
-class InstantRecord(NamedTuple):
+@dataclass(frozen=True)
+class InstantRecord:
     """One instant, as the phases so far have left it.
 
     Attributes
@@ -66,8 +75,8 @@ class InstantRecord(NamedTuple):
     t: float
     located: Located = NOWHERE
     due: Due = NOTHING
-    acts: ActsAt = ActsAt()
-    surfaces: SurfacesAt = SurfacesAt()
+    acts: ActsAt = NO_ACTS
+    surfaces: SurfacesAt = NO_SURFACES
     laws: LawsAt | None = None
     stale: bool = True
     breaks: tuple[Event, ...] = ()
@@ -83,11 +92,8 @@ class InstantRecord(NamedTuple):
     choices: tuple[Choice, ...] = ()
     ending: Ending | None = None
 
-    def joined(self, found: Decision) -> InstantRecord:
-        """Return the record with the entries and the ending of a decision."""
-        return self._replace(
-            events=self.events + found.events,
-            cautions=self.cautions + found.cautions,
-            choices=self.choices + found.choices,
-            ending=self.ending or found.ending,
-        )
+    def but(self, **changes: Any) -> InstantRecord:
+        """Return a copy of the record in which some fields have other values."""
+        copy = object.__new__(InstantRecord)
+        copy.__dict__.update(self.__dict__, **changes)
+        return copy

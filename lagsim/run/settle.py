@@ -19,7 +19,7 @@ memory of the arc, which the compiled functions and the kernels of the next arc 
 from __future__ import annotations
 
 from functools import wraps
-from typing import TYPE_CHECKING, NamedTuple, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class Deciders(NamedTuple):
         The laws: contacts, friction, limits, freewheels, relations with `when`.
     jumping : bool
         Whether an equality of the model or its rate may jump.
+    switches : bool
+        Whether the model has switches or tables.
     """
 
     knots: KnotTimes | None = None
@@ -73,6 +75,7 @@ class Deciders(NamedTuple):
     switching: Switching | None = None
     contacts: Contacts | None = None
     jumping: bool = False
+    switches: bool = False
 
 
 def unless_overflow(
@@ -117,7 +120,7 @@ def phase(
         except (ArithmeticError, ValueError) as error:
             if not is_overflow(error):
                 raise
-            return now._replace(ending=Ending(Outcome.NOT_FINITE))
+            return now.but(ending=Ending(Outcome.NOT_FINITE))
 
     return guarded
 
@@ -142,17 +145,19 @@ def met_at(
     before : Before or None
         The row before, where equalities may jump.
     """
-    if last.t == arc.t:
-        now = last._replace(arc=arc, before=before, shown=None)
-    else:
-        laws = laws_at(arc) if arc.system.laws else None
-        now = InstantRecord(arc, arc.t, laws=laws, before=before)
+    now = last if last.t == arc.t else new_record(arc)
     alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
-    now = now._replace(located=located, stale=not alone, impacts=False, admissible=None)
+    surfaces = now.surfaces
     if located.surface >= 0:
-        met = now.surfaces._replace(met=located.surface, off=located.off)
-        now = now._replace(surfaces=met)
-    return now
+        surfaces = surfaces._replace(met=located.surface, off=located.off)
+    return now.but(
+        arc=arc, located=located, surfaces=surfaces, stale=not alone, before=before
+    )
+
+
+def new_record(arc: Arc) -> InstantRecord:
+    """Return the record of an instant at which nothing has been decided yet."""
+    return InstantRecord(arc, arc.t, laws=laws_at(arc) if arc.system.laws else None)
 
 
 def equalities_may_jump(arc: Arc) -> bool:
@@ -206,7 +211,7 @@ def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
             return now
     late = now.events[-STUCK:]
     about = quoted(x for e in late if (x := e.constraint or e.switch))
-    return now._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
+    return now.but(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
 
 
 @phase
@@ -225,8 +230,8 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
     found, acted = by.transitions.act(arc, now.due, now.acts)
-    now = now._replace(acts=acted, before=before, shown=shown, stale=True)
-    return carried_out(now, found)
+    now = now.but(shown=shown)
+    return carried_out(now, found, acts=acted, before=before, stale=True)
 
 
 @phase
@@ -236,7 +241,7 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     assert now.laws is not None
     met = now.located.law
     laws = by.contacts.located(now.arc, now.laws, met)
-    return laws_struck(now._replace(laws=laws, located=NOWHERE), by, met)
+    return laws_struck(now.but(laws=laws, located=NOWHERE), by, met)
 
 
 @phase
@@ -248,7 +253,7 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
         by.knots.begin(now.arc)
     if by.breaks is not None:
         by.breaks.begin(now.arc)
-    return now._replace(
+    return now.but(
         events=now.events + now.breaks, breaks=(), stale=False, admissible=None
     )
 
@@ -261,18 +266,17 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     one of these has changed. Where forces decide, the laws that could act are rows of
     the same problem.
     """
-    now = now._replace(jumped=False)
     if by.switching is None:
-        return now
+        return now.but(jumped=False) if now.jumped else now
     located, arc = now.located, now.arc
     if located.surface >= 0:
         found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
     else:
         found = by.switching.select(arc, now.surfaces, now.laws)
-    now = now._replace(
-        surfaces=found.surfaces, laws=found.laws, located=NOWHERE, admissible=None
-    )
-    return carried_out(now, found.decision)
+    return carried_out(
+        now, found.decision, surfaces=found.surfaces, laws=found.laws,
+        located=NOWHERE, admissible=None, jumped=False,
+    )  # fmt: skip
 
 
 @phase
@@ -282,16 +286,16 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     An equality whose rate has jumped is an inelastic impact. Laws that approach are
     struck together, each by its own restitution.
     """
-    ending = end_of_table(now.arc)
+    ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
-        return now._replace(ending=ending)
+        return now.but(ending=ending)
     if now.before is not None:
         found, surfaces = inelastic_impact(
             now.arc, now.before, by.switching, now.surfaces
         )
-        now = carried_out(now._replace(surfaces=surfaces, before=None), found)
+        now = carried_out(now, found, surfaces=surfaces, before=None)
         if now.jumped or now.ending is not None:
-            return now._replace(admissible=None)
+            return now.but(admissible=None)
     if by.contacts is None or now.admissible is not None:
         return now
     return laws_struck(now, by)
@@ -307,11 +311,10 @@ def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecor
     arc = now.arc
     decided = met < 0 or not (arc.system.surfaces or arc.t >= arc.end)
     found = by.contacts.velocities(arc, now.laws, met, decided=decided)
-    now = now._replace(laws=found.laws)
-    now = carried_out(now, found.decision(arc))._replace(admissible=found.state)
-    if now.ending is None and met >= 0:
-        now = now._replace(ending=by.contacts.accumulate())
-    return now
+    decision = found.decision(arc)
+    if decision.ending is None and met >= 0:
+        decision = decision._replace(ending=by.contacts.accumulate())
+    return carried_out(now, decision, laws=found.laws, admissible=found.state)
 
 
 @phase
@@ -324,37 +327,42 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
     found = by.contacts.modes(now.arc, now.laws, now.admissible)
-    now = now._replace(laws=found.laws, admissible=None)
-    return carried_out(now, found.decision(now.arc))
+    return carried_out(now, found.decision(now.arc), laws=found.laws, admissible=None)
 
 
 @phase
 def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Find the events that have become due by the state after all phases."""
-    now = now._replace(due=NOTHING)
     if by.transitions is None or now.acts.is_over:
-        return now
-    struck = now.impacts
-    if struck:
-        now = now._replace(acts=now.acts._replace(rounds=()), impacts=False)
-    return now._replace(due=by.transitions.due_after(now.arc, struck=struck))
+        return now if now.due is NOTHING else now.but(due=NOTHING)
+    struck, acted = now.impacts, now.acts
+    due = by.transitions.due_after(now.arc, struck=struck)
+    acted = acted._replace(rounds=()) if struck else acted
+    return now.but(due=due, acts=acted, impacts=False)
 
 
 @phase
 def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Return the record with the row after the last jump, and the end by `until`."""
     if now.after is not None:
-        now = now._replace(after=now.arc.runner.tabulate(now.arc.row()))
+        now = now.but(after=now.arc.runner.tabulate(now.arc.row()))
     if by.transitions is not None and now.acts.is_over:
-        now = now._replace(ending=Ending(Outcome.UNTIL))
+        now = now.but(ending=Ending(Outcome.UNTIL))
     return now
 
 
-def carried_out(now: InstantRecord, found: Decision) -> InstantRecord:
+def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRecord:
     """Carry out on the arc what a phase has found, and return the next record.
 
     Where velocities jump, the row before the jump and the row after it are stored. All
     jumps of an instant at which an event gives an impulse have one row before.
+
+    Parameters
+    ----------
+    now : InstantRecord
+    found : Decision
+    **others
+        Further fields of the next record.
     """
     arc, rows, after = now.arc, now.rows, now.after
     if found.sizes is not None:
@@ -373,9 +381,14 @@ def carried_out(now: InstantRecord, found: Decision) -> InstantRecord:
     if jumps:
         after = arc.runner.tabulate(arc.row())
         arc.pass_shown()
-    return now.joined(found)._replace(
-        rows=rows, after=after, shown=shown,
-        impacts=now.impacts or jumps, jumped=now.jumped or jumps,
+    fields = {"jumped": now.jumped, **others}
+    fields["jumped"] = fields["jumped"] or jumps
+    return now.but(
+        events=now.events + found.events,
+        cautions=now.cautions + found.cautions,
+        choices=now.choices + found.choices,
+        ending=now.ending or found.ending,
+        rows=rows, after=after, shown=shown, impacts=now.impacts or jumps, **fields,
     )  # fmt: skip
 
 
@@ -394,7 +407,7 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    return now._replace(due=by.transitions.due(now.arc, rests))
+    return now.but(due=by.transitions.due(now.arc, rests))
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -405,9 +418,7 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     """
     switches = arc.system.switches
     jumps = by.jumping and (switches.modes or switches.corners)
-    now = InstantRecord(arc, arc.t, before=at_start(arc) if jumps else None)
-    if arc.system.laws:
-        now = now._replace(laws=laws_at(arc))
+    now = new_record(arc).but(before=at_start(arc) if jumps else None)
     values = arc.located(arc.t, arc.y)
     now = branches(now, by)
     if by.transitions is not None:
@@ -415,7 +426,7 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = modes(sides_and_velocities(now, by), by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
-        now = now._replace(due=by.transitions.look_at_start(arc, struck), impacts=False)
+        now = now.but(due=by.transitions.look_at_start(arc, struck), impacts=False)
         if now.due != NOTHING:
             return settle(now, by)
     return bookkeep(now, by)
@@ -432,7 +443,7 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     assert transitions is not None
     if arc.equations.begun_by.impulses and not may_strike(arc, by):
         at_rest = modes(velocities(sides(now, by), by), by)
-        now = now._replace(ending=at_rest.ending)
+        now = now.but(ending=at_rest.ending)
         if by.switching is not None:
             by.switching.modes.forget()
     return carried_out(now, transitions.start(arc))

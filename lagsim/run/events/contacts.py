@@ -101,6 +101,8 @@ class StateAfter:
     ----------
     y : ndarray, shape (size,)
         The state after the impacts.
+    moved : bool
+        Whether this may differ from the state reached.
     events, cautions
         The events, and the warnings.
     rows : ndarray or None
@@ -115,6 +117,7 @@ class StateAfter:
 
     y: Floats
     laws: LawsAt
+    moved: bool = True
     events: list[Event] = field(default_factory=list)
     cautions: list[Caution] = field(default_factory=list)
     rows: Floats | None = None
@@ -133,10 +136,11 @@ class StateAfter:
             why = f"{self.ending.about}: {self.ending.outcome.advice}"
             text = f"no motion exists from this start on: {why}"
             raise InputError([Problem("no-motion", text)])
+        y = self.y if self.moved else None
+        sizes = None if y is None else np.maximum(arc.sizes, np.abs(y))
         return Decision(
-            events=tuple(self.events), cautions=tuple(self.cautions), y=self.y,
-            sizes=np.maximum(arc.sizes, np.abs(self.y)), rows=self.rows,
-            ending=self.ending,
+            events=tuple(self.events), cautions=tuple(self.cautions), y=y,
+            sizes=sizes, rows=self.rows, ending=self.ending,
         )  # fmt: skip
 
 
@@ -295,7 +299,7 @@ class Contacts(Source):
             The laws at this state, none of which approaches.
         """
         here, some = state
-        found = StateAfter(arc.y.copy(), laws)
+        found = StateAfter(arc.y, laws, moved=False)
         p, slid = arc.system.p, laws.slid
         if laws.shared is None or here.grazing:
             chosen = _chosen(here, that_could_act(here, laws.closed), laws.left)
@@ -306,11 +310,8 @@ class Contacts(Source):
         _set_slack(here, chosen)
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
-        stopped = [k in slid and self.laws[k].pair >= 0 for k in held]
-        if any(stopped):  # the remaining speed of a slip that stops is removed
-            asked = np.where(stopped, here.rates[held], 0.0)
-            found.y[arc.velocities] -= here.shape.lift(held, asked)
-        _stop(here, found.y, [k for k in held if k in slid])
+        if not slid.isdisjoint(held):
+            found.y, found.moved = self._stopped(here, held, slid), True
         events = _changes(here, laws.mode) if arc.steps else ()
         found.laws = laws._replace(mode=p.law_mode.copy(), shared=None)
         found.events += [e for e in events if e.constraint not in laws.rested]
@@ -330,6 +331,21 @@ class Contacts(Source):
             code: WarningCode = "shared-friction" if chosen.open else "shared-contact"
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
         return found
+
+    def _stopped(
+        self, here: Kinematics, held: list[int], slid: Collection[int]
+    ) -> Floats:
+        """Return the state (size,) in which laws that slid until now are at rest.
+
+        held, slid : numbers of laws that hold from now on, and that slid until now.
+        """
+        y, velocities = here.arc.y.copy(), here.arc.velocities
+        stopped = [k in slid and self.laws[k].pair >= 0 for k in held]
+        if any(stopped):  # the remaining speed of a slip that stops is removed
+            asked = np.where(stopped, here.rates[held], 0.0)
+            y[velocities] -= here.shape.lift(held, asked)
+        _stop(here, y, [k for k in held if k in slid])
+        return y
 
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
         """Return the kinematics after sliders without mass have changed their modes.

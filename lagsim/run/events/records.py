@@ -85,6 +85,9 @@ class ActsAt(NamedTuple):
     is_over: bool = False
 
 
+NO_ACTS = ActsAt()
+
+
 class SurfacesAt(NamedTuple):
     """The switching surfaces at an instant.
 
@@ -103,6 +106,9 @@ class SurfacesAt(NamedTuple):
     met: int = -1
     off: float = 0.0
     stopped: frozenset[int] = frozenset()
+
+
+NO_SURFACES = SurfacesAt()
 
 
 class LawsAt(NamedTuple):
