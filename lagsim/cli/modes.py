@@ -82,9 +82,9 @@ def command(
     pairs, between = _wish(responses, frequencies, matrices)
     read = read_file(model, assignments(sets))
     small = Small(read, at.value)
-    for caution in small.setting.cautions:
-        print_warning(caution)
     space, response = small.response(pairs, between) if pairs else (None, None)
+    for caution in small.cautions:
+        print_warning(caution)
     if matrices is not None:
         _write_matrices(matrices, space or small.matrices())
 

@@ -184,6 +184,7 @@ WarningCode = Literal[
     "multipliers-not-unique",
     "nearly-dependent",
     "no-effect",
+    "no-response",
     "not-differentiable",
     "not-drawn",
     "not-identifiable",

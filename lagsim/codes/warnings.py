@@ -355,4 +355,10 @@ simulation: {duration: 2, output_step: 0.5}
         "leave the force out by `--set`, or choose a `start` at which it is 0",
         "forces: {theta: sin(t)}\n",
         ("lagsim modes pendulum.yaml --no-plots",)),
+    warning("W408", "no-response",
+        "A parameter that is the input of a frequency response moves neither a state "
+        "nor an output at the state of the study.",
+        "name an entry of `forces`, or choose a state or a time at which the parameter "
+        "acts",
+        commands=("lagsim modes pendulum.yaml --response m:theta --no-plots",)),
 )  # fmt: skip

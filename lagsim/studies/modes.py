@@ -15,6 +15,7 @@ from lagsim.mechanics.linearisation import EigenMode, modes
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.state_space import Input, StateSpace, state_space
 from lagsim.model.model import Level
+from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.studies.rest import Search, Setting, setting_of, steady_start
@@ -80,6 +81,7 @@ class Small:
             if at == START
             else Search(self.setting).nearest()
         )
+        self.cautions = self.setting.cautions
         self.modes: tuple[EigenMode, ...] = modes(
             self.steady.linear, self.steady.spectrum
         )
@@ -93,8 +95,8 @@ class Small:
             "modes": [self._record(mode) for mode in self.modes],
             "zero": steady.spectrum.zero,
         }
-        if cautions := self.setting.cautions:
-            found["warnings"] = [c.record for c in cautions]
+        if self.cautions:
+            found["warnings"] = [c.record for c in self.cautions]
         return found
 
     def _record(self, mode: EigenMode) -> Document:
@@ -219,6 +221,7 @@ class Small:
         inputs = list(dict.fromkeys(x for x, _ in pairs))
         outputs = list(dict.fromkeys(y for _, y in pairs))
         space = self.matrices(inputs, outputs)
+        self.cautions = [*self.setting.cautions, *self._effects(inputs, space)]
         own = [mode.natural_frequency for mode in self.modes]
         if between is None and not own:
             hint = "give one by --frequencies"
@@ -230,6 +233,20 @@ class Small:
             f"{x}:{y}": found[:, outputs.index(y), inputs.index(x)] for x, y in pairs
         }
         return space, FrequencyResponse(frequencies, columns)
+
+    def _effects(self, inputs: Sequence[str], space: StateSpace) -> list[Caution]:
+        """Return warnings of parameters that move neither a state nor an output."""
+        found, forces = list[Caution](), [x.on for x in self.setting.model.forces]
+        for name in inputs:
+            own = [k for k, x in enumerate(space.inputs) if x.rstrip("'") == name]
+            parts = space.B[:, own], space.D[:, own]
+            if self.inputs[name].parameters and not any(x.any() for x in parts):
+                text = f"the parameter `{name}` has no effect on small motions about "
+                text += "this state: its response is 0"
+                if forces:
+                    text += f"; entries of `forces` are inputs: {', '.join(forces)}"
+                found.append(Caution("no-response", text))
+        return found
 
     def _frequencies(self, low: float, high: float) -> Floats:
         """Return frequencies (k,) from low to high, denser around each mode."""

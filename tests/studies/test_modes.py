@@ -365,6 +365,17 @@ def test_a_name_that_is_no_input_is_refused():
         lagsim.modes(ABSORBER, response=["x:y_dit"])
 
 
+def test_a_parameter_without_an_effect_is_named():
+    # At t = 0 the force F sin(w t) is 0, whatever F is.
+    path = str(MODELS / "vibration-absorber.yaml")
+    found = lagsim.modes(path, response=["F:x", "x:x"])
+    [one] = [x for x in found.warnings if x["code"] == "no-response"]
+    assert "`F`" in one["text"]
+    assert "inputs: x" in one["text"]
+    assert not np.any(found.response["F:x.amplitude"])
+    assert np.all(found.response["x:x.amplitude"] > 0)
+
+
 @pytest.mark.parametrize(("speed", "stiffness"), [(7, 50), (20, -50)])
 def test_a_rotor_whirls_backward_and_forward(speed, stiffness):
     """Id w^2 -+ Ip speed w - k = 0; with k < 0 it is held by the rotation alone."""

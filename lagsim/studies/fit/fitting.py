@@ -651,13 +651,14 @@ class Fit:
                     results.append(self._solve(other, weights, loss))
                 except LagsimError:
                     continue
-        for begin in self._restarts(weights, loss):
-            if not self._patterns(_least(results)[0]):
-                break
-            try:
-                results.append(self._solve(begin, weights, loss))
-            except LagsimError:
-                continue
+        if self._patterns(_least(results)[0]):
+            for begin in self._restarts(weights, loss):
+                try:
+                    results.append(self._solve(begin, weights, loss))
+                except LagsimError:
+                    continue
+                if not self._patterns(_least(results)[0]):
+                    break
         best = _least(results)
         same = [
             one for one in results
