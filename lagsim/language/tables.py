@@ -64,9 +64,12 @@ class Data:
 
 
 def table_cell(axis: Floats, x: float) -> int:
-    """Return the number of the cell of x.
+    """Return the index of the cell, an interval between two points, that contains x.
 
-    For a periodic table, not reduced to a period.
+    It is -1 below the first point and m past the last. In a periodic table the cells of
+    later periods continue the numbering.
+
+    axis : the m + 1 points of a table, after four numbers that describe them.
     """
     m = int(axis[0])
     before = 0

@@ -142,9 +142,9 @@ class Views:
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:
-        """Return data units per inch with some room.
+        """Return the data units per inch `scale` with a margin around the scene.
 
-        Positive also for a scene at rest.
+        It is positive also for a scene at rest.
         """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
