@@ -26,7 +26,7 @@ from lagsim.admissibility.point import (
     Condition,
     Lengths,
     Point,
-    gradient_of,
+    defined_conditions,
     implied_conditions,
 )
 from lagsim.admissibility.rank import LEVELS, RankReport, analyse
@@ -396,26 +396,8 @@ class _Examiner:
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
         wanted = implied_conditions(rows, velocities=velocities)
         if definitions:
-            wanted += self._defined(point, velocities=velocities)
+            wanted += defined_conditions(point, velocities=velocities)
         return Relations(point, wanted, free, velocities=velocities)
-
-    def _defined(self, point: Point, *, velocities: bool) -> list[Condition]:
-        """Return the equations that stated start values of definitions add."""
-        e, g, n = self.e, self.e.graph, self.n
-        wanted = []
-        for x in e.model.initial:
-            if x.node is None:
-                continue
-            slopes = gradient_of(point, x.node)
-            if bool(g.depends([x.node]) & frozenset(e.velocities)) is velocities:
-                A = {
-                    j - n * velocities: s
-                    for j, s in slopes.items()
-                    if (j >= n) is velocities
-                }
-                size, name = g.call("abs", x.node), f"{x.name}: {x.text}"
-                wanted.append(Condition(name, x.node, A, size, x.value, x.error))
-        return wanted
 
     def _metric(self, relations: Relations) -> Floats:
         """Return the metric of least change (k, k): M as stated; unity for states."""
@@ -550,7 +532,7 @@ class _Examiner:
         from lagsim.admissibility.rest import find_rest
 
         still = self.stated.at(v=np.zeros(self.n))
-        stated = self._defined(still, velocities=False)
+        stated = defined_conditions(still, velocities=False)
         return find_rest(still, stated, (positions, states), self.off)
 
     def _asked(self, point: Point, block: int) -> Relations:

@@ -315,6 +315,28 @@ def gradient_of(point: Point, node: int) -> dict[int, int]:
     return {places[x]: slope for x, slope in found.items()}
 
 
+def defined_conditions(point: Point, *, velocities: bool) -> list[Condition]:
+    """Return the equations that stated start values of definitions add.
+
+    They are equations for velocities, or for positions.
+    """
+    e, g, n = point.e, point.g, point.n
+    wanted = []
+    for x in e.model.initial:
+        if x.node is None:
+            continue
+        slopes = gradient_of(point, x.node)
+        if bool(g.depends([x.node]) & frozenset(e.velocities)) is velocities:
+            A = {
+                j - n * velocities: s
+                for j, s in slopes.items()
+                if (j >= n) is velocities
+            }
+            size, name = g.call("abs", x.node), f"{x.name}: {x.text}"
+            wanted.append(Condition(name, x.node, A, size, x.value, x.error))
+    return wanted
+
+
 class _ScaledGradient(NamedTuple):
     """Gradient of a condition with respect to the scaled coordinates sqrt(M_jj) q_j.
 

@@ -2,7 +2,7 @@
 //
 // As lagsim/studies/explore/dragging.py has it, without contacts.
 
-const MOST_DRAGS = 50, MOST_CORRECTIONS = 15, MOST_HALVINGS = 12, LONGER = 4, NOWHERE = 1e-9, SLOW = 1e-12, UNMOVED = 1e-15;
+const MOST_DRAGS = 50, MOST_CORRECTIONS = 15, MOST_HALVINGS = 20, LONGER = 4, NOWHERE = 1e-9, SLOW = 1e-12, UNMOVED = 1e-15;
 const NEARER = 1e-7, ASIDE = 0.01, HOLDS = 1e-9, ROUNDING = 1e-15;
 
 class ConstrainedStart {
@@ -10,8 +10,10 @@ class ConstrainedStart {
   constructor(starts, known) {
     Object.assign(this, {starts, known, model: starts.model, graph: starts.graph});
     this.every = this.model.q.map((_, j) => j);
-    this.held = starts.relations(0, {definitions: false});
-    this.rates = starts.relations(1, {definitions: false});
+    const at = Object.fromEntries(this.model.defined.map((x) => [x.name, known[x.name] ?? x.value]));
+    this.held = starts.relations(0, {definitions: true, at});
+    this.rates = starts.relations(1, {definitions: true, at});
+    this.regular = !this.singular(known);
   }
 
   // Coordinates and velocities with a point of the scene at a target, or near it.
@@ -77,7 +79,15 @@ class ConstrainedStart {
 
   holds(known) {
     const {r, J, scale} = this.starts.look(this.held, known, this.every), most = Math.max(...this.model.q.map((x) => Math.abs(known[x])));
+    if (this.regular && this.singular(known)) return false;
     return r.every((y, i) => Math.abs(y) <= HOLDS * scale[i] + ROUNDING * most * J[i].reduce((sum, x) => sum + Math.abs(x), 0));
+  }
+
+  // Whether the mass matrix alone is singular, as in a gimbal lock.
+  singular(known) {
+    const M = this.starts.metric(known), scale = M.map((row, j) => Math.sqrt(Math.abs(row[j])));
+    if (!scale.every((x) => x > 0)) return true;
+    return !(Math.min(...eigen(M.map((row, i) => row.map((x, j) => x / scale[i] / scale[j]))).values) >= this.model.scene.dependent);
   }
 
   towards(place, known, target) {
@@ -89,14 +99,18 @@ class ConstrainedStart {
     let share = 1;
     for (let step = 0; step < MOST_DRAGS && far > least; step++) {
       const L = this.starts.factor(0, known, this.every), basis = this.basis(known, L);
-      const J = place.slopes(known).map((row) => forward(L, row));
+      const from = place.at(known), slopes = place.slopes(known), J = slopes.map((row) => forward(L, row));
       for (const row of J) for (const b of basis) { const d = dot(b, row); b.forEach((c, i) => { row[i] -= d * c; }); }
-      const change = backward(L, leastSquares(J, place.at(known).map((y, k) => target[k] - y), J.map(() => 1)));
+      const change = backward(L, leastSquares(J, from.map((y, k) => target[k] - y), J.map(() => 1)));
+      const ahead = slopes.map((row) => dot(row, change));
       // Where the target is out of reach, whole steps are too long; a step begins near
       // the length of the one before.
       let best = known, nearest = far, part = share;
       for (let half = 0; half < MOST_HALVINGS; half++) {
-        const other = this.on(this.changed(this.model.q, known, change.map((c) => part * c))), now = away(other);
+        const other = this.on(this.changed(this.model.q, known, change.map((c) => part * c)));
+        // A place that does not move as its derivatives say is beyond what they say.
+        const there = place.at(other), beyond = norm(there.map((y, k) => y - from[k] - part * ahead[k])) > part * norm(ahead) / 2;
+        const now = beyond ? Infinity : away(other);
         if (nearest < Math.min(now, far)) break;
         if (now < nearest) [best, nearest, share] = [other, now, Math.min(1, LONGER * part)];
         part /= 2;

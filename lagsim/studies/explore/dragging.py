@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import Condition, Point, implied_conditions
+from lagsim.admissibility.point import (
+    Condition,
+    Point,
+    defined_conditions,
+    implied_conditions,
+)
 from lagsim.admissibility.verdict import out_of_force, with_timed
 from lagsim.language.derivatives import slopes
 from lagsim.mechanics.algebra import (
@@ -33,7 +38,7 @@ if TYPE_CHECKING:
 
 # Steps of one drag, halvings of a step, and the part of the first distance to the
 # target that counts as none. A drag is followed by the next one, from where it ended.
-MOST_STEPS, MOST_HALVINGS, NONE = 50, 12, 1e-9
+MOST_STEPS, MOST_HALVINGS, NONE = 50, 20, 1e-9
 # Newton steps onto the constraints; where more are needed, the step was too long.
 MOST_CORRECTIONS = 15
 # The longest step, of the one before.
@@ -80,8 +85,12 @@ class ConstrainedStart:
         off = out_of_force(case.equations, case.start.t)
         e = self.e = with_timed(case.equations, off)
         self._x = Point(e, case.start)
-        self._held = implied_conditions(e.rows, velocities=False)
-        self._rates = implied_conditions(e.rows, velocities=True)
+        self._regular = not self._is_singular(self._x)
+        self._held, self._rates = (
+            implied_conditions(e.rows, velocities=moving)
+            + defined_conditions(self._x, velocities=moving)
+            for moving in (False, True)
+        )
         sided = [x for x in e.laws if x.kind.one_sided and x.constraint not in off]
         self._gaps = implied_conditions((x.row for x in sided), velocities=False)
         self._ways = implied_conditions(
@@ -178,17 +187,9 @@ class ConstrainedStart:
                 step, met = self._step(J, target - at, x)
             except np.linalg.LinAlgError:
                 break
-            # Where the target is out of reach, whole steps are too long; a step begins
-            # near the length of the one before.
-            best, nearest, part = x, far, share
-            for _ in range(MOST_HALVINGS):
-                other = self._on(x.at(x.q + part * step), met)
-                new = self._far(place, other, target)
-                if nearest < min(new, far):
-                    break
-                if new < nearest:
-                    best, nearest, share = other, new, min(1.0, LONGER * part)
-                part /= 2.0
+            best, nearest, share = self._along(
+                place, x, (step, J @ step), met, target, share
+            )
             slow = nearest > (1.0 - SLOW) * far
             if slow and (found := self._beside(place, x, target, met)) is not None:
                 x, far = found, self._far(place, found, target)
@@ -198,21 +199,65 @@ class ConstrainedStart:
                 break
         return x
 
+    def _along(
+        self,
+        place: _Place,
+        x: Point,
+        step: tuple[Floats, Floats],
+        met: frozenset[int],
+        target: Floats,
+        share: float,
+    ) -> tuple[Point, float, float]:
+        """Return the state nearest to a target along a step, or x, and its distance.
+
+        Where the target is out of reach, a whole step is too long: parts of it are
+        tried, from one near the length of the last step on.
+
+        Parameters
+        ----------
+        step : tuple of ndarray
+            Changes of the coordinates, and of the place to first order.
+        share : float
+            The first part. The third result is that of the next step.
+        """
+        best, nearest, part = x, self._far(place, x, target), share
+        far, at = nearest, place.at(x)[0]
+        for _ in range(MOST_HALVINGS):
+            other = self._on(x.at(x.q + part * step[0]), met)
+            new = self._far(place, other, target)
+            if _beyond(part * step[1], place.at(other)[0] - at):
+                new = math.inf
+            if nearest < min(new, far):
+                break
+            if new < nearest:
+                best, nearest, share = other, new, min(1.0, LONGER * part)
+            part /= 2.0
+        return best, nearest, share
+
     def _far(self, place: _Place, x: Point, target: Floats) -> float:
         """Return the distance of a place from a target; inf off the constraints.
 
-        Newton's method need not converge where a step has led far away.
+        Newton's method need not converge where a step has led far away. Where the mass
+        matrix alone becomes singular, as in a gimbal lock, the distance is inf, too.
         """
         every = [*self._held, *self._gaps]
-        values = x.array([c.node for c in every])
-        scales = np.abs(x.array([c.scale for c in every]))
+        targets = np.array([c.target for c in every])
+        values = x.array([c.node for c in every]) - targets
+        scales = np.maximum(np.abs(x.array([c.scale for c in every])), np.abs(targets))
         slopes = np.abs(_jacobian(every, x)).sum(axis=1)
         bounds = HOLDS * scales + ROUNDING * slopes * np.max(np.abs(x.q))
         count = len(self._held)
         off = np.append(np.abs(values[:count]), -values[count:])
-        if not np.all(off <= bounds):
+        if not np.all(off <= bounds) or (self._regular and self._is_singular(x)):
             return math.inf
         return float(np.linalg.norm(target - place.at(x)[0]))
+
+    def _is_singular(self, x: Point) -> bool:
+        M = x.mass_matrix
+        scale = np.sqrt(np.abs(np.diagonal(M)))
+        if not np.all(scale > 0.0):
+            return True
+        return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] < DEPENDENT_ROWS)
 
     def _beside(
         self, place: _Place, x: Point, target: Floats, met: frozenset[int]
@@ -289,6 +334,12 @@ class ConstrainedStart:
                 break
             met |= {int(np.argmin(gaps))}
         return there
+
+
+def _beyond(expected: Floats, moved: Floats) -> bool:
+    """Whether a place moved otherwise than its derivatives say, by half as much."""
+    off = np.linalg.norm(moved - expected)
+    return bool(off > np.linalg.norm(expected) / 2.0)
 
 
 def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats:

@@ -293,7 +293,10 @@ def _defined(e: Equations, point: Point) -> Iterator[Document]:
         block = int(bool(e.graph.depends([x.node]) & velocities))
         every = gradient_of(point, x.node)
         A = {j - n * block: node for j, node in every.items() if (j >= n) == block}
-        yield {"name": x.name, "block": block, "node": Node(x.node), "A": _slopes(A)}
+        yield {
+            "name": x.name, "block": block, "node": Node(x.node), "A": _slopes(A),
+            "value": x.value,
+        }  # fmt: skip
 
 
 def _states(e: Equations) -> Iterator[Document]:

@@ -287,7 +287,10 @@ def test_a_target_far_out_of_reach_leaves_the_rods_as_long_as_they_are():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(x.stem for x in MODELS.glob("*.yaml")))
+@pytest.mark.parametrize(
+    # The slider without mass of a Jenkins element is where its limit lets it be.
+    "name", sorted({x.stem for x in MODELS.glob("*.yaml")} - {"jenkins-element"})
+)  # fmt: skip
 def test_a_start_that_is_dragged_anywhere_is_admissible(name):
     engine, model = (
         explorer_of(MODELS / f"{name}.yaml"),
