@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -185,6 +186,43 @@ def test_a_saved_file_shows_its_new_motion_and_its_faults(tab, tmp_path):
         tab.wait("!document.body.dataset.error")
         # Settings that still exist are kept.
         assert "theta=0.4" in tab.run("location.hash")
+
+
+def test_a_page_plays_when_it_opens_unless_motion_is_to_be_reduced(tab):
+    with served(MODELS / "elastic-pendulum.yaml") as (_, address):
+        for still in (False, True):
+            tab.size(1280, 900, still=still)
+            tab.open(address)
+            label = tab.run(
+                "document.getElementById('play').getAttribute('aria-label')"
+            )
+            assert label == ("Play" if still else "Pause")
+            if still:
+                assert float(tab.run("document.body.dataset.t")) == 0.0
+            else:
+                tab.wait("Number(document.body.dataset.t) > 0")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell's script")
+def test_the_address_that_is_printed_is_opened_in_the_browser(tmp_path):
+    script, seen = tmp_path / "browser", tmp_path / "seen"
+    script.write_text(f'#!/bin/sh\nprintf %s "$1" > {seen}.new; mv {seen}.new {seen}\n')
+    script.chmod(0o755)
+    found = subprocess.Popen(
+        [sys.executable, "-m", "lagsim", "explore", str(MODELS / "kepler.yaml")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT,
+        env=os.environ | {"BROWSER": str(script)},
+    )  # fmt: skip
+    try:
+        [address] = re.findall(rb"http://\S+", found.stdout.readline())
+        for _ in range(int(200 * PATIENCE)):
+            if seen.exists():
+                break
+            time.sleep(0.1)
+        assert seen.read_bytes() == address
+    finally:
+        found.kill()
+        found.communicate()
 
 
 def test_two_pages_move_apart(tab, tmp_path_factory):
