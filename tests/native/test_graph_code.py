@@ -6,6 +6,7 @@ import ctypes
 import math
 import struct
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -213,7 +214,14 @@ def test_nodes_of_several_long_functions_are_written_once(
 ) -> None:
     g = Graph()
     nodes = long_functions(g)["f"]
-    halves = {"f": nodes[: len(nodes) // 2], "h": nodes, "k": nodes[10:]}
+    # A product that one function needs alone, and a sum of another.
+    products = [g.call("mul", a, b) for a, b in pairwise(nodes[:90])]
+    sums = [g.call("add", x, nodes[0]) for x in products]
+    halves = {
+        "f": [*nodes[: len(nodes) // 2], *products],
+        "h": [*nodes, *products],
+        "k": sums,
+    }
     monkeypatch.setattr(keys, "PIECE", 50)
     monkeypatch.setattr(straight_line, "LONG_TAPE", 1)
     rare = ("k",) if tape else ()

@@ -188,7 +188,9 @@ class _Tapes:
         Index in p of each node. The last entry, of node -1, is a dummy for unused lanes
         of sines and cosines.
     fixed : set of int
-        Nodes whose values `prepare` stores in p.
+        Nodes whose values are in p: those of `prepare`, and `stored`.
+    stored : mapping of int to int
+        Nodes that other functions have evaluated, with the index in p of each.
     time, states : int
         Index of t in p, which y follows, and the length of y.
     size : int
@@ -233,6 +235,7 @@ class _Tapes:
         for n in leaves:
             if g.ops[n] == VARIABLE:
                 self.index[n] = places[g.payload(n)]
+        self.stored = stored
         for n in stored:
             self.index[n] = stored[n]
         self.fixed = {*fixed, *stored}
@@ -320,6 +323,8 @@ class _Tapes:
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]
+        for n in self.stored:
+            inner[n] = False
         for k, roots in enumerate(functions):
             for n in roots:
                 users[n] |= 1 << k
