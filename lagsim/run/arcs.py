@@ -267,15 +267,10 @@ class Run:
         """Write the rows and lists of a settled instant; return the run's ending."""
         for rows in now.rows:
             self.recorder.hand_on(rows)
-        self.recorder.keep(
-            Decision(events=now.events, cautions=now.cautions, choices=now.choices)
-        )
+        self.recorder.keep(Decision(events=now.events, cautions=now.cautions))
         if now.ending is not None and now.ending.outcome is Outcome.TABLE_ENDS:
             self.cut = self.arc.observed()
-        self.record = now.but(
-            admissible=None, impacts=False, shown=None, rows=(), events=(),
-            cautions=(), choices=(),
-        )  # fmt: skip
+        self.record = now
         return now.ending
 
     @unless_overflow

@@ -17,7 +17,7 @@ from lagsim.run.trajectory import NOWHERE
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.notes import Caution, Choice, Event
+    from lagsim.notes import Caution, Event
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import (
         ActsAt,
@@ -65,7 +65,7 @@ class InstantRecord:
         Rows of jumps that are to be written.
     after : ndarray, shape (1, k), or None
         The row after the last jump, which is written once time has advanced.
-    events, cautions, choices
+    events, cautions
         The entries of the run's lists, in the order in which they arose.
     ending : Ending or None
         The reason why the run ends here.
@@ -89,11 +89,19 @@ class InstantRecord:
     after: Floats | None = None
     events: tuple[Event, ...] = ()
     cautions: tuple[Caution, ...] = ()
-    choices: tuple[Choice, ...] = ()
     ending: Ending | None = None
 
     def but(self, **changes: Any) -> InstantRecord:
         """Return a copy of the record in which some fields have other values."""
-        copy = object.__new__(InstantRecord)
-        copy.__dict__.update(self.__dict__, **changes)
-        return copy
+        record = object.__new__(InstantRecord)
+        fields = record.__dict__
+        fields.update(self.__dict__)
+        fields.update(changes)
+        return record
+
+    @classmethod
+    def of(cls, **known: Any) -> InstantRecord:
+        """Return the record with some fields known; all others have their defaults."""
+        record = object.__new__(cls)
+        record.__dict__.update(known)
+        return record

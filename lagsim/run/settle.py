@@ -26,7 +26,7 @@ import numpy as np
 from lagsim.mechanics.equations import may_jump
 from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
 from lagsim.run.events.contacts import comes_to_rest, laws_at
-from lagsim.run.events.records import NOTHING
+from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.events.sequence import STUCK
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from lagsim.run.arc import Arc
     from lagsim.run.events.contacts import Contacts
-    from lagsim.run.events.records import Before
+    from lagsim.run.events.records import Before, SurfacesAt
     from lagsim.run.events.switching import Switching
     from lagsim.run.events.times import KnotTimes, TimeBreaks
     from lagsim.run.events.transitions import Transitions
@@ -145,19 +145,33 @@ def met_at(
     before : Before or None
         The row before, where equalities may jump.
     """
-    now = last if last.t == arc.t else new_record(arc)
     alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
-    surfaces = now.surfaces
-    if located.surface >= 0:
-        surfaces = surfaces._replace(met=located.surface, off=located.off)
-    return now.but(
-        arc=arc, located=located, surfaces=surfaces, stale=not alone, before=before
-    )
+    if last.t != arc.t:
+        return new_record(
+            arc, located=located, surfaces=surfaces_met(NO_SURFACES, located),
+            stale=not alone, before=before,
+        )  # fmt: skip
+    return last.but(
+        arc=arc, located=located, surfaces=surfaces_met(last.surfaces, located),
+        stale=not alone, before=before, impacts=False, shown=None, rows=(),
+        events=(), cautions=(),
+    )  # fmt: skip
 
 
-def new_record(arc: Arc) -> InstantRecord:
-    """Return the record of an instant at which nothing has been decided yet."""
-    return InstantRecord(arc, arc.t, laws=laws_at(arc) if arc.system.laws else None)
+def surfaces_met(surfaces: SurfacesAt, located: Located) -> SurfacesAt:
+    """Return the surfaces at an instant, with the surface just located."""
+    if located.surface < 0:
+        return surfaces
+    return surfaces._replace(met=located.surface, off=located.off)
+
+
+def new_record(arc: Arc, **known: Any) -> InstantRecord:
+    """Return the record of an instant at which nothing has been decided yet.
+
+    known : the fields that are known from the start.
+    """
+    laws = laws_at(arc) if arc.system.laws else None
+    return InstantRecord.of(arc=arc, t=arc.t, laws=laws, **known)
 
 
 def equalities_may_jump(arc: Arc) -> bool:
@@ -230,8 +244,7 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
     found, acted = by.transitions.act(arc, now.due, now.acts)
-    now = now.but(shown=shown)
-    return carried_out(now, found, acts=acted, before=before, stale=True)
+    return carried_out(now, found, shown=shown, acts=acted, before=before, stale=True)
 
 
 @phase
@@ -367,7 +380,7 @@ def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRe
     arc, rows, after = now.arc, now.rows, now.after
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
-    jumps, shown = found.rows is not None, now.shown
+    jumps, shown = found.rows is not None, others.pop("shown", now.shown)
     if found.rows is not None:
         before = found.rows if shown is None else shown[None]
         shown = None
@@ -381,15 +394,13 @@ def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRe
     if jumps:
         after = arc.runner.tabulate(arc.row())
         arc.pass_shown()
-    fields = {"jumped": now.jumped, **others}
-    fields["jumped"] = fields["jumped"] or jumps
-    return now.but(
-        events=now.events + found.events,
-        cautions=now.cautions + found.cautions,
-        choices=now.choices + found.choices,
-        ending=now.ending or found.ending,
-        rows=rows, after=after, shown=shown, impacts=now.impacts or jumps, **fields,
-    )  # fmt: skip
+    if found.events:
+        others["events"] = now.events + found.events
+    if found.cautions:
+        others["cautions"] = now.cautions + found.cautions
+    if jumps:
+        others |= {"rows": rows, "after": after, "impacts": True, "jumped": True}
+    return now.but(shown=shown, ending=now.ending or found.ending, **others)
 
 
 # --- The events that are due, just before an instant and at the start
@@ -418,7 +429,7 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     """
     switches = arc.system.switches
     jumps = by.jumping and (switches.modes or switches.corners)
-    now = new_record(arc).but(before=at_start(arc) if jumps else None)
+    now = new_record(arc, before=at_start(arc) if jumps else None)
     values = arc.located(arc.t, arc.y)
     now = branches(now, by)
     if by.transitions is not None:

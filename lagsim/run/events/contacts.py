@@ -283,7 +283,7 @@ class Contacts(Source):
             here = here.at(found.y)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
-        if found.rows is not None:
+        if found.rows is not None and laws.shared is not None:
             found.laws = found.laws._replace(shared=None)
         found.state = LawState(here, some)
         return found
