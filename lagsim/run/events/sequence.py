@@ -74,9 +74,13 @@ class SwitchSequence:
         self.recent.append((time, surface))
         self.own.setdefault(surface, deque(maxlen=STUCK)).append(time)
 
-    def lately(self) -> list[int]:
-        """Return sorted indices of surfaces that switched in the last two windows."""
-        return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
+    def lately(self, least: int = 1) -> list[int]:
+        """Return sorted indices of surfaces that switched in the last two windows.
+
+        least : how often they have switched in these windows at least.
+        """
+        some = [k for _, k in list(self.recent)[-2 * self.window :]]
+        return sorted(k for k in set(some) if some.count(k) >= least)
 
     def ratio(self) -> float:
         """Return the ratio of the lengths of the last two windows, the later on top.

@@ -446,10 +446,15 @@ class Switching(Source):
         else:
             near = self._near(limit - arc.t)
             several = [i for i in several if i == k or i in near]
+            often = [i for i in several if i in self.sequence.lately(2)]
             self.sequence.recent.clear()
             if laws is not None:
                 rest_soon(arc, REACH * (limit - arc.t))
             found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
+            if found.decision.ending and often != several:
+                # A surface that a fast motion passes once has no part in it.
+                several = often
+                found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
             zeno = [self._rested(arc, k, limit) for k in several]
             events = (*zeno, *found.decision.events)
             found = found._replace(decision=found.decision._replace(events=events))

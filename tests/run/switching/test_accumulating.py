@@ -34,7 +34,7 @@ def switches(k, count=8):
 
 
 @pytest.mark.parametrize("k", [0.9, 0.999, 0.9999])
-@pytest.mark.parametrize(("gap", "part"), [(1, 0.5), (3, 0.5), (5, 0.9)])
+@pytest.mark.parametrize(("gap", "part"), [(1, 0.5), (3, 0.5), (5, 0.9), (6, 0.5)])
 def test_a_body_that_stopped_near_the_limit_stays_beside_its_surface(k, gap, part):
     """The body y passes 0 within the last switches of x, and is braked at 0.09.
 
