@@ -1,0 +1,71 @@
+"""The settling of an instant: its page names its phases, and its records are frozen."""
+
+import inspect
+import re
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import pytest
+
+import lagsim
+from lagsim.methods.parts.parameters import KEPT
+from lagsim.run import settle
+from lagsim.run.instant import InstantRecord
+
+PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
+
+
+def test_the_page_names_the_phases_in_the_order_of_the_code():
+    rows = re.findall(r"^\| \d(?:, within [^|]*)? \| ([^|]*) \|", PAGE, re.MULTILINE)
+    phases = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+    for name in phases:
+        assert callable(getattr(settle, name)), name
+    text = inspect.getsource(settle.settle)
+    text += inspect.getsource(settle.sides_and_velocities)
+    found = [x for x in re.findall(r"\b(\w+)\(", text) if x in phases]
+    assert set(found) == set(phases)
+    source = inspect.getsource(settle)
+    places = [source.index(f"def {name}(") for name in phases]
+    assert places == sorted(places)
+
+
+def test_the_page_says_who_writes_each_word_that_an_arc_keeps():
+    table = PAGE[PAGE.index("## Who writes each word") :]
+    knots = {"knot_times", "knot_modes", "cells_before", "cells_after"}
+    assert {name for name in KEPT if f"`{name}`" not in table} <= knots
+
+
+def test_a_record_is_frozen_and_copies_leave_it_as_it_was():
+    record = InstantRecord(None, 1.0)
+    other = record.but(t=2.0, impacts=True)
+    assert (record.t, record.impacts, other.t, other.impacts) == (1.0, False, 2.0, True)
+    assert InstantRecord.of(arc=None, t=1.0) == record
+    with pytest.raises(FrozenInstanceError):
+        record.t = 3.0
+
+
+CORNER = """\
+modes: {m: -1, n: 0}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: 2*m}
+constraints: {wall: {relation: x <= 1, restitution: 1}}
+events:
+  struck: {at: x_dot <= 0, set: {n: n + 1}}
+  wall_time: {every: 1, set: {m: m + 1}}
+  counted: {at: m >= 1, set: {n: 10*n}, once: true}
+initial: {x: 0, x_dot: 1}
+simulation: {duration: 1.25, output_step: 0.25}
+"""
+
+
+def test_what_meets_at_one_time_follows_in_the_order_of_the_phases():
+    # At t = 1 the period of `wall_time` ends and the wall is reached with speed 1.
+    # Acts come first, and their rounds; then the impact; then what it makes true.
+    result = lagsim.simulate(CORNER, error_bar="never")
+    late = [e for e in result.events if e.time > 0.5]
+    assert [e.name or e.kind for e in late] == [
+        "wall_time", "counted", "impact", "struck",
+    ]  # fmt: skip
+    assert {e.time for e in late} == {1.0}
+    assert result["x_dot"][-1] == pytest.approx(-1.0 + 2 * 0.25, abs=1e-12)
