@@ -263,9 +263,9 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     if not now.stale:
         return now
     if by.knots is not None:
-        by.knots.begin(now.arc)
+        by.knots.select(now.arc)
     if by.breaks is not None:
-        by.breaks.begin(now.arc)
+        by.breaks.select(now.arc)
     return now.but(
         events=now.events + now.breaks, breaks=(), stale=False, admissible=None
     )

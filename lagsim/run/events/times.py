@@ -135,7 +135,7 @@ class KnotTimes(_Ahead):
                 is_event = is_linear and low < max(before, after) < high
                 yield time, k, before, after, is_event
 
-    def begin(self, arc: Arc) -> Decision:
+    def select(self, arc: Arc) -> None:
         """Set the cell of each table at the time reached."""
         p = arc.system.p
         if self._is_other(arc) or not self._taken:
@@ -148,7 +148,6 @@ class KnotTimes(_Ahead):
             self._fill(arc)
         if arc.t < arc.settings.end:  # a table may end where the run does
             pass_knots(p, arc.t + p.apart)
-        return GO_ON
 
     def _rounding(self, clock: TimedTable) -> float:
         """Return a bound of the rounding error of the times of knots."""
@@ -228,7 +227,7 @@ class TimeBreaks(_Ahead):
         ends = (at_ends(g, clock.axis, clock.argument) for clock in closed)
         return [*(modes[k].discrete for k in self._own), *ends]
 
-    def begin(self, arc: Arc) -> Decision:
+    def select(self, arc: Arc) -> None:
         """Set the branches of time switches for the interval up to the next break."""
         if self._is_other(arc):
             self._discrete, self._next = None, self._following(inf)
@@ -240,7 +239,6 @@ class TimeBreaks(_Ahead):
             branches = prevailing(self._discrete, arc.t, end)
             arc.system.set_modes(branches, self._own)
         arc.runner.prepare()
-        return GO_ON
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
         """Return the time of the next break."""
