@@ -67,6 +67,8 @@ DASHES: dict[bool | None, Pen] = {
     False: {"linewidth": 0.9, "dashes": (4.0, 2.0)},
     None: {"linewidth": 0.9, "dashes": (1.0, 1.2)},
 }
+# Longest way over a special point, relative to that between its neighbours.
+DETOUR = 1.5
 MARKERS = {"fold": "o", "branch": "s", "hopf": "^", "contact": "D"}
 
 
@@ -97,7 +99,8 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
     axes = picture.subplots()
     for number, places in enumerate(branches):
         colour = PENS[number % len(PENS)]["color"]
-        for verdict, group in groupby(pairwise(places), lambda pair: pair[1]["stable"]):
+        whole = with_specials(places, record["points"], name_of=up)
+        for verdict, group in groupby(pairwise(whole), lambda pair: pair[1]["stable"]):
             pairs = list(group)
             points = [pairs[0][0], *(pair[1] for pair in pairs)]
             x = [point["value"] for point in points]
@@ -119,6 +122,34 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
     name_axis(axes.xaxis, letters.name(name), raised_powers(units.get(name, "")))
     name_axis(axes.yaxis, letters.name(up), raised_powers(units.get(up, "")))
     return picture
+
+
+def with_specials(
+    places: Sequence[dict[str, Any]], specials: Sequence[dict[str, Any]], name_of: str
+) -> list[dict[str, Any]]:
+    """Return the points of a branch with the special points at which stability changes.
+
+    A special point lies between two points if the way over it is hardly longer.
+
+    name_of : the coordinate that is drawn.
+    """
+
+    def at(point: dict[str, Any]) -> complex:
+        return complex(point["value"] / width, point["coordinates"][name_of] / height)
+
+    values = [x["value"] for x in places]
+    drawn = [x["coordinates"][name_of] for x in places]
+    width, height = (float(np.ptp(x)) or 1.0 for x in (values, drawn))
+    found = list(places[:1])
+    for here, there in pairwise(places):
+        if here["stable"] != there["stable"]:
+            a, b = at(here), at(there)
+            ways = [(abs(at(x) - a) + abs(b - at(x)), x) for x in specials]
+            way, one = min(ways, key=lambda pair: pair[0], default=(np.inf, here))
+            if way <= DETOUR * abs(b - a):
+                found.append({**one, "stable": here["stable"]})
+        found.append(there)
+    return found
 
 
 def _names(every: Sequence[dict[str, Any]]) -> list[str]:

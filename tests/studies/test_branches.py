@@ -9,6 +9,7 @@ import lagsim
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.branches import varied
+from lagsim.studies.rest_drawing import with_specials
 from tests.studies.test_rest import BLOCK, EULER, FLUTTER, HOOP, TRUSS, ZIEGLER
 from tests.support import refused
 
@@ -213,3 +214,21 @@ def test_an_interrupt_within_a_branch_keeps_the_points_so_far():
     assert counts[0] < counts[1] < counts[2] < len(branch)
     # Special points on what was followed are located.
     assert len(cut.points) <= len(whole.points)
+
+
+def test_the_drawn_stable_part_ends_at_the_branch_point():
+    places = [
+        {"value": 0.5 + 0.2 * k, "coordinates": {"x": 0.0}, "stable": k < 3}
+        for k in range(6)
+    ]
+    special = {"kind": "branch", "value": 1.0, "coordinates": {"x": 0.0}}
+    far = {"kind": "fold", "value": 1.0, "coordinates": {"x": 5.0}}
+    drawn = with_specials(places, [far, special], "x")
+    assert [x["value"] for x in drawn] == pytest.approx(
+        [0.5, 0.7, 0.9, 1, 1.1, 1.3, 1.5]
+    )
+    assert [x["stable"] for x in drawn] == [True] * 4 + [False] * 3
+    # A change of stability without such a point, and a branch without a change.
+    assert with_specials(places, [far], "x") == places
+    assert with_specials(places[:3], [special], "x") == places[:3]
+    assert with_specials([], [special], "x") == []

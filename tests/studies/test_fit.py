@@ -580,6 +580,7 @@ def test_a_parameter_named_t0_is_no_clock():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # a minute where the machine is idle
 def test_intervals_hold_the_values():
     # 200 records: the share of intervals at 95 % that hold the value of k, c, x.
     random, inside = np.random.default_rng(2026), np.zeros(3)
