@@ -205,14 +205,16 @@ def roundings(
     origin, that is the whole rounding error of an expression that is linear in one such
     variable, except for a shift, and it is equal in all uses of the variable.
 
-    known : bounds of the errors of variables, as nodes; 0 for others.
+    known : bounds of the errors of variables and of other nodes, as nodes; variables
+    have 0 without them.
     """
     nodes = list(nodes)
     varying, placed = g.dependents(nodes, moving, state)
-    errors: dict[int, int] = dict(known or {})
+    known = known or {}
+    errors = {n: x for n, x in known.items() if n in varying or not g.args[n]}
     linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
-    for n in g.cone(nodes):
-        if n not in varying and n not in placed:
+    for n in g.cone(nodes, known):
+        if (n not in varying and n not in placed) or n in known:
             continue
         op, args = g.ops[n], g.args[n]
         own = [a for a in args if a in placed]

@@ -319,6 +319,20 @@ class Chains(NamedTuple):
         rows = symmetric(self.size + len(self.sums), self.squares)
         return kind(g, rows, budget, self.named)
 
+    def entries(self, g: Graph, budget: Budget) -> tuple[SparseVector, ...]:
+        """Return the rows of M, each (n,), by composite rigid bodies.
+
+        Raises
+        ------
+        TooLongError
+            Where they take more multiplications than `budget` has left.
+        """
+        given = symmetric(self.size + len(self.sums), self.squares)
+        found = Composites(g, given, budget, self.named).rows_of_mass
+        entries = {(i, j): x for i, row in found.items() for j, x in row.items()}
+        rows = symmetric(self.size, entries)
+        return tuple(SparseVector(g, self.size, row) for row in rows)
+
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
         """Return M x (n,) for nodes x (n,), by sums along the chains and back."""
         found = [*x, *(g.zero for _ in self.sums)]
@@ -552,6 +566,46 @@ class Composite(Factorisation):
         return row
 
 
+class Composites(Composite):
+    """Rows of M: also the momenta of these rigid bodies, by the velocities inward.
+
+    Attributes
+    ----------
+    rows_of_mass : dict
+        Velocity k -> the entries of row k of M that no earlier row has, by index.
+    """
+
+    def __init__(
+        self,
+        g: Graph,
+        rows: Sequence[Vector],
+        budget: Budget,
+        sums: Mapping[int, Vector],
+    ) -> None:
+        self.rows_of_mass: dict[int, Vector] = {}
+        super().__init__(g, rows, budget, sums)
+
+    def _eliminate(self, k: int) -> Collection[int]:
+        momentum = dict(self.rows[k])
+        own = momentum.pop(k, self.g.zero)
+        self.rows_of_mass[k] = {k: own, **self._in_velocities(momentum)}
+        return super()._eliminate(k)
+
+    def _in_velocities(self, row: Mapping[int, int]) -> Vector:
+        """Return a linear form in which the sums are substituted, outer ones first."""
+        g, left = self.g, dict(row)
+        queue = [-i for i in left if i in self.sums]
+        heapify(queue)
+        while queue:
+            k = -heappop(queue)
+            value = left.pop(k)
+            for i, factor in self.sums[k].items():
+                if i in self.sums and i not in left:
+                    heappush(queue, -i)
+                add_to(g, left, i, self._times(factor, value))
+        return left
+
+
 class ChainedMass:
     """Mass matrix M of bodies on chains, whose n^2 entries are derived on first access.
 
@@ -628,15 +682,38 @@ def shorter_chains(
     return None
 
 
-def inertial_forces(model: Model, flow: Flow) -> list[int]:
-    """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,), as nodes."""
-    g = model.graph
-    rates = sorted(rates_of_places(model, flow))
-    variables = frozenset((*rates, *flow.rates, *flow.positions))
-    found = slopes(g, model.lagrangian, variables)
+def shorter_than_entries(g: Graph, found: Chains) -> bool:
+    """Whether factors of M along chains take fewer operations than M and its factors.
+
+    The entries of M are those of composite rigid bodies.
+    """
+    along = Budget()
+    found.factorisation(g, along)
+    budget = Budget(along.operations)
+    try:
+        minimum_degree(found.neighbours(), budget)
+        found.entries(g, budget)
+    except TooLongError:
+        return True
+    return False
+
+
+def inertial_forces(model: Model, lagrangian: int, flow: Flow) -> list[int]:
+    """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,), as nodes.
+
+    lagrangian : the node of L, in which rates of frames may be written by recursion.
+    """
+    g, turned = model.graph, flow.turned
+    places = rates_of_places(model, lagrangian, flow)
+    rates = sorted(places.keys() - set(turned.values()))
+    variables = frozenset((*rates, *flow.rates, *flow.positions, *turned))
+    found = slopes(g, lagrangian, variables)
     moving = [v for v in (*rates, *flow.rates) if v in found]
     changes = tangent(g, [found[v] for v in moving], flow.forward)
     weights = {v: g.call("neg", x) for v, x in zip(moving, changes, strict=True)}
+    for node, rate in turned.items():  # dR/dq = dR'/dq'
+        if node in found:
+            add_to(g, weights, rate, found[node])
     along = pulled(g, weights, frozenset(flow.rates))
     return [
         g.call("add", found.get(q, g.zero), along.get(v, g.zero))
@@ -644,7 +721,7 @@ def inertial_forces(model: Model, flow: Flow) -> list[int]:
     ]
 
 
-def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:
+def rates_of_places(model: Model, lagrangian: int, flow: Flow) -> dict[int, int]:
     """Return the rates of positions that occur in L or in definitions of positions.
 
     Positions are expressions without velocities. Rates that are single variables or
@@ -657,7 +734,7 @@ def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:
     """
     g = model.graph
     placed = (d.node for d in model.definitions if d.level is Level.POSITION)
-    cone = g.cone([*placed, model.lagrangian])
+    cone = g.cone([*placed, lagrangian])
     faster = g.dependent(cone, flow.velocities)
     places = [n for n in reversed(cone) if n not in faster]
     found = dict(zip(tangent(g, places, flow.forward), places, strict=True))

@@ -17,7 +17,7 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.columns import FRICTION, MULTIPLIER
-from lagsim.language.derivatives import gradient, slopes, tangent
+from lagsim.language.derivatives import gradient, pulled, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.pieces import MARK, piece_name, pieces, whole
@@ -84,10 +84,12 @@ class Flow:
     velocities : frozenset of str
         The names of the variables q'.
     forward : dict
-        Variable -> its total time derivative at constant q': q -> q', t -> 1, and
-        `states`.
+        Variable -> its total time derivative at constant q': q -> q', t -> 1,
+        `states` and `turned`.
     states : dict
         Variable of a first-order state -> its rate.
+    turned : mapping
+        Entry of the matrix of a frame -> its rate, linear in q', see `frames`.
     indices : list of dict
         Variable -> its index, for q and for q'.
     """
@@ -98,6 +100,7 @@ class Flow:
         q: Sequence[str],
         velocities: Sequence[str],
         states: Iterable[FirstOrderState] = (),
+        turned: Mapping[int, int] | None = None,
     ) -> None:
         self.positions = tuple(g.variable(name) for name in q)
         self.rates = tuple(g.variable(name) for name in velocities)
@@ -106,6 +109,8 @@ class Flow:
         self.forward[g.variable("t")] = g.one
         self.states = {g.variable(x.name): x.rate for x in states}
         self.forward |= self.states
+        self.turned = turned or {}
+        self.forward |= self.turned
         self.indices = [
             {v: j for j, v in enumerate(group)}
             for group in (self.positions, self.rates)
@@ -114,9 +119,15 @@ class Flow:
     def gradient(self, g: Graph, node: int, *, by_rates: bool) -> SparseVector:
         """Return d node/dq (n,) or, `by_rates`, d node/dq' (n,)."""
         index = self.indices[by_rates]
-        here = frozenset(v for v in g.cone([node]) if v in index)
-        found = slopes(g, node, here)
-        entries = {index[v]: slope for v, slope in found.items()}
+        turned = {} if by_rates else self.turned
+        cone = g.cone([node], turned)
+        found = slopes(g, node, frozenset(v for v in cone if v in index or v in turned))
+        entries = {index[v]: slope for v, slope in found.items() if v in index}
+        weights = {turned[v]: x for v, x in found.items() if v in turned}
+        if weights:  # dR/dq = dR'/dq'
+            for v, slope in pulled(g, weights, frozenset(self.rates)).items():
+                j = self.indices[True][v]
+                entries[j] = g.call("add", entries.get(j, g.zero), slope)
         return SparseVector(g, len(index), entries)
 
 

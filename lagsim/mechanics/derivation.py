@@ -29,11 +29,17 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import ELEMENTS, OPERATIONS
 from lagsim.language.names import rate_of
-from lagsim.language.sparse import SparseVector
-from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
+from lagsim.language.sparse import Budget, SparseVector
+from lagsim.mechanics.chains import (
+    ChainedMass,
+    inertial_forces,
+    shorter_chains,
+    shorter_than_entries,
+)
 from lagsim.mechanics.constraints import Flow, constraint_row, laws_of
 from lagsim.mechanics.equations import Equations, Quadrature
 from lagsim.mechanics.forces import generalized_forces
+from lagsim.mechanics.frames import tree_of_frames
 from lagsim.mechanics.groups import works_of
 
 if TYPE_CHECKING:
@@ -205,19 +211,27 @@ def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equa
     *by_state, dL_dt = gradient(g, model.lagrangian, [*rates, *positions, time])
     dL_dt = g.call("add", dL_dt, *tangent(g, [model.lagrangian], flow.states))
     momenta, dL_dq = by_state[: len(q)], by_state[len(q) :]
-    chains = None
-    if chained and len(q) > FEW and all(c.always for c in model.constraints):
-        chains = shorter_chains(g, model.lagrangian, rates, velocities)
+    always = all(c.always for c in model.constraints)
+    tree = tree_of_frames(model, flow) if chained and len(q) > FEW else None
+    chains = tree and tree.chains
     entries = partial(mass_matrix, g, momenta, rates)
-    M = ChainedMass(g, chains, entries) if chains else entries()
+    if tree:
+        flow = Flow(g, q, velocities, model.states, tree.turned)
+        entries = partial(tree.chains.entries, g, Budget())
+        factored = always and shorter_than_entries(g, tree.chains)
+    elif chained and len(q) > FEW and always:
+        chains = shorter_chains(g, model.lagrangian, rates, velocities)
+        factored = chains is not None
+    M = ChainedMass(g, chains, entries) if chains and factored else entries()
     Q = generalized_forces(g, model, flow)
     if chains:
-        pushes = inertial_forces(model, flow)
+        lagrangian = tree.lagrangian if tree else model.lagrangian
+        pushes = inertial_forces(model, lagrangian, flow)
     else:
         convective = tangent(g, momenta, flow.forward)
         pushes = [g.call("sub", a, c) for a, c in zip(dL_dq, convective, strict=True)]
     f = [g.call("add", a, force) for a, force in zip(pushes, Q, strict=True)]
-    if isinstance(M, tuple) and has_angles(g, model.kinetic):
+    if chains is None and isinstance(M, tuple) and has_angles(g, model.kinetic):
         M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
@@ -246,9 +260,10 @@ def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equa
         else (),
         laws=laws,
         states=model.states,
+        tree=tree,
     )
     found = replace(found, works=works_of(found, Q, dL_dt))
-    if chains and is_sum:
+    if isinstance(M, ChainedMass) and is_sum:
         return found
     form = g.product_sum(zip(rates, found.mass_times(rates), strict=True))
     return replace(found, kinetic_form=g.call("mul", g.constant(0.5), form))

@@ -24,12 +24,13 @@ from lagsim.mechanics.constraints import Flow, Law, Row, pieces_of
 from lagsim.mechanics.pieces import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.language.sparse import SparseVector
     from lagsim.mechanics.chains import ChainedMass, Chains
+    from lagsim.mechanics.frames import TreeOfFrames
     from lagsim.model.model import FirstOrderState, Model
 
 
@@ -140,6 +141,8 @@ class Equations:
         The first-order states, with rates in the variables of these equations.
     begun_by : Begun
         The events that acted at the start.
+    tree : TreeOfFrames or None
+        The tree of frames whose recursions these equations contain, if any.
     """
 
     model: Model
@@ -159,6 +162,7 @@ class Equations:
     laws: tuple[Law, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
     begun_by: Begun = NOT_BEGUN
+    tree: TreeOfFrames | None = None
 
     def of(self, model: Model, *, begun_by: Begun = NOT_BEGUN) -> Equations:
         """Return these equations for `model`, which differs in parameter values.
@@ -261,7 +265,18 @@ class Equations:
     @property
     def flow(self) -> Flow:
         """The variables of the motion, and their rates."""
-        return Flow(self.graph, self.q, self.velocities, self.states)
+        turned = self.tree.turned if self.tree else None
+        return Flow(self.graph, self.q, self.velocities, self.states, turned)
+
+    def known_roundings(
+        self, moving: Collection[str], state: Collection[str] = ()
+    ) -> dict[int, int]:
+        """Return bounds of the roundoff of nodes that are not those of their terms.
+
+        These are the entries of matrices of a tree of frames; moving, state : see
+        `evaluate.roundings`.
+        """
+        return self.tree.roundings(self.graph, moving, state) if self.tree else {}
 
     @property
     def multipliers(self) -> tuple[str, ...]:

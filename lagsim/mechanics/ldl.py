@@ -114,8 +114,11 @@ def elimination_of(equations: Equations) -> Elimination | None:
     key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
 
     def found() -> Elimination | None:
+        # The choice of the factors of a tree has counted the operations of M, too.
+        along_tree = e.tree is not None and e.chains is not None
         try:
-            return Elimination(e, affordable(len(e.q), len(e.rows)))
+            most = math.inf if along_tree else affordable(len(e.q), len(e.rows))
+            return Elimination(e, most)
         except TooLongError:
             return None
 
@@ -170,9 +173,11 @@ class Elimination:
         self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
-        tidy = self.collected.tidy([*e.f, *e.other_rates])
-        self.other_rates = tidy[self.n :]
-        f = self.mass.forward(dict(enumerate(tidy[: self.n])))
+        # Forces of a tree share their terms, of which tidy sums would have their own.
+        forces = [] if e.tree else e.f
+        tidy = self.collected.tidy([*forces, *e.other_rates])
+        self.other_rates = tidy[len(forces) :]
+        f = self.mass.forward(dict(enumerate(tidy[: len(forces)] or e.f)))
         rows = symmetric(self.m, self._schur())
         self.schur = Factorisation(g, rows, self.budget)
         self._motion = self._solve(f, [row.b for row in self.rows])

@@ -103,6 +103,7 @@ def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
         works=tuple(map(mapped, e.works)),
         quadratures=tuple(map(mapped, e.quadratures)),
         states=tuple(map(mapped, e.states)),
+        tree=None,
     )
 
 

@@ -130,7 +130,7 @@ def _places(
 
     Sum -> position and sign, nodes.
     """
-    known, minus = rates_of_places(model, flow), g.constant(-1.0)
+    known, minus = rates_of_places(model, model.lagrangian, flow), g.constant(-1.0)
     places = {}
     for k, rate in enumerate(found.rates, found.size):
         place, sign = known.get(rate), g.one

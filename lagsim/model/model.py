@@ -601,6 +601,27 @@ class Gimbal(NamedTuple):
     angles: tuple[int, ...]
 
 
+class TurningFrame(NamedTuple):
+    """Frame in space that turns relative to its parent; all fields but one are nodes.
+
+    Attributes
+    ----------
+    parent : int
+        Index of the parent among the frames in space; -1 for space.
+    rows, turn : tuple of tuple of int, shape (3, 3)
+        The matrix R of the frame, and the matrix E of its rotation, R = P E.
+    own, omega : tuple of int, shape (3,)
+        The angular velocities relative to the parent, and to space, in the components
+        of the frame.
+    """
+
+    parent: int
+    rows: tuple[tuple[int, ...], ...]
+    turn: tuple[tuple[int, ...], ...]
+    own: tuple[int, ...]
+    omega: tuple[int, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """Mechanical model: all content of the file but the settings of its integration.
@@ -612,9 +633,10 @@ class Model:
     `events` set; `until` ends a run. `bind` and `settings` evaluate `stated`. `unused`
     are parameters that no expression uses. `places` are the places of parameters,
     coordinates, definitions and energies in the file. `gimbals` are the frames by three
-    angles, `quaternions` the constraints on the lengths of quaternions; `idle` has
-    texts on parts of the file without effect. `hidden` are definitions that the file
-    implies, such as the entries of a frame's matrix `frame.arm.2.xy`.
+    angles, `frames` the frames in space, parents first, and `quaternions` the
+    constraints on the lengths of quaternions; `idle` has texts on parts of the file
+    without effect. `hidden` are definitions that the file implies, such as the entries
+    of a frame's matrix `frame.arm.2.xy`.
     """
 
     name: str
@@ -641,6 +663,7 @@ class Model:
     states: tuple[FirstOrderState, ...] = ()
     events: tuple[Transition, ...] = ()
     gimbals: tuple[Gimbal, ...] = ()
+    frames: tuple[TurningFrame, ...] = field(default=(), repr=False)
     quaternions: frozenset[str] = frozenset()
     idle: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()

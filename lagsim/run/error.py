@@ -141,6 +141,9 @@ def _parts(errors: Floats, scales: Floats) -> Floats:
 # Largest number of rows at which forces are evaluated, and of operations for these.
 MOST_ROWS = 64
 MOST_OPERATIONS = 2e5
+# A coordinate is at rest if it moves no farther than this multiple of the displacement
+# that rounding could cause.
+HIGHER = 16.0
 
 
 class Held(NamedTuple):
@@ -161,6 +164,7 @@ def could_push(
     which: Sequence[int],
     step: float,
     reactions: Floats | None = None,
+    ranges: Floats | None = None,
 ) -> Held:
     """Return the largest forces on coordinates at rest, and possible displacements.
 
@@ -179,33 +183,42 @@ def could_push(
         Longest time between two projections.
     reactions : ndarray, shape (n,), optional
         Largest constraint forces on the coordinates, if known.
+    ranges : ndarray, shape (n,), optional
+        Ranges of motion: coordinates that move by more than HIGHER times the effect of
+        rounding have the displacement 0.
     """
     e, g, n = equations, equations.graph, len(equations.q)
     state = e.moving
     reacting = g.dependent(e.f, (*e.multipliers, *e.accelerations))
     known = [f for f in e.f if f not in reacting]
-    bounds = dict(zip(known, roundings(g, known, state), strict=True))
+    of_frames = e.known_roundings(state)
+    found = roundings(g, known, state, known=of_frames)
+    bounds = dict(zip(known, found, strict=True))
     sizes = zip(pushes(e), (bounds.get(f, g.zero) for f in e.f), strict=False)
     nodes = [*(g.call("add", *pair) for pair in sizes), *e.inertias]
-    nodes += [gradient(g, e.f[i], [g.variable(e.q[i])])[0] for i in which]
     most = max(1, min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes)))))
     some = rows[:: -(-len(rows) // most)]
     names = ("t", *e.state)
     values: dict[str, float | Floats] = {p.name: p.value for p in e.model.parameters}
     values |= dict(zip(names, some.T, strict=True))
-    found = np.abs(evaluate_rows(g, nodes, values, len(some)))
-    forces, inertias, stiffness = found[:n], found[n : 2 * n], found[2 * n :]
+    sized = np.abs(evaluate_rows(g, nodes, values, len(some)))
+    forces, inertias = sized[:n], sized[n:]
     if reactions is not None:
         forces = np.fmax(forces, reactions[:, None])
     pulled = _most(forces, inertias)
-    own, linked = np.zeros(n), np.zeros(n)
-    chosen, time = list(which), float(np.ptp(rows[:, 0]))
-    # A coordinate held by a force of this slope moves no farther than in the time 1/w.
-    stiff = time * time * _most(stiffness, inertias[chosen])
-    own[chosen] = pulled[chosen] * time * time / np.fmax(stiff, 1.0)
+    chosen, time = np.array(which, int), float(np.ptp(rows[:, 0]))
     labels = joined(n, [A.entries for A in e.slopes])
     roots = np.sqrt(np.max(inertias, axis=1, initial=0.0))
     pushed = in_groups(labels, roots, pulled)
+    if ranges is not None:
+        farthest = np.fmax(pulled[chosen] * time * time, pushed[chosen] * step * step)
+        chosen = chosen[ranges[chosen] <= HIGHER * SUM_ROUNDOFF * farthest]
+    # A coordinate held by a force of this slope moves no farther than in the time 1/w.
+    slopes = [gradient(g, e.f[i], [g.variable(e.q[i])])[0] for i in chosen]
+    stiffness = np.abs(evaluate_rows(g, slopes, values, len(some)))
+    own, linked = np.zeros(n), np.zeros(n)
+    stiff = time * time * _most(stiffness, inertias[chosen])
+    own[chosen] = pulled[chosen] * time * time / np.fmax(stiff, 1.0)
     linked[chosen] = pushed[chosen] * step * step
     return Held(np.max(forces, axis=1, initial=0.0), np.fmax(own, linked))
 

@@ -30,8 +30,7 @@ from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import of_table
 from lagsim.program.output_row import stated_units
-from lagsim.run.error import could_push
-from lagsim.studies.audit.evidence import HIGHER
+from lagsim.run.error import HIGHER, could_push
 from lagsim.studies.comparison import (
     ComparedColumn,
     Deviation,

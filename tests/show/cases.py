@@ -13,6 +13,7 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.derivation import derive
 from lagsim.model.reader import read
+from lagsim.show import has_many_rows
 from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
 from lagsim.show.symbols import symbol
@@ -37,7 +38,8 @@ EACH = [
 
 @functools.cache
 def equations_of(name: str) -> Equations:
-    return derive(shipped(name))
+    model = shipped(name)
+    return derive(model, chained=has_many_rows(model))
 
 
 @functools.cache

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Parsed, ParsedRelation
-    from lagsim.model.expansion.bodies import Drawn, FrameReader
+    from lagsim.model.expansion.bodies import Drawn, FrameReader, TurnedFrame
     from lagsim.model.expansion.scope import Indices
 
 # Keys of the value in an entry of each section.
@@ -137,6 +137,7 @@ class Expansion:
         self.scope.tables = frozenset(key.text for key, _ in self._entries("tables"))
         self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
+        self.turned: list[TurnedFrame] = []
         self.units: list[Entry] = []
         self.frames: FrameReader | None = None
         # Hidden definitions of positions, by the scalars that they are of.

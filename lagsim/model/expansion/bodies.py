@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
     from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
-    from lagsim.language.parser import Steps
+    from lagsim.language.parser import Parsed, Steps
     from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.scope import Indices
     from lagsim.model.nodes import Entry, Node
@@ -76,6 +76,31 @@ _ROTATED = (
     "write {on: ..., axis: [0, 0, 1], angle: q}, {quaternion: [p0, p1, p2, p3]}, "
 )
 _ROTATED += "{angles: [a, b, c], axes: zxz}, or in the plane {angle: q}"
+
+
+class TurnedFrame(NamedTuple):
+    """Frame in space and its rotation relative to its parent, as expressions.
+
+    Attributes
+    ----------
+    parent : int
+        Index of the parent among the frames in space; -1 for space.
+    rows, turn : tuple of tuple of Parsed, shape (3, 3)
+        The matrix R of the frame, and the matrix E of its rotation, R = P E.
+    own, omega : tuple of Parsed, shape (3,)
+        The angular velocities relative to the parent, and to space, in the components
+        of the frame.
+    """
+
+    parent: int
+    rows: tuple[tuple[Parsed, ...], ...]
+    turn: tuple[tuple[Parsed, ...], ...]
+    own: tuple[Parsed, ...]
+    omega: tuple[Parsed, ...]
+
+
+def _all_parsed(some: Iterable[Tree]) -> tuple[Parsed, ...]:
+    return tuple(parsed(x, "") for x in some)
 
 
 class _DeclaredFrame(NamedTuple):
@@ -350,7 +375,17 @@ class FrameReader(SectionReader):
                 own = about(self._axis(given, name), *turn)
         except ExpressionError:
             return None
-        return composed(name, parent, own, partial(self.x.hide, at=given.key))
+        return self._turned(name, parent, own, given.key)
+
+    def _turned(self, name: str, parent: Frame, own: Chart, at: Scalar) -> Frame:
+        """Return the frame of a rotation `own` relative to `parent`, and record it."""
+        made = composed(name, parent, own, partial(self.x.hide, at=at))
+        assert not isinstance(made.omega, Tree)
+        rows = tuple(map(_all_parsed, made.rows)), tuple(map(_all_parsed, own.rows))
+        rates = _all_parsed(own.omega), _all_parsed(made.omega)
+        made = made._replace(number=len(self.x.turned))
+        self.x.turned.append(TurnedFrame(parent.number, *rows, *rates))
+        return made
 
     def _number(self, given: _DeclaredFrame, key: str) -> tuple[Tree, Scalar]:
         what = f"the `{key}` of the frame `{given.key.text}`"
@@ -460,11 +495,11 @@ class FrameReader(SectionReader):
             self._moving(f"{name}.angle{k}", tree, at)
             for k, (tree, at) in enumerate(parts, 1)
         ]
-        frame, hide = parent, partial(self.x.hide, at=given.key)
+        frame = parent
         for k, (letter, turn) in enumerate(zip(letters, both, strict=True), 1):
             axis = tuple(ONE if letter == c else ZERO for c in LETTERS)
             step = name if k == count else f"{name}.{k}"
-            frame = composed(step, frame, about(axis, *turn), hide)
+            frame = self._turned(step, frame, about(axis, *turn), given.key)
         if count == len("zxz"):
             op = "sin" if letters[0] == letters[2] else "cos"
             angles = tuple(parsed(angle, "") for angle, _ in both)

@@ -226,12 +226,14 @@ ZERO, ONE = number(0.0), number(1.0)
 class Frame(NamedTuple):
     """Frame: the rows of R, and the angular velocity in its own components.
 
-    `angle` is the angle of a frame in the plane.
+    `angle` is the angle of a frame in the plane, `number` the index of a frame in
+    space among those of the file; -1 for space itself.
     """
 
     rows: tuple[Vector, ...]
     omega: Value
     angle: Tree | None = None
+    number: int = -1
 
 
 def space(n: int) -> Frame:

@@ -28,6 +28,7 @@ from lagsim.model.model import (
     Gimbal,
     Level,
     Model,
+    TurningFrame,
 )
 from lagsim.model.nodes import (
     Entry,
@@ -64,12 +65,13 @@ from lagsim.model.reader.runs import check_sizes, read_scene
 from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterable
     from collections.abc import Mapping as MappingType
     from contextlib import AbstractContextManager
 
     from lagsim.language.parser import Parsed
     from lagsim.model.expansion import Expansion
+    from lagsim.model.expansion.bodies import TurnedFrame
     from lagsim.model.model import Mismatch, NumberPlaces, Settings, Table
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
@@ -319,6 +321,7 @@ class File:
                 Gimbal(frame, x.build(lock), tuple(map(x.build, angles)))
                 for frame, lock, angles in (made.gimbals if made else ())
             ),
+            frames=_frames(made.turned, x) if made else (),
             quaternions=frozenset(key.text for key, _ in (made.units if made else ())),
             idle=tuple(made.idle) if made else (),
             places={**self.names.places, **places},
@@ -560,11 +563,30 @@ class File:
             forces=forces,
             constraints=constraints,
             states=states,
+            frames=(),
             **energies._asdict(),
         )
         _check_roots(model, found)
         nodes = ((name, x.definitions[name].node) for name in held)
         return (found, {k: n for k, n in nodes if n is not None})
+
+
+def _frames(given: Iterable[TurnedFrame], x: Expressions) -> tuple[TurningFrame, ...]:
+    """Return the frames in space with their expressions as nodes."""
+
+    def built(some: tuple[Parsed, ...]) -> tuple[int, ...]:
+        return tuple(map(x.build, some))
+
+    return tuple(
+        TurningFrame(
+            f.parent,
+            tuple(map(built, f.rows)),
+            tuple(map(built, f.turn)),
+            built(f.own),
+            built(f.omega),
+        )
+        for f in given
+    )
 
 
 # A range, a vector, or a section with families, anywhere in a file.

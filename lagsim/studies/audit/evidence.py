@@ -14,7 +14,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.mechanics.constraints import Kind
-from lagsim.run.error import could_push, largest_beside
+from lagsim.run.error import HIGHER, could_push, largest_beside
 from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor
 from lagsim.studies.audit.balances import Balance, energy_error, group_balances
 from lagsim.tolerances import PLACE_BESIDE, SATISFIED, UNIT_ROUNDOFF
@@ -36,9 +36,6 @@ UNEXPLAINED = 1e-3
 # Safety factor of the energy error that the errors of the state explain, to first order
 # and with all errors in the worst direction.
 FAR = 100.0
-# A coordinate is at rest if it moves less than this many times as far as the rounding
-# of the forces on it would move it.
-HIGHER = 16.0
 
 
 class Evidence:
@@ -239,8 +236,9 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     """
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])
-    found = could_push(run.equations, rows, which, span, monitor.held)
-    rests = monitor.ranges[1 : 1 + n] <= HIGHER * found.moved
+    ranges = monitor.ranges[1 : 1 + n]
+    found = could_push(run.equations, rows, which, span, monitor.held, ranges)
+    rests = ranges <= HIGHER * found.moved
     moved = np.where(rests, found.moved, 0.0)
     return moved, float(moved @ found.forces)
 
