@@ -1,4 +1,4 @@
-"""Links, rods and bodies in number: time of each stage, with exponents."""
+"""Links, rods, trees and bodies in number: time of each stage, with exponents."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import sys
 from link_chain import chain
 from measure import Table, peak, workspace
 from rod_chain import rod_chain
+from snake import snake
 
 LINKS = (10, 40, 100, 200, 400)
 RODS = (100, 1000, 3000, 10_000)
+SNAKES = (7, 14, 28, 56, 100)
 BODIES = (50, 100, 200, 500, 1000)
 STAGES = ("read", "derive, examine", "plan", "compile", "run", "evaluation")
 # One process for each number, whose cache is empty. CPU of the process, not the clock.
@@ -132,5 +134,6 @@ def tables(turns):
     return [
         table("Links in angles, in number", links, LINKS, few),
         table("Rods in Cartesian coordinates, in number", rods, RODS, few),
+        table("Links in space, on frames, in number", snake, SNAKES, few),
         table("Bodies that attract; exponents in pairs", bodies, BODIES, few, pairs),
     ]

@@ -2,10 +2,18 @@
 
 Each limit is far beyond a file written by hand, and bounds memory and time: a file of
 100 kB is checked in 10 s and 1 GB, and derived, or refused, within 20 s. Larger input
-is refused with a message that names the limit.
+is refused with a message that names the limit. `lifted` removes the limits on derived
+equations, for files of the machine's own user (`--no-limits`).
 """
 
 from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 MODEL_BYTES = 16 << 20
 """Largest model file: 10^5 members with a line of 160 letters each."""
@@ -85,6 +93,25 @@ simplified."""
 
 DERIVING_SECONDS = 20.0
 """Processor time of a derivation, after which it is refused."""
+
+
+def without(hint: str) -> str:
+    """Return the hint of a message on a limit that `lifted` removes, which adds so."""
+    option = "for a file of your own `lagsim run --no-limits` removes this limit"
+    return f"{hint}; {option}" if hint else option
+
+
+@contextmanager
+def lifted(*, really: bool = True) -> Iterator[None]:
+    """Remove the limits on members, terms and operations of files read within."""
+    names = ("MEMBERS", "TERMS", "GRAPH_NODES", "WORK", "INERTIAS")
+    given = {name: globals()[name] for name in names}
+    if really:
+        globals().update(dict.fromkeys(names, sys.maxsize))
+    try:
+        yield
+    finally:
+        globals().update(given)
 
 
 def graph_nodes(size_of_file: int) -> int:

@@ -58,6 +58,9 @@ def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
 
 
 # Arguments and options of several commands, each with its default.
+NO_LIMITS: Any = flag(
+    "--no-limits", "Derive your own file, however many operations its equations take."
+)
 MODEL: Any = typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
 MODELS: Any = typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
 SETS: Any = option(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from lagsim import limits
 from lagsim.cli._faults import reported
 from lagsim.cli._shared import (
     JSON,
     MODELS,
+    NO_LIMITS,
     SETS,
     STRICT,
     assignments,
@@ -30,6 +32,7 @@ def command(
     sets: list[str] | None = SETS,
     repair: bool = flag("--repair", "Print the nearest admissible state."),
     as_json: bool = JSON,
+    no_limits: bool = NO_LIMITS,
     quiet: bool = quiet("Print only starts that are not admissible."),
     strict: bool = STRICT,
 ) -> int:
@@ -55,7 +58,8 @@ def command(
     codes = []
     for path in models:
         try:
-            codes.append(one(path))
+            with limits.lifted(really=no_limits):
+                codes.append(one(path))
         except LagsimError as error:
             codes.append(reported(error, documents, path))
     if documents is not None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
+from lagsim import limits
 from lagsim.cli import is_watched
 from lagsim.cli._shared import (
     ERROR,
@@ -20,6 +21,7 @@ from lagsim.cli._shared import (
     JOBS,
     JSON,
     MODELS,
+    NO_LIMITS,
     NO_PLOTS,
     SETS,
     STRICT,
@@ -144,6 +146,7 @@ def command(
         help="Add derivatives of columns by these parameters and start values, such "
         "as l,theta_dot.",
     ),
+    no_limits: bool = NO_LIMITS,
     as_json: bool = JSON,
     quiet: bool = quiet(),
     strict: bool = STRICT,
@@ -152,7 +155,7 @@ def command(
     varied = tuple(x.strip() for x in sensitivities.split(",") if x.strip())
     wish = RunRequest(
         error_bar, table, units, None if no_plots else form, animate, resume, quiet,
-        strict, varied,
+        strict, varied, no_limits,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import run_all
@@ -189,6 +192,7 @@ class RunRequest(NamedTuple):
     quiet: bool
     strict: bool
     varied: Sequence[str] = ()
+    no_limits: bool = False
 
 
 class Job:
@@ -227,6 +231,16 @@ class Job:
         ------
         InputError, StartError
         """
+        with limits.lifted(really=self.wish.no_limits):
+            return self._read_and_run(text, file, overrides, options)
+
+    def _read_and_run(
+        self,
+        text: str,
+        file: str,
+        overrides: Mapping[str, str],
+        options: Mapping[str, str],
+    ) -> int:
         wish = self.wish
         if wish.table is not TableFormat.CSV:
             if wish.resume:

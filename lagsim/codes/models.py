@@ -651,7 +651,8 @@ definitions:
         "2,500,000 to derive, check and plan; a mass matrix has at most 1,000,000 "
         "entries that are not 0.",
         "put fewer velocities into one product or square of the energies, fewer "
-        "factors into one product, and fewer coordinates into each constraint",
+        "factors into one product, and fewer coordinates into each constraint; "
+        "for a file of your own `lagsim run --no-limits` removes these limits",
         commands=()),
     MessageRow("E410", "not-in-a-file",
         "A page in one file cannot compute this model.",

@@ -187,8 +187,9 @@ class Graph:
             text = (
                 f"the equations of this model have more than {self._most:,} operations"
             )
-            hint = "fewer coordinates in one product or sum lead to shorter "
-            raise InputError([Problem("too-large", text, None, f"{hint}ones")])
+            hint = "fewer coordinates in one product or sum lead to shorter ones"
+            hint = limits.without(hint)
+            raise InputError([Problem("too-large", text, None, hint)])
         if self._left < 0:
             raise self._too_much()
         self.ops.append(op)
@@ -206,6 +207,7 @@ class Graph:
         )
         hint = "use fewer factors in one product, power or nested call, "
         hint += "fewer constraints, and a start that satisfies the constraints"
+        hint = limits.without(hint)
         return TooMuchError([Problem("too-large", text, self.place, hint)])
 
     def count(self, work: float) -> None:

@@ -76,6 +76,7 @@ def mass_matrix(
             f"{limits.INERTIAS:,}"
         )
         hint = "fewer velocities in one product or square of the energies couple less"
+        hint = limits.without(hint)
         raise InputError([Problem("too-large", text, None, hint)])
     places = {v: j for j, v in enumerate(rates)}
     M: list[dict[int, int]] = [{} for _ in rates]

@@ -155,3 +155,26 @@ def test_a_table_that_may_not_fit_is_warned_of(monkeypatch):
 def test_short_runs_do_not_ask(lagsim, write, monkeypatch):
     with_free(monkeypatch, 0)
     assert lagsim("run", write(MODEL), "--no-plots").code == 0
+
+
+@pytest.mark.parametrize(
+    ("limit", "line"),
+    [
+        ("WORK", "check model.yaml"),
+        ("GRAPH_NODES", "run model.yaml --no-plots --error-bar never -q"),
+        ("MEMBERS", "check model.yaml"),
+        ("TERMS", "run model.yaml --no-plots --error-bar never -q"),
+    ],
+)
+def test_a_file_of_ones_own_has_no_limit_where_it_is_told_so(
+    lagsim, tmp_path, monkeypatch, limit, line
+):
+    text = MODEL.replace("x: {}", "x(1..20): {}").replace("{x: 1}", "{x(1..20): 1}")
+    text = text.replace("x_dot^2/2", "sum(i = 1..20, x_dot(i)^2)")
+    text = text.replace("k*x^2", "sum(i = 1..20, k*x(i)^2)")
+    (tmp_path / "model.yaml").write_text(text)
+    monkeypatch.setattr(limits, limit, 15)
+    monkeypatch.setattr(limits, "GRAPH_NODES_PER_BYTE", 0)
+    refused(lagsim(*line.split()), "15", "--no-limits")
+    assert lagsim(*line.split(), "--no-limits").code == 0
+    assert getattr(limits, limit) == 15

@@ -380,7 +380,7 @@ class Expansion:
                 text += f"more than {limits.MEMBERS:,}"
                 code: ExpressionCode = SILENT if self.scope.full else "too-many"
                 self.scope.full = True
-                raise token.fault(text, "", code)
+                raise token.fault(text, limits.without(""), code)
             found = [
                 ({**indices, index: trees.number(k)} if index else indices,
                  (*member, k))

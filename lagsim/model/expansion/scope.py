@@ -402,7 +402,8 @@ class Scope:
             text = f"the sums of this file have more than {limits.TERMS:,} terms"
             code: ExpressionCode = SILENT if self.full else "too-many"
             self.full = True
-            raise token.fault(text, f"this one has {count:,}", code)
+            hint = limits.without(f"this one has {count:,}")
+            raise token.fault(text, hint, code)
         op = OVER_RANGES[token.text]
         if not count and op != "add":
             text = f"`{token.text}` over an empty range, {first}..{last}"
