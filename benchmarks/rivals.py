@@ -159,23 +159,29 @@ class Scene:
         return found
 
     def ours(self, rtol):
-        """Give lagsim with a method, or its own choice where that refuses, ready."""
+        """Give lagsim with a method, or its own choice where that refuses, ready.
+
+        As a sweep makes its runs, in one memory, where it does so for the model.
+        """
         from lagsim.errors import InputError
         from lagsim.studies.bench import Own
+        from lagsim.studies.sweep.batches import refusal
 
         try:
             own = Own(self.scene, self.method, "auto", rtol)
         except InputError:
             own = Own(self.scene, "auto", "auto", rtol)
         value = rtol if own.setting == "rtol" else own.plan.step
-        solvers = {bytes(s): self.moved(own, s) for s in self.starts}
         plan = replace(own.plan, rtol=rtol if own.setting == "rtol" else None)
-        steps = own.session.by(plan).run([]).statistics.steps
+        session = own.session.by(plan)
         about = {
             "compile_seconds": own.compile_seconds,
             "how": own.method,
-            "steps": steps,
+            "steps": session.run([]).statistics.steps,
         }
+        if not refusal(session):
+            return swept(session), about
+        solvers = {bytes(s): self.moved(own, s) for s in self.starts}
         return (lambda s: solvers[bytes(s)].solve(value, self.patience)), about
 
     def heyoka(self, rtol):
@@ -228,6 +234,22 @@ class Scene:
             return lambda rtol: (Ida(problem, self.times, self.sizes, rtol).solve, {})
 
         return {f"IDA, {form}": maker(problem) for form, problem in problems.items()}
+
+
+def swept(session):
+    """Give a solver that makes runs as a sweep does, in one memory."""
+    from lagsim.studies.bench import solved
+    from lagsim.studies.sweep.batches import Ensemble
+
+    ensemble = Ensemble(session)
+
+    def solve(start):
+        began = time.perf_counter()
+        table = ensemble.table(0, start)
+        seconds = time.perf_counter() - began
+        return solved(table, seconds, ensemble.arc.steps)
+
+    return solve
 
 
 def substituted(g, nodes, parameters):
@@ -360,8 +382,11 @@ def one(key, method):
 
 def keep(key, result):
     """Put what was measured among the others, and write all anew."""
+    from lagsim.studies.bench import stamp
+
     known = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    scenes = {r["key"]: r for r in known.get("scenes", ())}
+    scenes = {r["key"]: {"measured": stamp(known)} | r for r in known.get("scenes", ())}
+    result["measured"] = stamp(document([], {}))
     others = {name: known[name] for name in OTHERS if name in known}
     (others if key in OTHERS else scenes)[key] = result
     found = document([scenes[name] for name in EVERY if name in scenes], others)

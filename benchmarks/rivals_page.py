@@ -18,7 +18,8 @@ HOW = """\
   function compiled from them.
 - Least of several, warm, all solvers taking turns at each tolerance; compiling apart.
 - lagsim: every row with all its columns (accelerations, energies, lambda), and
-  projected onto the constraints. Rivals: the states of the same rows alone.
+  projected onto the constraints; without constraints as a sweep makes its runs, in one
+  memory, as those of heyoka. Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower), no
   SLP vectoriser (slower on the pendula and Kepler, not tried on the others);
   constrained models as index 1, unprojected.
@@ -44,7 +45,10 @@ LEAST = "Where lagsim or heyoka does not reach an error: the least that both rea
 def page(found):
     """Give the page."""
     results = found["scenes"]
-    about = [f"{stamp(found)}."]
+    dates = {}
+    for r in results:
+        dates.setdefault(r.get("measured", stamp(found)), []).append(r["title"])
+    about = [f"{', '.join(titles)}: {date}." for date, titles in dates.items()]
     worst = max((r["agreement"] for r in results), default=0.0)
     about.append(f"At two tolerances the reference agrees with itself to {worst:.0e}.")
     lines = "\n".join(f"- {line}" for line in about)

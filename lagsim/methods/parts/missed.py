@@ -70,6 +70,7 @@ TURNED = 0.25
 FLAT = 0.1
 # Coefficients of the polynomials of `shape_step`.
 DEGREES = 6
+THIRD = 1.0 / 3.0
 # Golden section.
 GOLDEN = 0.6180339887498949
 # Largest difference, in tolerances, of y' from the equations and the slope of the dense
@@ -388,8 +389,9 @@ def lowest(
     """
     a = way * left[k]
     b = way * right[k]
-    c = a + way * width / 3.0 * left[rows(s) + k]
-    d = b - way * width / 3.0 * right[rows(s) + k]
+    part = way * (THIRD * width)
+    c = a + part * left[rows(s) + k]
+    d = b - part * right[rows(s) + k]
     low = min(a, b, c, d)
     error = 2.0 * BESIDE * (max(a, b, c, d) - low)
     if min(abs(c - a), abs(d - b)) <= error:
