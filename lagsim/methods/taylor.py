@@ -164,7 +164,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
         control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
-    sum_rates(size, s.n, c, h, s.rates)
+    sum_rates(size, 0 if CONSTRAINED else s.n, c, h, s.rates)
     return 1 if constraints.is_finite(size, s.new) else 0
 
 
@@ -180,7 +180,8 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
     control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
-    last_rates(s, c, h)
+    if not CONSTRAINED:
+        set_rates_of_positions(s, c, h)
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
@@ -425,10 +426,11 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = high
 
 
-def last_rates(s: Taylor, c: Floats, h: float) -> None:
+def set_rates_of_positions(s: Taylor, c: Floats, h: float) -> None:
     """Store the rates of positions by the series c at h, in `rates` (n,).
 
-    Their series is that of the velocities without its last term.
+    Their series is that of the velocities, which no projection has changed, without its
+    last term.
     """
     order = int(c[0])
     place = 1 + order * s.size + s.n
