@@ -70,7 +70,9 @@ def numbers(rivals: str, whole: str) -> str:
     text = TEXT.format(
         tight=span([*tight.values()]),
         loose=span(loose),
-        rivals=re.search(r"Measured \S+ on (.*?),", rivals)[1].replace("(R)", ""),
+        rivals=" and an ".join(
+            dict.fromkeys(re.findall(r"Measured \S+ on (.*?),", rivals))
+        ).replace("(R)", ""),
         run=duration(processes["`lagsim run`"]),
         script=duration(processes["the script, with plots"]),
         whole=re.search(r"(?m)^- (.*?) \(.*, Linux$", whole)[1],
