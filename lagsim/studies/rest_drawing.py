@@ -137,6 +137,8 @@ def with_specials(
     def at(point: dict[str, Any]) -> complex:
         return complex(point["value"] / width, point["coordinates"][name_of] / height)
 
+    if len(places) < 2:
+        return list(places)
     values = [x["value"] for x in places]
     drawn = [x["coordinates"][name_of] for x in places]
     width, height = (float(np.ptp(x)) or 1.0 for x in (values, drawn))
