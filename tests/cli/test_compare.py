@@ -158,4 +158,4 @@ def test_two_folders_and_a_picture(lagsim, write):
     called = lagsim("compare", "a", "b", "--rtol", "1e-3")
     assert "b is incomplete: the power went" in called.out
     called = lagsim("compare", "a", "b", "--plot", "no/such/folder.png", code=3)
-    assert called.reports("E702")
+    assert called.reports("E705", "no/such")

@@ -219,7 +219,7 @@ def test_a_disk_that_fills_up(lagsim, write, tmp_path):
         assert names("disk/out") == ["run.json", "trajectory.csv"]
         before = Path("disk/out/run.json").read_bytes()
         called = lagsim("run", "model.yaml", "-o", "disk/out", code=2)
-        assert called.reports("E705", "disk/out")
+        assert called.reports("E701", "disk/out")
         assert Path("disk/out/run.json").read_bytes() == before
     finally:
         subprocess.run(["umount", str(disk)], check=True)
