@@ -160,7 +160,7 @@ def test_models_that_cannot_run(lagsim, write):
     assert lagsim("golden", write(TIMELESS), "--update").code == 2
     assert lagsim("golden", write(CAPTION), "--update").code == 1
     called = lagsim("golden", write(FALL), "--update", code=3)
-    assert called.reports("E603", "model")
+    assert called.reports("E605", "model")
     assert not Path("golden").exists()
 
 
