@@ -189,7 +189,9 @@ def solve(problem: ComplementarityProblem) -> Solution:
     if alone:
         p[alone], w[alone] = _solved_alone(problem, alone)
     at_rest = problem.c == 0.0
-    at_rest &= (problem.low <= 0.0).all(axis=0) & (problem.high >= 0.0).all(axis=0)
+    if at_rest.any():
+        within = (problem.low <= 0.0) & (problem.high >= 0.0)
+        at_rest &= within.all(axis=0)
     for rows in parts:
         if at_rest[rows].all():
             continue
@@ -243,10 +245,10 @@ def _groups(r: int, coupled: bytes, *others: tuple[int, ...]) -> list[list[int]]
 
 
 def solved_regular(D: Floats, right: Floats) -> Floats | None:
-    """Solve D x = right for x (k,) by Cholesky factors; None if D may lose digits.
+    """Solve D x = right for x (k,); None for one row, or nearly dependent ones.
 
     D : ndarray, shape (k, k)
-        Symmetric to rounding. Its condition, scaled to a diagonal of ones, counts.
+        Symmetric to rounding.
     """
     if not is_regular(D):
         return None
@@ -259,12 +261,12 @@ REGULAR_PIVOT = 1e-2
 
 
 def is_regular(D: Floats) -> bool:
-    """Whether no pivot of D (k, k), scaled to a unit diagonal, is near 0.
+    """Whether D (k, k), k > 1, has no pivot near 0 if scaled to a unit diagonal.
 
     D : symmetric to rounding.
     """
     own = D.diagonal()
-    if not (len(own) and own.min() > 0.0 and np.isfinite(own).all()):
+    if not (len(own) > 1 and own.min() > 0.0 and np.isfinite(own).all()):
         return False
     s = 1.0 / np.sqrt(own)
     try:

@@ -397,10 +397,9 @@ class Contacts(Source):
         for k in struck:
             self.flights[k].add(t, abs(float(here.rates[k])))
         ends: dict[int, float] = {}
-        leasts, gaps = here.leasts.tolist(), np.abs(here.gaps).tolist()
         for k in self.contacts:
-            least = leasts[k]
-            if here.in_force[k] and gaps[k] <= least:
+            least = here.least(k)
+            if here.in_force[k] and abs(here.gaps[k]) <= least:
                 end = self.flights[k].end(t, abs(float(here.rates[k])), least)
                 if end is not None:
                     ends[k] = end

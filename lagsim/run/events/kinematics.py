@@ -211,18 +211,17 @@ class Kinematics:
         """Estimate the largest multiplier (L,) of each closed law; 0 of all others."""
         # Laws are few: numpy would take twice as long.
         own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
+        kinds, forces = self.arc.system.p.law_kind.tolist(), self.forces.tolist()
         most = [0.0] * self.count
-        for k, (law, force) in enumerate(
-            zip(self.laws, self.forces.tolist(), strict=True)
-        ):
+        for k in range(self.count):
             if not closed[k]:
                 continue
-            if law.kind is Kind.SLIP:
-                most[k] = statics[k] * most[law.normal]
-            elif law.kind is Kind.LIMITED:
+            if kinds[k] == kept.SLIP:
+                most[k] = statics[k] * most[self.laws[k].normal]
+            elif kinds[k] == kept.LIMITED:
                 most[k] = statics[k]
             elif own[k] > 0.0:
-                most[k] = force / own[k]
+                most[k] = forces[k] / own[k]
         return np.array(most)
 
     @cached_property
@@ -382,31 +381,32 @@ class Kinematics:
 
         also : the numbers of laws that count as closed at any gap.
         """
-        mode, in_force = self.arc.system.p.law_mode.tolist(), self.in_force
+        p = self.arc.system.p
+        mode, kinds = p.law_mode.tolist(), p.law_kind.tolist()
+        in_force, near, grazing = self.in_force, self.near, self.grazing
         closed: list[bool] = []
-        for k, law in enumerate(self.laws):
-            if law.kind is Kind.SLIP:
-                closed.append(closed[law.normal])
-            elif not law.kind.one_sided:
-                closed.append(in_force[k] and not law.slider)
+        for k, kind in enumerate(kinds):
+            if kind == kept.SLIP:
+                closed.append(closed[self.laws[k].normal])
+            elif kind > kept.FREEWHEEL:  # not one-sided
+                closed.append(in_force[k] and kind != kept.SLIDER)
             else:
-                holds = mode[k] in (kept.HELD, kept.REDUNDANT) or k in also
-                touches = (holds or self.near[k]) and k not in self.grazing
-                closed.append(touches and in_force[k])
+                holds = near[k] or mode[k] in (kept.HELD, kept.REDUNDANT) or k in also
+                closed.append(holds and in_force[k] and k not in grazing)
         return closed
 
     def strikes(self, k: int) -> bool:
         """Whether the rate of closed law k must jump."""
-        return self._strikes[k]
+        kind = self.laws[k].kind
+        rate, still = self._rates_and_still[0][k], self._rates_and_still[1][k]
+        if kind is Kind.TIMED:
+            return abs(rate) > still
+        return kind is not Kind.SLIP and rate < -still
 
     @cached_property
-    def _strikes(self) -> list[bool]:
-        """Whether the rate of each law must jump if it is closed."""
-        kinds = self.arc.system.p.law_kind
-        against = self.rates < -self.still
-        either = np.abs(self.rates) > self.still
-        jumps = np.where(kinds == kept.TIMED, either, against & (kinds != kept.SLIP))
-        return list(jumps.tolist())
+    def _rates_and_still(self) -> tuple[list[float], list[float]]:
+        """`rates` and `still` as lists, whose elements are read faster."""
+        return self.rates.tolist(), self.still.tolist()
 
     def is_off(self, k: int, part: float) -> bool:
         """Whether the residual of law k exceeds a part of its range, and rounding."""
@@ -449,13 +449,6 @@ class Kinematics:
         values = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
         return float(max(values, CLEAR_OF_ROUNDING * rounded))
-
-    @cached_property
-    def leasts(self) -> Floats:
-        """The heights (L,) of `least` with the tolerance of the run."""
-        values = self.arc.plan.tolerance * self.reach[0]
-        rounded = self.slack + math.ulp(self.t) * self.reach[1]
-        return np.asarray(np.maximum(values, CLEAR_OF_ROUNDING * rounded))
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of other laws change the rate of law k."""
