@@ -216,7 +216,7 @@ simulation: {duration: 0.1, output_step: 0.1}
         "initial: {x: 0}\n",
         _RUN),
     warning("W317", "events-unlisted",
-        "More events happened than are listed: `event_counts` counts all.",
+        "More events happened than run.json lists: `event_counts` counts all.",
         "end the run earlier, or count the events of interest in the table; give more "
         "mass to a part that is so light that it hops or chatters at each step, or "
         "leave it out",

@@ -20,6 +20,7 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import largest_shift
+from lagsim.run.event_store import EventStore
 from lagsim.run.events.conditions import is_postponed, located_within
 from lagsim.run.events.constraints import (
     NearDependence,
@@ -89,8 +90,9 @@ def finite_rows(rows: Floats, columns: int) -> int:
     return len(rows) if finite.flat[first] else first // columns
 
 
-# Largest number of stored events, since a switch or dead point may be passed for ever.
-MOST_EVENTS = 10_000
+# Largest number of events in documents and pages, and in events.csv, since a switch or
+# dead point may be passed for ever.
+MOST_EVENTS, MOST_TABULATED = 10_000, 1_000_000
 # Number of the last stored events from which their main source and rate are reported.
 LATELY = 1000
 
@@ -104,10 +106,12 @@ class Recorder:
         Number of rows passed so far.
     last : float
         Time of the last row; nan before the first.
+    later : EventStore
+        The events after the first `MOST_EVENTS`.
     counts, unkept : dict
-        Number of events of each kind, and number of events that are not stored.
+        Number of events of each kind, and number of those not in `events`.
     full : float
-        Time of the first event that is not stored; inf if all are.
+        Time of the first event that is not in `events`; inf if all are.
     """
 
     def __init__(self, observers: Sequence[Observer]) -> None:
@@ -117,6 +121,7 @@ class Recorder:
         self.choices: list[Choice] = []
         self.counts: dict[str, int] = {}
         self.unkept: dict[str, int] = {}
+        self.later = EventStore()
         self.full = math.inf
         self.rows = 0
         self.last = math.nan
@@ -132,11 +137,13 @@ class Recorder:
             else:
                 self.unkept[kind] = self.unkept.get(kind, 0) + 1
                 self.full = min(self.full, event.time)
+                if len(self.later) < MOST_TABULATED:
+                    self.later.add(event)
         self.cautions += decision.cautions
         self.choices += decision.choices
 
     def unlisted(self) -> list[Caution]:
-        """Return a caution with the number of events that are not stored, if any."""
+        """Return a caution with the number of events not in `events`, if any."""
         if not self.unkept:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
@@ -145,11 +152,17 @@ class Recorder:
         wheres = Counter(next(filter(None, of(e))) for e in late)
         where, often = wheres.most_common(1)[0]
         text = (
-            f"only the first {MOST_EVENTS} events are listed: from t = {self.full:.9g} "
+            f"only the first {MOST_EVENTS} events are listed in run.json and in "
+            f"pictures ({self._in_table()} in events.csv): from t = {self.full:.9g} "
             f"on there were {kinds} more; {often} of the last {len(late)} listed are "
             f"at `{where}`, within {self.full - late[0].time:.3g} of time"
         )
         return [Caution("events-unlisted", text)]
+
+    def _in_table(self) -> str:
+        """Return in words how many events events.csv lists."""
+        complete = len(self.later) == sum(self.unkept.values())
+        return "all" if complete else str(MOST_EVENTS + len(self.later))
 
     def hand_on(self, rows: Floats) -> None:
         """Pass rows (k, columns) to all observers."""
@@ -578,6 +591,7 @@ class Run:
             rows=recorder.rows,
             statistics=statistics_of(arc, self.arcs),
             events=tuple(sorted(recorder.events, key=attrgetter("time"))),
+            later_events=recorder.later,
             event_counts=dict(recorder.counts),
             warnings=(
                 *recorder.cautions,

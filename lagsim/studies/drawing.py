@@ -13,6 +13,7 @@ import gc
 import math
 import pickle
 from functools import partial
+from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
@@ -36,7 +37,10 @@ def event_tables(made: Attempt) -> Iterator[Made]:
     """Yield name and content of the tables of events and sections, if there are any."""
     if made.session.lists_events:
         named = bool(made.session.case.model.events)
-        yield "events.csv", events_table(made.trajectory.events, named=named)
+        trajectory = made.trajectory
+        many = trajectory.events, trajectory.later_events
+        events = merge(*many, key=lambda x: (x.time, x.kind == "until"))
+        yield "events.csv", events_table(events, named=named)
     if made.sections:
         from lagsim.outputs.sections import RecordedSections, tables
 

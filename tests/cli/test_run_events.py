@@ -4,9 +4,12 @@ import csv
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from lagsim.notes import Event
 from lagsim.run import arcs
+from lagsim.run.event_store import EventStore
 from tests.cli._results import manifest, names
 from tests.small_scenes import CONTACT, ON_THE_CURVE
 
@@ -103,7 +106,9 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     impacts = [FIRST * k for k in range(1, 100, 2) if FIRST * k < 20]
     lost = len(impacts) - most
     called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
-    assert [float(line[0]) for line in listed()] == pytest.approx(impacts[:most])
+    assert [float(line[0]) for line in listed()] == pytest.approx(impacts)
+    kept = [event["time"] for event in manifest("out")["events"]]
+    assert kept == pytest.approx(impacts[:most])
     assert manifest("out")["event_counts"] == {"impact": len(impacts)}
     [warning] = manifest("out")["warnings"]
     assert warning["code"] == "events-unlisted"
@@ -120,7 +125,26 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     # What a run has once is listed all the same.
     until = ENDLESS.replace("0.5}", "0.5, until: y_dot >= 20 - t}")
     lagsim("run", write(until), "--no-plots", "-o", "out", "-q")
-    assert [line[1] for line in listed()] == [*["impact"] * most, "until"]
+    kinds = [event["kind"] for event in manifest("out")["events"]]
+    assert kinds == [*["impact"] * most, "until"]
+    assert [line[1] for line in listed()][-2:] == ["impact", "until"]
+    assert len(listed()) == sum(manifest("out")["event_counts"].values())
+
+
+def test_many_events_are_stored_in_the_order_of_time():
+    """The end of an accumulation is known before the impacts of other contacts."""
+    store, random = EventStore(), np.random.default_rng(1)
+    times = np.sort(random.uniform(0.0, 1.0, 5003))
+    ends = [Event(t + random.uniform(0.0, 0.02), "zeno", "b") for t in times[::500]]
+    for k, t in enumerate(times):
+        store.add(Event(t, "impact", "a", rate_before=-1.5, energy=0.25))
+        if k % 500 == 0:
+            store.add(ends[k // 500])
+    found = list(store)
+    assert len(store) == len(found) == len(times) + len(ends)
+    assert [event.time for event in found] == sorted(event.time for event in found)
+    assert [event for event in found if event.kind == "zeno"] == ends
+    assert found[0] == Event(times[0], "impact", "a", rate_before=-1.5, energy=0.25)
 
 
 def test_the_table_is_the_same_without_pictures(lagsim, write):

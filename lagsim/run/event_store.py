@@ -1,0 +1,57 @@
+"""Storage of many events of a run, packed."""
+
+from __future__ import annotations
+
+import pickle
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+from lagsim.notes import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# Number of events in a chunk.
+CHUNK = 1000
+
+
+class EventStore:
+    """Events in the order in which they were added, about 60 bytes each.
+
+    Iteration yields them in the order of time, chunk by chunk: the end of an
+    accumulation is later than the events that are added after it.
+    """
+
+    def __init__(self) -> None:
+        self._chunks: list[bytes] = []
+        self._last: list[Event] = []
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return the number of events."""
+        return self._count
+
+    def add(self, event: Event) -> None:
+        """Store an event."""
+        self._last.append(event)
+        self._count += 1
+        if len(self._last) == CHUNK:
+            plain = [tuple(x) for x in self._last]
+            self._chunks.append(pickle.dumps(plain, pickle.HIGHEST_PROTOCOL))
+            self._last = []
+
+    def __iter__(self) -> Iterator[Event]:
+        """Iterate over all events in the order of time."""
+        time, waiting = attrgetter("time"), list[Event]()
+        for chunk in self._all_chunks():
+            begin = min(map(time, chunk))
+            yield from (x for x in waiting if x.time <= begin)
+            waiting = [x for x in waiting if x.time > begin]
+            waiting = sorted([*waiting, *chunk], key=time)
+        yield from waiting
+
+    def _all_chunks(self) -> Iterator[list[Event]]:
+        for packed in self._chunks:
+            yield [Event(*x) for x in pickle.loads(packed)]
+        if self._last:
+            yield self._last
