@@ -463,7 +463,9 @@ class Derivation:
         needs = any(self._options[key] for key in ("solve", "with_gauss", "expand"))
         if needs or not has_many_rows(self._model):
             return derived(self._equations, **self._options, matrices=False)
-        return derived(_derived(self._model), **self._options, matrices=False)
+        return derived(
+            _derived(self._model, trees=False), **self._options, matrices=False
+        )
 
     @cached_property
     def text(self) -> str:

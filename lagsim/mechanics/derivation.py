@@ -188,7 +188,9 @@ def may_branch(g: Graph, nodes: Iterable[int]) -> bool:
     return any(row is not None and (row.switch or row.branches) for row in rows)
 
 
-def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equations:
+def derive(
+    model: Model, *, chained: bool = True, gathers: bool = False, trees: bool = True
+) -> Equations:
     """Derive the equations of motion of `model`.
 
     Parameters
@@ -199,6 +201,9 @@ def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equa
         its entries.
     gathers : bool
         Keep sums that are elements, see `may_gather`; else they are written out.
+    trees : bool
+        Write rates of frames by recursion where `chained`, see `frames`; equations for
+        readers have them in the definitions of the file.
     """
     if not gathers:
         model = model.written_out()
@@ -213,14 +218,15 @@ def derive(model: Model, *, chained: bool = True, gathers: bool = False) -> Equa
     dL_dt = g.call("add", dL_dt, *tangent(g, [model.lagrangian], flow.states))
     momenta, dL_dq = by_state[: len(q)], by_state[len(q) :]
     always = all(c.always for c in model.constraints)
-    tree = tree_of_frames(model, flow) if chained and len(q) > FEW else None
+    few = len(q) <= FEW
+    tree = tree_of_frames(model, flow) if chained and trees and not few else None
     chains = tree and tree.chains
     entries = partial(mass_matrix, g, momenta, rates)
     if tree:
         flow = Flow(g, q, velocities, model.states, tree.turned)
         entries = partial(tree.chains.entries, g, Budget())
         factored = always and shorter_than_entries(g, tree.chains)
-    elif chained and len(q) > FEW and always:
+    elif chained and not few and always:
         chains = shorter_chains(g, model.lagrangian, rates, velocities)
         factored = chains is not None
     M = ChainedMass(g, chains, entries) if chains and factored else entries()

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.ldl import Elimination, elimination_of
@@ -265,3 +266,8 @@ def test_a_long_tree_is_planned_along_its_joints():
     plan = case.plan()
     assert plan.elimination is not None
     assert any("along chains" in x.reason for x in plan.choices)
+
+
+def test_equations_for_readers_are_in_the_definitions_of_the_file():
+    text = lagsim.derive(lagsim.load(tree(*chain(22)))).as_text()
+    assert "accelerations are too long to be read" in text

@@ -39,7 +39,7 @@ EACH = [
 @functools.cache
 def equations_of(name: str) -> Equations:
     model = shipped(name)
-    return derive(model, chained=has_many_rows(model))
+    return derive(model, chained=has_many_rows(model), trees=False)
 
 
 @functools.cache

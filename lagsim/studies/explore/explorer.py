@@ -232,7 +232,7 @@ class Explorer:
 
         # Of its own, for motions are computed meanwhile.
         model = pickle.loads(self._content)
-        equations = derive(model, chained=has_many_rows(model))
+        equations = derive(model, chained=has_many_rows(model), trees=False)
         return as_mathml(derived(equations, matrices=False))
 
     def text(self, values: Values) -> str:
