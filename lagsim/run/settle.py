@@ -6,7 +6,7 @@ returns the next one (`instant.InstantRecord`):
 
     1 acts        events of the file that are due, in the order of the file
     2 sides       branches of t, then the side of each switching surface
-    3 velocities  impacts: of equalities that jump, then of laws that approach
+    3 velocities  impacts: of laws that approach; after 4, of equalities that jump
     4 modes       the modes of laws, by the accelerations
     5 ties        within 2 and 4: by the rates of what is tied, then by a rule
     6 repeat      events that these phases have made due act at the same instant
@@ -202,12 +202,23 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     now = acts(now, by)
     while True:
-        now = sides_and_velocities(now, by)
-        now = modes(now, by)
+        now = modes_and_velocities(now, by)
         now = due_after(now, by)
         if not now.due.acts or now.ending is not None:
             return bookkeep(now, by)
         now = acts(now, by)
+
+
+def modes_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Decide sides, velocities and modes; again where an equality strikes.
+
+    Whether an equality strikes is known once the laws beside it have their modes.
+    """
+    now = modes(sides_and_velocities(now, by), by)
+    now = equalities(now, by)
+    if now.jumped:
+        now = modes(sides_and_velocities(now, by), by)
+    return now
 
 
 def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
@@ -294,24 +305,22 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Strike where velocities are not admissible: equalities first, then laws.
-
-    An equality whose rate has jumped is an inelastic impact. Laws that approach are
-    struck together, each by its own restitution.
-    """
+    """Strike all laws that approach together, each by its own restitution."""
     ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
         return now.but(ending=ending)
-    if now.before is not None:
-        found, surfaces = inelastic_impact(
-            now.arc, now.before, by.switching, now.surfaces
-        )
-        now = carried_out(now, found, surfaces=surfaces, before=None)
-        if now.jumped or now.ending is not None:
-            return now.but(admissible=None)
     if by.contacts is None or now.admissible is not None:
         return now
     return laws_struck(now, by)
+
+
+@phase
+def equalities(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Strike the equalities whose rates have jumped: an inelastic impact."""
+    if now.before is None:
+        return now
+    found, surfaces = inelastic_impact(now.arc, now.before, by.switching, now.surfaces)
+    return carried_out(now, found, surfaces=surfaces, before=None, admissible=None)
 
 
 def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecord:
@@ -434,7 +443,7 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = branches(now, by)
     if by.transitions is not None:
         now = first_acts(now, by)
-    now = modes(sides_and_velocities(now, by), by)
+    now = modes_and_velocities(now, by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
         now = now.but(due=by.transitions.look_at_start(arc, struck), impacts=False)

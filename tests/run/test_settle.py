@@ -21,6 +21,7 @@ def test_the_page_names_the_phases_in_the_order_of_the_code():
     for name in phases:
         assert callable(getattr(settle, name)), name
     text = inspect.getsource(settle.settle)
+    text += inspect.getsource(settle.modes_and_velocities)
     text += inspect.getsource(settle.sides_and_velocities)
     found = [x for x in re.findall(r"\b(\w+)\(", text) if x in phases]
     assert set(found) == set(phases)
