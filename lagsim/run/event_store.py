@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
+import json
+import zlib
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lagsim.notes import Event
 
@@ -16,16 +19,20 @@ CHUNK = 1000
 
 
 class EventStore:
-    """Events in the order in which they were added, about 60 bytes each.
+    """Events in the order in which they were added, compressed in chunks.
 
     Iteration yields them in the order of time, chunk by chunk: the end of an
     accumulation is later than the events that are added after it.
     """
 
     def __init__(self) -> None:
-        self._chunks: list[bytes] = []
+        self._chunks: list[np.ndarray[Any, np.dtype[np.uint8]]] = []
         self._last: list[Event] = []
         self._count = 0
+
+    def __repr__(self) -> str:
+        """Return the class with the number of events."""
+        return f"EventStore({self._count})"
 
     def __len__(self) -> int:
         """Return the number of events."""
@@ -36,8 +43,8 @@ class EventStore:
         self._last.append(event)
         self._count += 1
         if len(self._last) == CHUNK:
-            plain = [tuple(x) for x in self._last]
-            self._chunks.append(pickle.dumps(plain, pickle.HIGHEST_PROTOCOL))
+            packed = zlib.compress(json.dumps(self._last).encode())
+            self._chunks.append(np.frombuffer(packed, np.uint8))
             self._last = []
 
     def __iter__(self) -> Iterator[Event]:
@@ -52,6 +59,6 @@ class EventStore:
 
     def _all_chunks(self) -> Iterator[list[Event]]:
         for packed in self._chunks:
-            yield [Event(*x) for x in pickle.loads(packed)]
+            yield [Event(*x) for x in json.loads(zlib.decompress(packed.tobytes()))]
         if self._last:
             yield self._last
