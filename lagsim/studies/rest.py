@@ -597,6 +597,8 @@ class Search:
     ) -> list[Equilibrium]:
         """Return the rests that are found, the nearest to the start first.
 
+        Of rests at equal distances the stable ones come first.
+
         Raises
         ------
         NoRestError
@@ -620,7 +622,7 @@ class Search:
         if not kept:
             raise NoRestError(self._remaining(self.tried))
         nearest = (self._nearer(x) for x in kept)
-        return sorted(nearest, key=lambda x: x.distance)
+        return sorted(nearest, key=_rank)
 
     def _nearer(self, one: Equilibrium) -> Equilibrium:
         """Return the nearest rest of the continuum around a rest, or the rest."""
@@ -754,6 +756,12 @@ def tables(found: Sequence[Equilibrium]) -> dict[str, bytes]:
         rows.append(row | {key: x[key] for key in keys})
     cells = (["" if x is None else x for x in row.values()] for row in rows)
     return {"equilibrium.csv": table_of(tuple(rows[0]), cells)}
+
+
+def _rank(one: Equilibrium) -> tuple[float, int]:
+    """Return the key of the order of rests: the distance, then whether it is stable."""
+    stability = {True: 0, None: 1, False: 2}
+    return float(f"{one.distance:.9g}"), stability[one.stable]
 
 
 def with_start(

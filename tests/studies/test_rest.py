@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import lagsim
 from tests.studies.test_modes import CARTESIAN, HOOP
-from tests.support import refused
+from tests.support import MODELS, refused
 
 DOUBLE = """
 parameters: {l: 0.5, g: 9.81, m: 2}
@@ -113,6 +113,15 @@ def test_a_cartesian_pendulum_hangs_by_its_constraint():
     # m g = 2 y lambda.
     assert below["lambda"]["rod"] == pytest.approx(3 * 9.81 / (2 * -0.7))
     assert one(found, y=0.7)["reason"] == "eigenvalues"
+
+
+def test_of_two_rests_at_one_distance_the_stable_one_is_first():
+    """A pendulum held level is as far from hanging as from standing."""
+    model = lagsim.load(str(MODELS / "pendulum-cartesian.yaml"))
+    found = lagsim.equilibrium(model)
+    assert [x["stable"] for x in found.equilibria] == [True, False]
+    frequency = lagsim.modes(model).modes[0]["frequency"]
+    assert frequency == pytest.approx(math.sqrt(9.81) / (2.0 * math.pi), rel=1e-9)
 
 
 @pytest.mark.parametrize(("w", "count"), [(3.0, 2), (5.0, 4)])
