@@ -109,7 +109,8 @@ def written(path):
     for table in found.get("tables", {}).values():
         if file := table.pop("file", None):
             text = (path.parent / file).read_text("utf-8")
-            rows = csv.DictReader(text.splitlines())
+            lines = [x for x in text.splitlines() if not x.startswith("#")]
+            rows = csv.DictReader(lines)
             keys = [table.pop(axis) for axis in "xyz" if axis in table]
             table["points"] = [[row[key] for key in keys] for row in rows]
     if has_members(root):
