@@ -156,7 +156,8 @@ def in_fewer_terms(
 FEW = 5
 
 
-# What methods use besides y' in models with elements, see `language.elements`.
+# Functions besides y' that methods may use in models with elements (`NEEDS` of a
+# method), see `language.elements`.
 OF_ELEMENTS = frozenset(("power",))
 
 
@@ -202,8 +203,8 @@ def derive(
     gathers : bool
         Keep sums that are elements, see `may_gather`; else they are written out.
     trees : bool
-        Write rates of frames by recursion where `chained`, see `frames`; equations for
-        readers have them in the definitions of the file.
+        Write rates of frames by recursion where `chained`, see `frames`. Equations
+        that are shown to a reader are written in the definitions of the file.
     """
     if not gathers:
         model = model.written_out()
@@ -338,8 +339,8 @@ def reactions(e: Equations) -> dict[str, int]:
 def _motion(e: Equations) -> dict[int, int]:
     """Return definitions and their derivatives along the motion, to be substituted.
 
-    The definitions are those in `output.reactions`; variable x, x' or x'' -> node of t,
-    q, q' and q''.
+    The definitions are listed in `output.reactions`. The result maps the variable x, x'
+    or x'' to a node of t, q, q' and q''.
     """
     g = e.graph
     seed = {**e.flow.forward}

@@ -271,7 +271,7 @@ class Equations:
     def known_roundings(
         self, moving: Collection[str], state: Collection[str] = ()
     ) -> dict[int, int]:
-        """Return bounds of the roundoff of nodes that are not those of their terms.
+        """Return bounds of the roundoff of nodes that no bound of their terms gives.
 
         These are the entries of matrices of a tree of frames; moving, state : see
         `evaluate.roundings`.

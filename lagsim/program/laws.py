@@ -496,8 +496,8 @@ def correct(p: Parameters) -> None:
 def hold(p: Parameters) -> None:
     """Factor M, and store the indices of the rows that hold in p.order, by groups.
 
-    p.ranked is their number. Groups are those of the last call if the same rows hold,
-    and so are factors of S where M, A and the friction of the rows are constant.
+    p.ranked is their number. If the same rows hold as at the last call, their groups
+    are kept, and so are factors of S where M, A and the friction are constant.
     """
     first = p.m - p.laws
     changed = 0
@@ -664,10 +664,10 @@ REFINED, UNCHANGED, REFINEMENTS = 1e-3, 1e-14, 12
 
 
 def refine(p: Parameters) -> None:
-    """Correct q'' and the multipliers in p.w by those of the residuals of the rows.
+    """Refine q'' and the multipliers in p.w iteratively, by the residuals A q'' - b.
 
-    What rounding leaves of A q'' - b is small, and so is the correction's error: q'' is
-    accurate although S has the square of the condition of the rows.
+    The residuals are small, and so are the errors of the corrections: q'' is accurate
+    although the condition of S is the square of that of the rows.
     """
     count, found = int(p.ranked), p.diagonal
     found[:count] = p.w[:count]

@@ -50,7 +50,7 @@ class RowPattern(NamedTuple):
     first : list of int, length n
         First column of each row of L.
     ranges : list of list of (int, int), length m
-        The reach of each row: columns of the row of A L^-T, with those of the friction
+        The reach of each row: columns of the row of A L^-T, and columns of the friction
         that a multiplier of the row causes, as ranges (first, last + 1).
     near : list of list of int, length m
         Rows, ascending, whose reaches overlap with that of each row. Empty where there

@@ -8,7 +8,7 @@ returns the next one (`instant.InstantRecord`):
     2 sides       branches of t, then the side of each switching surface
     3 velocities  impacts: of laws that approach; after 4, of equalities that jump
     4 modes       the modes of laws, by the accelerations
-    5 ties        within 2 and 4: by the rates of what is tied, then by a rule
+    5 ties        within 2 and 4: by the rates of the tied rows, then by a rule
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
 
@@ -51,7 +51,7 @@ OUT_OF_RANGE = ("NaN", "infs", "math domain")
 
 
 class Deciders(NamedTuple):
-    """The parts of a run that decide at an instant; None for what a model has not.
+    """The parts of a run that decide at an instant; None for parts without use.
 
     Attributes
     ----------
@@ -344,7 +344,7 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the modes of all laws by the accelerations, in one problem.
 
     Laws beside surfaces whose sides the forces decide have their modes from the problem
-    of these sides. What is tied is decided by rates (`mechanics.contact.modes`).
+    of these sides. Tied rows are decided by rates (`mechanics.contact.modes`).
     """
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
@@ -374,7 +374,7 @@ def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 
 def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRecord:
-    """Carry out on the arc what a phase has found, and return the next record.
+    """Apply the decision of a phase to the arc, and return the next record.
 
     Where velocities jump, the row before the jump and the row after it are stored. All
     jumps of an instant at which an event gives an impulse have one row before.

@@ -91,7 +91,7 @@ class Trajectory(NamedTuple):
     """Result of a run, without its rows, which were passed to the observers.
 
     `reason` states in words why the run ended; `end` is the time reached;
-    `later_events` are those after the first, long list `events`;
+    `later_events` are the events after the first 10,000, which are `events`;
     `event_counts` is the number of events of each kind, listed in `events` or not;
     `choices` are the choices made during the run; `extents` holds the least and the
     greatest value of components of the state over the steps, if they were recorded.

@@ -260,8 +260,8 @@ class Parameters(Laws):
     usual_reference: float  # ... and that of the plan, at the start of an arc
     sigma: float  # size of the last independent column, now
     least_sigma: float  # the smallest of it since a kernel set this to 1
-    factored: float  # what of that has been factored
-    lasting: float  # what of it stays factored, with the friction of the modes
+    factored: float  # 1: L of M is known; 2: also the factors of S
+    lasting: float  # the largest value of `factored` while the modes of laws stay
     least_pivot: float  # of the matrices S of the rows that hold
     ranked: float  # the rank that was found then
     noted: float  # how many directions of the rows have been noted

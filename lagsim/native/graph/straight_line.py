@@ -456,8 +456,8 @@ def _with_edges(
     return made + following, firsts
 
 
-# Fewer nodes that functions have in common are evaluated by each of them: to call them,
-# and to pass their values, would take as much code.
+# Least number of common nodes of several functions that become a function of their own.
+# Fewer nodes are evaluated in each function: a call would take as much code.
 FEW_COMMON = 48
 
 

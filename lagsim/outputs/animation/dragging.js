@@ -108,7 +108,7 @@ class ConstrainedStart {
       let best = known, nearest = far, part = share;
       for (let half = 0; half < MOST_HALVINGS; half++) {
         const other = this.on(this.changed(this.model.q, known, change.map((c) => part * c)));
-        // A place that does not move as its derivatives say is beyond what they say.
+        // A point that does not move as its derivatives predict is outside their range of validity.
         const there = place.at(other), beyond = norm(there.map((y, k) => y - from[k] - part * ahead[k])) > part * norm(ahead) / 2;
         const now = beyond ? Infinity : away(other);
         if (nearest < Math.min(now, far)) break;

@@ -47,7 +47,7 @@
       source, worker: source.then(made), module: inflated("module").arrayBuffer().then(compiled),
       page: inflated("page").json(), content: inflated("content").text(), mathml: () => inflated("mathml").text(),
     };
-    // What fails is told where it is awaited.
+    // A part that fails is reported where it is awaited.
     for (const part of Object.values(parts)) part.catch?.(() => {});
     inflated("script").text().then((source) => document.body.append(script(source)));
   } catch (error) {

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lagsim.run.events.kinematics import Kinematics
 
     # The names of the located events that acted in one round, the modes of the file
-    # before these acts, and the velocities before them.
+    # and the velocities before these acts.
     Round = tuple[tuple[str, ...], dict[str, float], Floats]
 
 

@@ -436,7 +436,7 @@ class Explorer:
     def _followed(
         self, values: Values, *, follow: bool
     ) -> tuple[Session, dict[str, float]]:
-        """Return the session of some values, and start values moved to admit them."""
+        """Return the session of some values, and the start values that change."""
         try:
             return self._session(values), {}
         except StartError as error:
@@ -478,9 +478,9 @@ class Explorer:
 
 
 class _Limits(threading.Thread):
-    """Ends of the sliders of numbers of members: what the file can be read with.
+    """Ends of the sliders of numbers of members, within which the file can be read.
 
-    A file that lists values of members may have no other number of them.
+    The number is fixed in a file that lists a value for each member.
 
     Parameters
     ----------

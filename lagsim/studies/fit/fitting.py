@@ -673,8 +673,8 @@ class Fit:
     def _restarts(self, weights: Floats, loss: str) -> Iterator[Floats]:
         """Yield values (p,) from which a fit may leave a local minimum.
 
-        The first are the result of fits to growing parts of the records; those after
-        them are the random starts of least cost.
+        The first values are the result of fits to growing parts of the records; the
+        random starts of least cost follow.
         """
         x = self.start
         for counts in parts_of(self.elapsed, 2 * len(self.names) + 2):

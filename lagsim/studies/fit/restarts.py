@@ -32,7 +32,8 @@ CUT = 4.4
 ROUNDING = 1e-8
 # Parts of the time of the data to which a fit is made in turn.
 PARTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
-# Starts that are compared by their cost alone, and how many of them begin a fit.
+# Number of random starts that are compared by their cost, and of fits that begin at
+# the starts of least cost.
 COMPARED, BEGUN = 40, 3
 
 

@@ -128,6 +128,15 @@ def test_events_of_one_instant_add_up_and_see_the_velocity_before():
     assert result.at(1.0)["x_dot"] == pytest.approx(5.0, abs=JUMP)
 
 
+@pytest.mark.parametrize("method", ADAPTIVE)
+def test_an_event_at_a_single_time_compares_it_with_a_mode(method):
+    """As the hint of `at: t >= 1` advises: x = 2 (t - 1) after the kick."""
+    kick = "k: {at: t >= t1, impulse: {x: 2}}"
+    found = lagsim.simulate(scene(kick, more="modes: {t1: 1}"), method=method)
+    assert [(e.time, e.name) for e in found.events] == [(1.0, "k")]
+    assert found["x"][-1] == pytest.approx(3.0, abs=JUMP)
+
+
 def test_an_impulse_stands_beside_assignments():
     """Modes that earlier events set are seen, own ones are not; `n` notes v before."""
     result = run(
