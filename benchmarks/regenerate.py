@@ -162,33 +162,30 @@ def codes():
 
 
 def known():
-    """Return the module with the types of the codes of errors and warnings."""
-    parts = [KNOWN]
-    prefix = "expression-"
-    kinds = {
-        "ErrorCode": errors(),
-        "WarningCode": cautions(),
-        # Codes of `ExpressionError`: one without a row is reported elsewhere.
-        "ExpressionCode": [
-            "silent",
-            *(x.removeprefix(prefix) for x in errors() if x.startswith(prefix)),
-        ],
-    }
-    for name, rows in kinds.items():
-        codes_of = "".join(f'    "{code}",\n' for code in sorted(rows))
-        parts.append(f"{name} = Literal[\n{codes_of}]\n")
+    """Return the module with the codes of errors and warnings, and their types."""
+    rows = sorted({*errors(), *cautions()})
+    parts = [KNOWN, *(f'{constant(code)}: Final = "{code}"\n' for code in rows)]
+    parts.append("\nif TYPE_CHECKING:\n    from typing import Literal, TypeAlias\n\n")
+    for name, codes_of in {"ErrorCode": errors(), "WarningCode": cautions()}.items():
+        listed = "".join(f'        "{code}",\n' for code in sorted(codes_of))
+        parts.append(f"    {name}: TypeAlias = Literal[\n{listed}    ]\n")
     return "".join(parts)
 
 
+def constant(code):
+    """Return the name in `lagsim.codes.known` of a code: BAD_NAME for `bad-name`."""
+    return code.upper().replace("-", "_")
+
+
 KNOWN = '''\
-"""Codes of errors and warnings as types, by which mypy refuses an unknown code.
+"""Codes of errors and warnings: an unknown one cannot be imported.
 
 Derived from the rows of this room: see docs/adding.md.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Final
 
 '''
 

@@ -6,6 +6,8 @@ import contextlib
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.codes.known import FAILED
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
@@ -203,7 +205,7 @@ class LagsimError(Exception):
     """
 
     exit_code = 2
-    code: ErrorCode = "failed"
+    code: ErrorCode = FAILED
 
 
 class InputError(LagsimError):

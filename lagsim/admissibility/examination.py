@@ -53,6 +53,12 @@ from lagsim.admissibility.verdict import (
     verdicts_on,
     with_timed,
 )
+from lagsim.codes.known import (
+    COORDINATE_SINGULARITY,
+    DOUBLE_ROOT,
+    OTHER_ROOTS,
+    UNDETERMINED_GUESS,
+)
 from lagsim.language.derivatives import gradient
 from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
@@ -340,7 +346,7 @@ class _Examiner:
             text = f"at the start the angles of the frame `{frame}` are near gimbal "
             text += "lock, where their rates are unbounded; use other `axes`, put it "
             text += "`on` a turned frame, or give a `quaternion`"
-            self._warn("coordinate-singularity", text)
+            self._warn(COORDINATE_SINGULARITY, text)
         if classify and laws:
             laws, sticking, cautions = contact_status(
                 here.of(rested.e), laws, judged.ranks.rank, sound=sound and satisfied
@@ -437,7 +443,7 @@ class _Examiner:
             if found.trouble is Trouble.DOUBLE_ROOT:
                 self.double |= not relations.velocities
                 self._warn(
-                    "double-root",
+                    DOUBLE_ROOT,
                     f"Newton's method converges only linearly, to {where}: a "
                     f"double root of `{name}`, or a singular configuration; the "
                     "multiplier there is not reliable",
@@ -576,7 +582,7 @@ class _Examiner:
         self._undetermined(stays, "to first order no relation determines")
         if np.any(moved) and np.all(flat[moved]):
             self._warn(
-                "other-roots",
+                OTHER_ROOTS,
                 "at the guess the relations have no slope: other solutions are as "
                 f"near, such as {_listed(names, found.x)}",
             )
@@ -585,7 +591,7 @@ class _Examiner:
     def _undetermined(self, names: Sequence[str], what: str) -> None:
         for name in (x for x in names if self.initial[x].text):
             text = f"{what} the guess `{name}`: it stays as given"
-            self._warn("undetermined-guess", text)
+            self._warn(UNDETERMINED_GUESS, text)
 
     def _closest_root(self, relations: Relations, found: NewtonResult) -> NewtonResult:
         """Return the root nearest to the guess, among several.
@@ -619,7 +625,7 @@ class _Examiner:
         if near:
             listed = "; ".join(_listed(relations.names, root) for root in near[:2])
             self._warn(
-                "other-roots",
+                OTHER_ROOTS,
                 f"other solutions are about as near to the guesses, such as {listed}; "
                 "the nearest is used",
             )

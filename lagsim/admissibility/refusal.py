@@ -14,6 +14,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import (
+    DEGREES,
+    MULTIPLE_ROOT,
+    MULTIPLIERS_NOT_UNIQUE,
+    NEGATIVE_INERTIA,
+    NO_EFFECT,
+    NO_INERTIA,
+    NOT_FINITE,
+    OUT_OF_RANGE,
+    OUT_OF_SCALE,
+    REACTION_ZERO,
+    REDUNDANT,
+    ROUGH_START,
+    UNIT_MISMATCH,
+    UNUSED_PARAMETER,
+    VANISHING_GRADIENT,
+)
 from lagsim.errors import InputError, Problem, unusable
 from lagsim.language.derivatives import tangent
 from lagsim.language.elements import payload
@@ -239,7 +256,7 @@ def _problem(
     text += f", where {' and '.join(texts)}" if texts else ""
     if source is None or names != [source.what.strip("`")]:
         text += f"; it makes {', '.join(names[:MOST_NAMES])}{more} not finite"
-    return Problem("not-finite", text, place, _hint(point, inner))
+    return Problem(NOT_FINITE, text, place, _hint(point, inner))
 
 
 def _innermost(point: Point, node: int) -> tuple[int, str]:
@@ -323,7 +340,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
         if why:
             text = f"the {what} of the constraint `{law.name}` {why}"
             place = places[whole(law.constraint)]
-            found.append(Problem("out-of-range", text, place))
+            found.append(Problem(OUT_OF_RANGE, text, place))
     if found:
         raise InputError(found)
 
@@ -359,7 +376,7 @@ def out_of_scale(equations: Equations) -> InputError:
     if sizes:
         ends = dict.fromkeys(f(sizes, key=lambda x: sizes[x]) for f in (min, max))
         text += f" ({', '.join(ends)})"
-    return unusable("out-of-scale", text)
+    return unusable(OUT_OF_SCALE, text)
 
 
 # --- Inertia of every direction, or a constraint that determines it
@@ -464,7 +481,7 @@ def _of_inertia(
     what = "coordinate" if len(parts) == 1 else "combination of coordinates"
     if negative:
         return Problem(
-            "negative-inertia",
+            NEGATIVE_INERTIA,
             f"the kinetic energy falls with the speed of the {what} {along} at the "
             "start: the mass matrix is indefinite",
             place,
@@ -483,7 +500,7 @@ def _of_inertia(
     if frame := gimbal_lock(point, moving):
         text += f": the angles of the frame `{frame}` are in gimbal lock"
         hint = "use other `axes`, put it `on` a turned frame, or give a `quaternion`"
-    return Problem("no-inertia", text, place, hint)
+    return Problem(NO_INERTIA, text, place, hint)
 
 
 # --- Many starts of one scene at once: those that need no closer examination
@@ -542,7 +559,7 @@ def clear_starts(
 
 # --- Angles in degrees where radians are expected: by their units, or their values
 
-DEGREES = ("deg", "degree", "degrees", "°")
+IN_DEGREES = ("deg", "degree", "degrees", "°")
 RADIANS = ("", "1", "rad", "radian", "radians")
 _OF_ANGLES = ("sin", "cos", "tan")
 _NAMED = re.compile("|".join(_OF_ANGLES))
@@ -612,7 +629,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
     for op, term in found:
         if term.name not in reported:
             reported.add(term.name)
-            yield Caution("degrees", term.text(op))
+            yield Caution(DEGREES, term.text(op))
 
 
 def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
@@ -646,11 +663,11 @@ def _terms(
     for node in g.cone(arguments):  # each after what it is made of
         leaf = str(g.payload(node)) if g.ops[node] == VARIABLE else ""
         own = leaf, units.get(leaf, "")
-        name, unit = own if own[1] in DEGREES else defined.get(node, own)
+        name, unit = own if own[1] in IN_DEGREES else defined.get(node, own)
         value, verb = values.get(leaf, (g.value(node) or 0.0, ""))
         args = _summed(g, node)
         found = [terms[a] for a in args if a in terms]
-        if unit in DEGREES:
+        if unit in IN_DEGREES:
             terms[node] = _Term(name, "", None, sure=True)
         elif unit not in RADIANS or not others.isdisjoint(args):
             others.add(node)
@@ -711,7 +728,7 @@ def rough_starts(
 
 def _rough(what: str, residual: Residual, advice: str) -> Caution:
     return Caution(
-        "rough-start",
+        ROUGH_START,
         f"{what} is off by {abs(residual.value):.1g}, as if the start had been "
         f"typed with {residual.digits} digits; {advice}",
     )
@@ -769,17 +786,17 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
         if others:
             many = "s" * (len(others) > 1)
             text = f"`{name}` and {len(others)} other member{many} of `{stem}` are"
-        yield Caution("unused-parameter", f"{text} given and used nowhere")
+        yield Caution(UNUSED_PARAMETER, f"{text} given and used nowhere")
     for text in model.idle:
-        yield Caution("no-effect", text)
+        yield Caution(NO_EFFECT, text)
     yield from about_angles(model)
     for one in model.stated.mismatches(model):
-        yield Caution("unit-mismatch", f"{one.place}: {one.text}", one.place)
+        yield Caution(UNIT_MISMATCH, f"{one.place}: {one.text}", one.place)
     for constraint in model.constraints:
         if constraint.relation.multiple:
             name = constraint.name
             yield Caution(
-                "multiple-root",
+                MULTIPLE_ROOT,
                 f"`{name}` is a power, so that its gradient vanishes wherever it "
                 f"holds: its simple root is used instead, and lambda_{name} "
                 f"and residual_{name} refer to the root",
@@ -792,7 +809,7 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
         if node == g.zero:
             # Nothing is written with the definition.
             text = f"`reaction.{name}` is 0 throughout: no energy, no force and no "
-            yield Caution("reaction-zero", f"{text}constraint uses `{name}`")
+            yield Caution(REACTION_ZERO, f"{text}constraint uses `{name}`")
 
 
 def about_ranks(
@@ -809,7 +826,7 @@ def about_ranks(
         unique = [r.name for r in equations.rows if r.name not in ranks.not_unique]
         rest = f"; unique are {', '.join(unique)}" if unique else ""
         yield Caution(
-            "multipliers-not-unique",
+            MULTIPLIERS_NOT_UNIQUE,
             f"the multipliers of {', '.join(ranks.not_unique)} are not unique "
             f"(the ones of least norm are used){rest}; the constraint forces Qc are",
         )
@@ -820,7 +837,7 @@ def _about(d: Dependence) -> Caution:
         here = " (only here: a singular configuration)"
         where = here if d.everywhere is False else ""
         return Caution(
-            "vanishing-gradient",
+            VANISHING_GRADIENT,
             f"the gradient of `{d.name}` vanishes at the start{where}: the "
             "constraint has no effect there, and its multiplier is not unique",
         )
@@ -829,4 +846,4 @@ def _about(d: Dependence) -> Caution:
         where = "only here: a singular configuration, where motions branch"
     elif d.everywhere is None:
         where = "here"
-    return Caution("redundant", f"{d}, {where}")
+    return Caution(REDUNDANT, f"{d}, {where}")

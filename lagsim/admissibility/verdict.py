@@ -28,6 +28,7 @@ from lagsim.admissibility.point import (
     of_rows,
 )
 from lagsim.admissibility.rank import analyse
+from lagsim.codes.known import PAINLEVE
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
@@ -509,7 +510,7 @@ def in_force(
 
 
 _PARADOX = Caution(
-    "painleve",
+    PAINLEVE,
     "at the start the laws of friction contradict each other (Painlevé's "
     "paradox): a sliding contact has no positive effective mass",
 )

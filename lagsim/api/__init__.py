@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 import numpy as np
 
+from lagsim.codes.known import USAGE
 from lagsim.errors import InputError, Place, Problem, unusable
 from lagsim.methods import WIDTH
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
@@ -220,7 +221,7 @@ def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
         found[name] = list(several)
         if not found[name]:
             hint = "a list with one value or more is expected"
-            raise unusable("usage", f"{name} has no values", hint=hint)
+            raise unusable(USAGE, f"{name} has no values", hint=hint)
         for value in found[name]:
             number_or_text(name, value)
     return found

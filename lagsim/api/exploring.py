@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lagsim.api import in_python
+from lagsim.codes.known import NOT_IN_A_FILE
 from lagsim.errors import LagsimError
 from lagsim.outputs.notebook import framed
 from lagsim.studies.explore.explorer import Explorer
@@ -45,7 +46,7 @@ class Exploration:
             with in_python():
                 self.html = page_in_a_file(explorer).decode()
         except LagsimError as error:
-            if error.code != "not-in-a-file":
+            if error.code != NOT_IN_A_FILE:
                 raise
             self.reason = str(error).splitlines()[0]
             self._server = Server(explorer)

@@ -11,6 +11,7 @@ import numpy as np
 
 from lagsim.api import float_array, given, in_python, one_of, with_settings
 from lagsim.api.models import Model, model_of
+from lagsim.codes.known import INADMISSIBLE
 from lagsim.errors import LagsimError, counted
 from lagsim.outputs import Made, TableFormat
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
@@ -149,7 +150,7 @@ class InadmissibleError(LagsimError):
     """
 
     exit_code = 1
-    code = "inadmissible"
+    code = INADMISSIBLE
 
     def __init__(self, text: str, examination: Examination) -> None:
         super().__init__(text)

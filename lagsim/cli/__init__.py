@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim import files
+from lagsim.codes.known import USAGE
 from lagsim.errors import Problem
 from lagsim.run.interrupt import (
     AGAIN_SECONDS,
@@ -164,7 +165,7 @@ def _usage(error: Any) -> int:
     if getattr(error, "possibilities", None) and hasattr(error, "option_name"):
         _suggest(error)
     text = getattr(error, "format_message", lambda: str(error))()
-    problem = Problem("usage", text)
+    problem = Problem(USAGE, text)
     if "--json" in sys.argv[1:]:
         show_json(errors_document([problem]))
     else:

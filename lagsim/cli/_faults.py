@@ -13,6 +13,15 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from lagsim.cli._shared import annotate_problem, complain, show_json, width_of
+from lagsim.codes.known import (
+    BUG,
+    FAILED,
+    NO_REFERENCE,
+    NO_ROOM,
+    OUTPUT_FOLDER,
+    STARVED,
+    USAGE,
+)
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem, unusable
 from lagsim.run.session import StartError
 from lagsim.version import __version__
@@ -22,13 +31,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 # Exit codes of failures that are no fault of the input.
-BUG, STARVED = 70, 3
+BUG_EXIT, STARVED_EXIT = 70, 3
 # Option to print the report of a bug as well.
 TRACEBACK = "--traceback"
 # Errors of a path that occur before any access to the file.
 _NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES)
 # Their faults are not the model's.
-_OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
+_OUTSIDE = (USAGE, OUTPUT_FOLDER, FAILED, NO_ROOM, NO_REFERENCE)
 
 
 def reporting(command: Callable[..., int]) -> Callable[..., int]:
@@ -66,7 +75,7 @@ def _paths_told() -> Iterator[None]:
         if not isinstance(found, OSError) or found.errno not in _NO_PATH:
             raise
         text = f"{found.filename} cannot be used: {found.strerror}"
-        raise unusable("usage", text) from None
+        raise unusable(USAGE, text) from None
 
 
 def reported(
@@ -175,13 +184,13 @@ def unforeseen() -> int:
     if os.strerror(errno.EMFILE) in trace or os.strerror(errno.ENFILE) in trace:
         starved = _FILES
     if starved:
-        complain(f"lagsim: {starved} [{number('starved')}]")
-        return STARVED
+        complain(f"lagsim: {starved} [{number(STARVED)}]")
+        return STARVED_EXIT
     path, asked = _report_file(trace), TRACEBACK in sys.argv
     if asked or path is None:
         complain(trace)
     raised = trace.rstrip("\n").rpartition("\n")[2]
-    complain(f"lagsim: {raised} [{number('bug')}]")
+    complain(f"lagsim: {raised} [{number(BUG)}]")
     what = "the lines above" if path is None else str(path)
     complain(
         "  This is a bug in lagsim, not in your model. Please report it with the model "
@@ -189,7 +198,7 @@ def unforeseen() -> int:
     )
     if not asked:
         complain(f"  hint: the same command with {TRACEBACK} shows where it is raised")
-    return BUG
+    return BUG_EXIT
 
 
 def _report_file(trace: str) -> Path | None:

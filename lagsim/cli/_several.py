@@ -9,7 +9,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._faults import BUG, errors_document, reported, unforeseen
+from lagsim.cli._faults import BUG_EXIT, errors_document, reported, unforeseen
 from lagsim.cli._shared import (
     aligned,
     assignments,
@@ -19,6 +19,7 @@ from lagsim.cli._shared import (
     say,
     show_json,
 )
+from lagsim.codes.known import FAILED, ONE_NAME
 from lagsim.errors import LagsimError, Problem, unusable
 from lagsim.model.loading import model_text
 from lagsim.model.reader import read
@@ -143,7 +144,7 @@ def run_all(
                 "change the `name` of one model, or run the models one by one with -o"
             )
             _report(found, paths, reported, final=True)
-            raise unusable("one-name", f"{one} one folder", hint=hint)
+            raise unusable(ONE_NAME, f"{one} one folder", hint=hint)
         else:
             first[names[k]] = path
     interrupt, numbers = Interrupt(), list(pieces)
@@ -168,8 +169,8 @@ def run_all(
 def _known(result: Done | Died, path: str) -> Done:
     if isinstance(result, Done):
         return result
-    died = Problem("failed", result.reason, hint=path)
-    return Done(BUG, [errors_document([died])], result.reason)
+    died = Problem(FAILED, result.reason, hint=path)
+    return Done(BUG_EXIT, [errors_document([died])], result.reason)
 
 
 def _report(

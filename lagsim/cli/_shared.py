@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import typer
 
+from lagsim.codes.known import EXISTS, NO_ROOM, RETIRED, USAGE
 from lagsim.errors import LagsimError, Problem, Problems, counted, visible
 from lagsim.version import __version__
 
@@ -120,9 +121,9 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
         name = name.strip()
         if not equals or not name:
             message = f"--set {text}: a name and an expression are expected"
-            problems.add("usage", message, hint="such as --set g=1.62")
+            problems.add(USAGE, message, hint="such as --set g=1.62")
         elif name in found:
-            problems.add("usage", f"--set {name} is given twice")
+            problems.add(USAGE, f"--set {name} is given twice")
         found[name] = expression
     problems.refuse()
     return found
@@ -272,7 +273,7 @@ def check_replaced(path: Path, model: Model) -> None:
     if there != _named_in(model):
         text = f"--write {path}: this file is no version of {model.file}"
         hint = "give another name, or remove the file"
-        raise unusable("exists", text, hint=hint)
+        raise unusable(EXISTS, text, hint=hint)
 
 
 def _named_in(model: Model) -> list[set[str]]:
@@ -416,15 +417,15 @@ def methods_of(text: str | None) -> tuple[str, ...] | None:
     """
     if text is None:
         return None
-    from lagsim.methods import RETIRED
+    from lagsim import methods
     from lagsim.notes import Caution
 
     found = tuple(dict.fromkeys(name.strip() for name in text.split(",")))
     for name in found:
-        if name in RETIRED:
-            caution = Caution("retired", f"the method `{name}` is retired: left out")
+        if name in methods.RETIRED:
+            caution = Caution(RETIRED, f"the method `{name}` is retired: left out")
             print_warning(caution)
-    return tuple(name for name in found if name not in RETIRED) or None
+    return tuple(name for name in found if name not in methods.RETIRED) or None
 
 
 def parse_range(
@@ -447,7 +448,7 @@ def parse_range(
     if math.isfinite(low) and math.isfinite(high) and allowed(low, high):
         return low, high
     message = f"{option} {text}: two {what} are expected"
-    problems.add("usage", message, hint=f"such as {example}")
+    problems.add(USAGE, message, hint=f"such as {example}")
     return None
 
 
@@ -489,7 +490,7 @@ class UnwritableError(LagsimError):
     """Results cannot be written (exit 3), as when a disk fills up."""
 
     exit_code = 3
-    code = "no-room"
+    code = NO_ROOM
 
 
 def prepare() -> None:

@@ -12,6 +12,7 @@ from lagsim.admissibility.verdict import (
 )
 from lagsim.cli._shared import ERROR, WARNING, aligned_pairs, annotate, coloured
 from lagsim.codes import number
+from lagsim.codes.known import INADMISSIBLE
 from lagsim.errors import counted, pointed
 from lagsim.language.names import in_file
 
@@ -43,7 +44,7 @@ def report(
         head = coloured("admissible", "32") + f": {name}"
     else:
         head = coloured("inadmissible", "31") + f": {name}: {'; '.join(faults(start))}"
-        head += f" [{number('inadmissible')}]"
+        head += f" [{number(INADMISSIBLE)}]"
     lines = [
         head,
         (
@@ -189,7 +190,7 @@ def annotate_start(equations: Equations, start: StartReport) -> None:
         places += [v.place for v in model.initial]
         line, column = (places[0].line, places[0].column) if places else (None, None)
         text = f"inadmissible: {model.name}: {'; '.join(faults(start))}"
-        annotate(ERROR, text, model.file, line, column, number("inadmissible"))
+        annotate(ERROR, text, model.file, line, column, number(INADMISSIBLE))
     for caution in start.warnings:
         text = f"{model.name}: {caution.text}"
         at = caution.place

@@ -30,6 +30,7 @@ from lagsim.cli._shared import (
     show_json,
     titled_rows,
 )
+from lagsim.codes.known import UNKNOWN_METHOD, USAGE
 from lagsim.errors import LagsimError, Problem, Problems, several, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
@@ -139,7 +140,7 @@ def _drawn_again(
     if overrides or wish != BenchOptions(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
-        raise unusable("usage", text, hint=hint)
+        raise unusable(USAGE, text, hint=hint)
     document = read_document(path)
     shown = [row for row in document["rows"] if wish.wants(row["method"])]
     drawn = coloured("drawn", "32")
@@ -177,7 +178,7 @@ def _wish(
         known = [*names(), *SCIPY]
         hint = f"of {', '.join(known)}; `lagsim methods` describes lagsim's own"
         problems += [
-            Problem("unknown-method", f"there is no method `{name}`", hint=hint)
+            Problem(UNKNOWN_METHOD, f"there is no method `{name}`", hint=hint)
             for name in chosen
             if name not in known
         ]
@@ -185,7 +186,7 @@ def _wish(
     seconds = BUDGET if budget is None else budget
     if not 0.0 < seconds < float("inf"):
         text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
-        problems.add("usage", text)
+        problems.add(USAGE, text)
     wish = BenchOptions(chosen, between, _between("--steps", steps, problems), seconds)
     problems.refuse()
     return wish

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -20,6 +20,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.codes import failure, number
+from lagsim.codes.known import DIFFERS, USAGE
 from lagsim.errors import Problems, counted, several
 from lagsim.studies.comparison import Deviation, Verdict, compare
 from lagsim.studies.tables import StoredTable, read_results
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 # The largest number of columns in the printed list.
 LISTED = 10
-DIFFERS: Final = "differs"
 
 
 def command(
@@ -97,7 +97,7 @@ def _tolerances(
             value = math.nan
         if value is not None and not 0.0 <= value < math.inf:
             message = f"{name} {text}: a number of at least 0 is expected"
-            problems.add("usage", message, hint=f"such as {name} 1e-9")
+            problems.add(USAGE, message, hint=f"such as {name} 1e-9")
         values.append(value)
     problems.refuse()
     return values[0], values[1]

@@ -19,6 +19,7 @@ from lagsim.cli._shared import (
     put_file,
     write_stdout,
 )
+from lagsim.codes.known import OUTPUT_FILE, USAGE
 from lagsim.errors import Problem, Problems, visible
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode
@@ -80,7 +81,7 @@ def _refuse(
         EquationFormat.python: (),
     }.get(form, ("substitute", "solve", "gauss", "expand"))
     problems = Problems(
-        Problem("usage", f"--{name} has no effect with --format {form.value}")
+        Problem(USAGE, f"--{name} has no effect with --format {form.value}")
         for name, given in options.items()
         if given and name not in meant
     )
@@ -92,7 +93,7 @@ def _refuse(
     elif output is not None and output.resolve() == Path(model).resolve():
         why = "it is the model"
     if why:
-        problems.add("output-file", f"{output} cannot be written: {why}")
+        problems.add(OUTPUT_FILE, f"{output} cannot be written: {why}")
     problems.refuse()
 
 

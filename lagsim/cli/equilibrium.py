@@ -29,6 +29,7 @@ from lagsim.cli._shared import (
     quiet,
     titled_rows,
 )
+from lagsim.codes.known import UNKNOWN_NAME
 from lagsim.errors import Problems, counted, did_you_mean
 from lagsim.model.reader import read_file
 from lagsim.studies import branches as branching
@@ -123,7 +124,7 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
     if plot is not None and plot not in coordinates:
         hint = did_you_mean(plot, coordinates) or f"one of {', '.join(coordinates)}"
         text = f"--plot {plot}: the model has no such coordinate"
-        problems.add("unknown-name", text, hint=hint)
+        problems.add(UNKNOWN_NAME, text, hint=hint)
     if vary is None:
         problems.refuse()
         return None

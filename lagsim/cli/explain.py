@@ -9,6 +9,7 @@ import typer
 
 from lagsim.cli._shared import JSON, aligned_pairs, say, show_json
 from lagsim.codes import Retired, cautions, every, found
+from lagsim.codes.known import RETIRED, UNKNOWN_CODE
 from lagsim.errors import did_you_mean, unusable
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def command(
         hint = did_you_mean(code.upper(), _words())
         hint = hint or did_you_mean(code.lower(), _words())
         text = f"there is no message `{code}`"
-        raise unusable("unknown-code", text, hint=hint)
+        raise unusable(UNKNOWN_CODE, text, hint=hint)
     if as_json:
         show_json([_document(row) for row in rows])
     elif code is None:
@@ -46,12 +47,12 @@ def command(
 
 def _of_earlier_versions(name: str) -> list[MessageRow]:
     """Return the row of warning W207 about a retired method or formulation, else []."""
-    from lagsim.model.reader.runs import RETIRED
+    from lagsim.model.reader import runs
 
-    row = cautions()["retired"]
+    row = cautions()[RETIRED]
     return [
         row._replace(happened=f"`{name}` was a {key}, and is retired. {row.happened}")
-        for key, names in RETIRED.items()
+        for key, names in runs.RETIRED.items()
         if name.lower() in names
     ]
 

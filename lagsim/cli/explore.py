@@ -19,6 +19,7 @@ from lagsim.cli._shared import (
     put_file,
     write_stdout,
 )
+from lagsim.codes.known import OUTPUT_FILE, USAGE
 from lagsim.errors import Problems, unusable
 from lagsim.model.loading import STANDARD_INPUT
 
@@ -49,13 +50,13 @@ def command(
         return _written(model, sets, vary, output)
     if model == STANDARD_INPUT:
         text = "explore needs a file, which it reads again when it has been saved"
-        raise unusable("usage", text)
+        raise unusable(USAGE, text)
     explorer = Explorer(model, assignments(sets), _ranges(vary), error_text)
     try:
         server = Server(explorer, port)
     except OSError as error:
         text = f"--port {port}: {HOST} does not offer this port: {error.strerror}"
-        raise unusable("usage", text) from None
+        raise unusable(USAGE, text) from None
     # At once, also into a pipe.
     write_stdout(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
     if not no_browser and not webbrowser.open(server.address):
@@ -86,7 +87,7 @@ def _written(
     elif output.resolve() == Path(model).resolve():
         why = "it is the model"
     if why:
-        raise unusable("output-file", f"{output} cannot be written: {why}")
+        raise unusable(OUTPUT_FILE, f"{output} cannot be written: {why}")
     explorer = Explorer(model, assignments(sets), _ranges(vary), error_text)
     content = page_in_a_file(explorer)
     put_file(output.resolve() if output.is_file() else output, content)

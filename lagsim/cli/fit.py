@@ -31,6 +31,7 @@ from lagsim.cli._shared import (
     titled_rows,
 )
 from lagsim.cli.run import about
+from lagsim.codes.known import USAGE
 from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.outputs.results import Results
@@ -157,9 +158,9 @@ def _matched(match: list[str] | None) -> dict[str, str]:
         column = column.strip()
         if not (column and equals and after.strip()):
             message = f"--match {text}: a column and an expression are expected"
-            problems.add("usage", message, hint="such as --match angle=theta*180/pi")
+            problems.add(USAGE, message, hint="such as --match angle=theta*180/pi")
         elif column in found:
-            problems.add("usage", f"--match {column} is given twice")
+            problems.add(USAGE, f"--match {column} is given twice")
         found[column] = after
     problems.refuse()
     return found

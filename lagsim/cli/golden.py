@@ -28,8 +28,15 @@ from lagsim.cli._shared import (
     show_json,
     writing,
 )
-from lagsim.cli.compare import DIFFERS, differing, judgement, notes, verdict_line
+from lagsim.cli.compare import differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
+from lagsim.codes.known import (
+    CHANGE_UNSEEN,
+    DIFFERS,
+    FEW_ROWS,
+    INCOMPLETE,
+    ONE_NAME,
+)
 from lagsim.errors import LagsimError, Problems, counted, several
 from lagsim.model.reader import read_file
 from lagsim.notes import Caution
@@ -166,7 +173,7 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
             text = f"{other} and {path} are both named `{name}`, and would share "
             text += f"one golden in {folder}"
             hint = "change the `name` of one model; no model was run"
-            problems.add("one-name", text, hint=hint)
+            problems.add(ONE_NAME, text, hint=hint)
     problems.refuse()
 
 
@@ -222,11 +229,11 @@ def _store(case: Case, folder: Path) -> _Answer:
     found: Document = {"model": model.name, "file": model.file}
     if not base.trial.complete:
         text = f"no golden of {model.name}: {base.trial.reason}"
-        failed = failure("incomplete")
+        failed = failure(INCOMPLETE)
         complain(f"lagsim: {text} [{failed['number']}]")
         found |= {"pass": False, "failure": failed}
         return _Answer(
-            UnwritableError.exit_code, found, (), ("error", "incomplete", text)
+            UnwritableError.exit_code, found, (), ("error", INCOMPLETE, text)
         )
     from lagsim.studies.responses import responses
 
@@ -280,9 +287,9 @@ def _doubts(golden: Golden, known: Summary) -> list[Caution]:
             text += (
                 f": past t = {golden.horizon:.4g} the motion is that of rounding errors"
             )
-        found.append(Caution("few-rows", text))
+        found.append(Caution(FEW_ROWS, text))
     if known.blind:
-        found.append(Caution("change-unseen", f"{model}: {_unseen(known)}"))
+        found.append(Caution(CHANGE_UNSEEN, f"{model}: {_unseen(known)}"))
     return found
 
 

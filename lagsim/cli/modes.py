@@ -29,6 +29,7 @@ from lagsim.cli._shared import (
     put_file,
     quiet,
 )
+from lagsim.codes.known import USAGE
 from lagsim.errors import Problem, Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.outputs.animation import NAME as PAGE
@@ -119,7 +120,7 @@ def _wish(
         one, colon, other = (part.strip() for part in text.partition(":"))
         if not (one and colon and other):
             message = f"--response {text}: an input and an output are expected"
-            problems.add("usage", message, hint="such as --response F:x")
+            problems.add(USAGE, message, hint="such as --response F:x")
         pairs.append((one, other))
     between = None
     if frequencies is not None:
@@ -129,7 +130,7 @@ def _wish(
         )  # fmt: skip
     if matrices is not None and matrices.suffix not in (".json", ".npz"):
         hint = "the ending of the name gives the format: .json or .npz"
-        problems.append(Problem("usage", f"{matrices}: no such format", hint=hint))
+        problems.append(Problem(USAGE, f"{matrices}: no such format", hint=hint))
     problems.refuse()
     return pairs, between
 

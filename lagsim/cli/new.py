@@ -10,6 +10,7 @@ from pathlib import Path
 import typer
 
 from lagsim.cli._shared import say
+from lagsim.codes.known import EXISTS, UNKNOWN_TEMPLATE, UNWRITABLE, USAGE
 from lagsim.errors import unusable
 
 TEMPLATES = {p.stem: p for p in Path(__file__).with_name("templates").glob("*.yaml")}
@@ -29,19 +30,19 @@ def command(
     """Write a commented model file to begin from."""
     if template not in TEMPLATES:
         text = f"there is no template `{template}`"
-        raise unusable("unknown-template", text, hint=f"one of {KNOWN}")
+        raise unusable(UNKNOWN_TEMPLATE, text, hint=f"one of {KNOWN}")
     path = Path(name if name.endswith(ENDING) else name + ENDING)
     if path.name == ENDING:
-        raise unusable("usage", f"`{name}` names no file")
+        raise unusable(USAGE, f"`{name}` names no file")
     try:
         with path.open("xb") as file:
             file.write(TEMPLATES[template].read_bytes())
     except FileExistsError:
         text = f"{path} is there already and stays as it is"
-        raise unusable("exists", text) from None
+        raise unusable(EXISTS, text) from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or str(error)
         text = f"{path} cannot be written: {reason}"
-        raise unusable("unwritable", text) from None
+        raise unusable(UNWRITABLE, text) from None
     say(f"{path}: a start from the template {template}; next: lagsim run {path}")
     return 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from lagsim.cli._shared import option, print_warning, put_picture, quiet, say
+from lagsim.codes.known import NOTHING_TO_DRAW, USAGE
 from lagsim.errors import InputError, Problem, counted, unusable
 from lagsim.notes import Caution
 from lagsim.outputs import animation
@@ -44,14 +45,14 @@ def command(
         if path.suffix.lower() not in (PAGE, *PICTURES):
             kinds = f"{', '.join(PICTURES)} or {PAGE}"
             text = f"-o {path}: a name that ends in {kinds} is expected"
-            raise unusable("usage", text, hint=f"such as -o overlay{PAGE}")
+            raise unusable(USAGE, text, hint=f"such as -o overlay{PAGE}")
     runs = read(folders)
     names = None
     if columns is not None:
         names = [name.strip() for name in columns.split(",") if name.strip()]
         if not names:
             text = f"--columns {columns}: names of columns are expected"
-            raise unusable("usage", text, hint="such as --columns x,y")
+            raise unusable(USAGE, text, hint="such as --columns x,y")
     written = [str(path) for path in paths if _wrote(path, runs, names, output is None)]
     if written and not quiet:
         say(f"{counted(len(runs), 'run')}: {', '.join(written)}")
@@ -76,9 +77,9 @@ def _wrote(
         return put_picture(path, draw, folders=True)
     found, reasons = overlay.motions(runs)
     if not found and not also:
-        raise InputError([Problem("nothing-to-draw", text) for text in reasons])
+        raise InputError([Problem(NOTHING_TO_DRAW, text) for text in reasons])
     for text in reasons:
-        print_warning(Caution("nothing-to-draw", text))
+        print_warning(Caution(NOTHING_TO_DRAW, text))
     if not found:
         return False
     title = f"{overlay.title(runs)}: {counted(len(found), 'run')}"

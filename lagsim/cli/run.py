@@ -43,6 +43,7 @@ from lagsim.cli._shared import (
     titled_rows,
 )
 from lagsim.codes import failure
+from lagsim.codes.known import USAGE
 from lagsim.errors import Place, counted, pointed, unusable
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names
@@ -245,7 +246,7 @@ class Job:
         if wish.table is not TableFormat.CSV:
             if wish.resume:
                 text = "--resume needs --table csv, which is written row by row"
-                raise unusable("usage", text)
+                raise unusable(USAGE, text)
             check_format(wish.table, show_units=wish.show_units)
         self.clock.lap("import")
         with self.interrupt.raised():

@@ -19,6 +19,7 @@ from lagsim.cli._shared import (
     say,
     show_json,
 )
+from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import Problem, Problems, counted, did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.outputs.results import MANIFEST
@@ -44,7 +45,7 @@ def command(
     """List the frequencies in a column, and their amplitudes."""
     hint = "the ending of the name gives the format: .png, .svg, .pdf or .csv"
     problems = Problems(
-        Problem("usage", f"{file}: no such format", hint=hint)
+        Problem(USAGE, f"{file}: no such format", hint=hint)
         for file in output or ()
         if file.suffix not in ENDINGS
     )
@@ -73,7 +74,7 @@ def _spectrum(result: Path, column: str) -> Spectrum:
         hint = member_hint(column, columns) or did_you_mean(column, columns)
         hint = hint or f"its columns are {', '.join(table.columns)}"
         text = f"{table.name}: there is no column `{column}`"
-        raise unusable("unknown-name", text, hint=hint)
+        raise unusable(UNKNOWN_NAME, text, hint=hint)
     return spectrum(table.t, table[column], column, table.units.get(column, ""))
 
 

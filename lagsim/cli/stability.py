@@ -30,6 +30,7 @@ from lagsim.cli._shared import (
     quiet,
     titled_rows,
 )
+from lagsim.codes.known import UNKNOWN_PARAMETER, USAGE
 from lagsim.errors import Problems, counted, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
@@ -107,14 +108,14 @@ def _check_parameter(model: Model, name: str | None) -> None:
         text = f"--vary {name}: the model has no such parameter"
         hint = f"of {', '.join(known)}" if known else "it has no parameters"
         hint = member_hint(name, known) or hint
-        raise unusable("unknown-parameter", text, hint=hint)
+        raise unusable(UNKNOWN_PARAMETER, text, hint=hint)
     if name in model.stated.structural():
         text = f"--vary {name}: members of families are counted or named by it"
         hint = f"map each of its values by itself: --set {name}=3"
-        raise unusable("usage", text, hint=hint)
+        raise unusable(USAGE, text, hint=hint)
     if name in stability.csv_columns(None):
         text = f"`{name}` cannot be varied: {TABLE} has a column of that name"
-        raise unusable("usage", text, hint="give it another name")
+        raise unusable(USAGE, text, hint="give it another name")
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> MapOptions:
@@ -128,13 +129,13 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Map
     if steps is not None:
         between = different("--steps", steps, example="--steps 0.01:1")
     if between is not None and between[0] <= 0.0:
-        problems.add("usage", f"--steps {steps}: steps are above 0")
+        problems.add(USAGE, f"--steps {steps}: steps are above 0")
     name: str | None = None
     values = None
     if vary:
         if vary[1:]:
             text = "--vary is given more than once: one parameter varies at a time"
-            problems.add("usage", text)
+            problems.add(USAGE, text)
         name, _, after = vary[0].partition("=")
         name = name.strip()
         values = different(f"--vary {name}", after, example="--vary K=10:1000")

@@ -30,6 +30,7 @@ from lagsim.cli._shared import (
     writing,
 )
 from lagsim.cli.run import ERROR_BAR, with_settings
+from lagsim.codes.known import USAGE
 from lagsim.errors import LagsimError, counted, unusable
 from lagsim.files import content
 from lagsim.model.reader import read_file
@@ -127,7 +128,7 @@ def command(
     }
     if ends and (asked := [name for name, given in others.items() if given]):
         text = f"--ends stores no rows, which {asked[0]} requires"
-        raise unusable("usage", text, hint="leave one of the two out")
+        raise unusable(USAGE, text, hint="leave one of the two out")
     if since is not None:
         options = options | {FROM: since}
     fixed = assignments(sets)
@@ -136,7 +137,7 @@ def command(
     grid = _grid(read, values or [], points, sample or [], count, seed)
     if twice := [axis.name for axis in grid.axes if axis.name in fixed]:
         text = f"{', '.join(twice)}: both swept and given by --set"
-        raise unusable("usage", text, hint="leave --set out for names that are swept")
+        raise unusable(USAGE, text, hint="leave --set out for names that are swept")
     where = folder or Path("results") / read.name / "sweep"
     kept = str(where.absolute()) if keep else None
     plots = not no_plots
@@ -170,10 +171,10 @@ def _grid(
 ) -> Grid:
     if bool(values) + bool(sample) + (points is not None) != 1:
         text = "one of NAME=A:B:N, --points and --sample is expected"
-        raise unusable("usage", text, hint=EXAMPLE)
+        raise unusable(USAGE, text, hint=EXAMPLE)
     if bool(sample) is not (count is not None) or (seed and not sample):
         text = "-N is used with --sample, and --seed with both"
-        raise unusable("usage", text, hint=SAMPLED)
+        raise unusable(USAGE, text, hint=SAMPLED)
     if points is not None:
         return of_file(read, points)
     if count is None:

@@ -24,6 +24,7 @@ from typing import (
 )
 
 from lagsim import limits
+from lagsim.codes.known import TOO_LARGE
 from lagsim.errors import InputError, Place, Problem
 from lagsim.language.functions import ELEMENTS, OPERATIONS
 
@@ -189,7 +190,7 @@ class Graph:
             )
             hint = "fewer coordinates in one product or sum lead to shorter ones"
             hint = limits.without(hint)
-            raise InputError([Problem("too-large", text, None, hint)])
+            raise InputError([Problem(TOO_LARGE, text, None, hint)])
         if self._left < 0:
             raise self._too_much()
         self.ops.append(op)
@@ -208,7 +209,7 @@ class Graph:
         hint = "use fewer factors in one product, power or nested call, "
         hint += "fewer constraints, and a start that satisfies the constraints"
         hint = limits.without(hint)
-        return TooMuchError([Problem("too-large", text, self.place, hint)])
+        return TooMuchError([Problem(TOO_LARGE, text, self.place, hint)])
 
     def count(self, work: float) -> None:
         """Subtract `work`, in operations, from the budget before it is done.

@@ -12,20 +12,32 @@ import math
 import re
 import unicodedata
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
+from lagsim.codes.known import (
+    EXPRESSION_ARITY,
+    EXPRESSION_NAME,
+    EXPRESSION_NOT_FINITE,
+    EXPRESSION_NUMBER,
+    EXPRESSION_PARENTHESIS,
+    EXPRESSION_SYNTAX,
+    EXPRESSION_UNKNOWN_FUNCTION,
+)
 from lagsim.errors import did_you_mean
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from typing import Literal
 
-    from lagsim.codes.known import ErrorCode, ExpressionCode
+    from lagsim.codes.known import ErrorCode
     from lagsim.language.graph import Graph
 
     # Of the tables of a file: names and arities; names and what makes their nodes.
     Arities = tuple[tuple[str, int], ...]
     Tables = Mapping[str, Any]
+    # That of a row of `lagsim.codes`, or SILENT.
+    ExpressionCode = ErrorCode | Literal["silent"]
 
 
 # Code of a fault that is reported elsewhere.
@@ -41,7 +53,7 @@ class ExpressionError(Exception):
         length: int,
         text: str,
         hint: str = "",
-        code: ExpressionCode = "syntax",
+        code: ExpressionCode = EXPRESSION_SYNTAX,
     ) -> None:
         super().__init__(text)
         self.offset = offset
@@ -49,11 +61,6 @@ class ExpressionError(Exception):
         self.text = text
         self.hint = hint
         self.code: ExpressionCode = code
-
-    @property
-    def reported_code(self) -> ErrorCode:
-        """Code with which the fault is reported, of a row of `lagsim.codes`."""
-        return cast("ErrorCode", f"expression-{self.code}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Return constructor and arguments for pickle, used for stored models."""
@@ -74,7 +81,7 @@ class Token(NamedTuple):
     offset: int
 
     def fault(
-        self, text: str, hint: str = "", code: ExpressionCode = "syntax"
+        self, text: str, hint: str = "", code: ExpressionCode = EXPRESSION_SYNTAX
     ) -> ExpressionError:
         """Return an ExpressionError with the place of this token."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
@@ -161,7 +168,7 @@ def _bad_character(text: str, offset: int) -> ExpressionError:
     c = text[offset]
     if c == "_":
         message = "a name begins with a letter, not with `_`"
-        return ExpressionError(offset, 1, message, code="name")
+        return ExpressionError(offset, 1, message, code=EXPRESSION_NAME)
     plain = unicodedata.normalize("NFKC", c)
     hint = _WRONG.get(c, "")
     if not hint and plain != c:
@@ -179,12 +186,12 @@ def _check_number(text: str, offset: int, word: str, end: int) -> None:
         elif whole[:2].lower() in ("0x", "0b", "0o"):
             hint = "numbers are decimal"
         raise ExpressionError(
-            offset, len(whole), f"`{whole}` is not a number", hint, "number"
+            offset, len(whole), f"`{whole}` is not a number", hint, EXPRESSION_NUMBER
         )
     if not math.isfinite(float(word)):
         raise ExpressionError(
             offset, len(word), f"the number {_short(word)} is too large to be finite",
-            "the largest is about 1.8e308", "not-finite",
+            "the largest is about 1.8e308", EXPRESSION_NOT_FINITE,
         )  # fmt: skip
 
 
@@ -201,7 +208,7 @@ def _check_name(offset: int, word: str) -> None:
         hint = f"write `{word.replace('²', '^2').replace('³', '^3')}`"
     raise ExpressionError(
         offset, len(word), f"the name `{word}` is not in its plain (NFKC) form",
-        hint, "name",
+        hint, EXPRESSION_NAME,
     )  # fmt: skip
 
 
@@ -368,7 +375,7 @@ class Parser:
             # One letter is near to all names of two.
             hint = did_you_mean(token.text, known) if token.text[1:] else ""
             text = f"there is no function `{token.text}`"
-            raise token.fault(text, hint, "unknown-function")
+            raise token.fault(text, hint, EXPRESSION_UNKNOWN_FUNCTION)
         self.pending.append(Pending(token.text, 0, token, call=True))
 
     def _value(self, token: Token, op: str, payload: Any) -> None:
@@ -393,7 +400,9 @@ class Parser:
             self._reduce(1, token)
             if self.pending:
                 left = self.pending[-1].token
-                raise left.fault("this parenthesis is never closed", "", "parenthesis")
+                raise left.fault(
+                    "this parenthesis is never closed", "", EXPRESSION_PARENTHESIS
+                )
             return False
         raise self._missing_operator(token)
 
@@ -449,13 +458,15 @@ class Parser:
 
     def _close(self, token: Token) -> bool:
         if not self.pending:
-            raise token.fault("this parenthesis was never opened", "", "parenthesis")
+            raise token.fault(
+                "this parenthesis was never opened", "", EXPRESSION_PARENTHESIS
+            )
         top = self.pending.pop()
         if not top.call:
             return False
         if top.arity != self._arity(top.op):
             text = f"`{top.op}` takes {self._count(top.op)}, found {top.arity}"
-            raise top.token.fault(text, "", "arity")
+            raise top.token.fault(text, "", EXPRESSION_ARITY)
         self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
         self._value(top.token, top.op, top.arity)
         return False

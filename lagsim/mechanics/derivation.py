@@ -23,6 +23,7 @@ from graphlib import TopologicalSorter
 from typing import TYPE_CHECKING
 
 from lagsim import limits
+from lagsim.codes.known import TOO_LARGE
 from lagsim.errors import InputError, Problem
 from lagsim.language.columns import ACTION
 from lagsim.language.derivatives import gradient, slopes, tangent
@@ -77,7 +78,7 @@ def mass_matrix(
         )
         hint = "fewer velocities in one product or square of the energies couple less"
         hint = limits.without(hint)
-        raise InputError([Problem("too-large", text, None, hint)])
+        raise InputError([Problem(TOO_LARGE, text, None, hint)])
     places = {v: j for j, v in enumerate(rates)}
     M: list[dict[int, int]] = [{} for _ in rates]
     for i, momentum in enumerate(momenta):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.codes.known import NO_INERTIA
 from lagsim.errors import Problem
 from lagsim.mechanics.constraints import Flow, Kind
 from lagsim.model.model import Level
@@ -61,7 +62,7 @@ def lost_impulses(e: Equations) -> list[Problem]:
             text = f"the event `{event.name}` gives an impulse to `{e.q[j]}`, which "
             text += "has no inertia, and no equality determines its velocity"
             hint = "give it a mass in `kinetic`, or the impulse another direction"
-            found.append(Problem("no-inertia", text, event.impulses[0].place, hint))
+            found.append(Problem(NO_INERTIA, text, event.impulses[0].place, hint))
     return found
 
 

@@ -9,6 +9,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.codes.known import UNKNOWN_METHOD
 from lagsim.errors import Problem
 from lagsim.native.layout import Option
 
@@ -184,7 +185,7 @@ def method_problems(
         return []
     if asked in RETIRED:
         text = f"the method `{asked}` is retired"
-        return [Problem("unknown-method", text, place, "`auto` chooses another one")]
+        return [Problem(UNKNOWN_METHOD, text, place, "`auto` chooses another one")]
     import re
     from difflib import get_close_matches
 
@@ -194,4 +195,4 @@ def method_problems(
     hint = f"one of {', '.join(known)}; `lagsim methods` describes each"
     if near:
         hint = f"did you mean `{near[0]}`? `lagsim methods` lists all"
-    return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]
+    return [Problem(UNKNOWN_METHOD, f"there is no method `{asked}`", place, hint)]

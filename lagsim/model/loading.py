@@ -22,6 +22,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import yaml
 
 from lagsim import files, limits
+from lagsim.codes.known import (
+    ALIAS,
+    ANCHOR,
+    COMPLEX_KEY,
+    DUPLICATE_KEY,
+    MERGE_KEY,
+    MISSING_SPACE,
+    NOT_UTF8,
+    SEVERAL_DOCUMENTS,
+    TAG,
+    TOO_DEEP,
+    TOO_MANY_VALUES,
+    UNREADABLE,
+    YAML_CHARACTER,
+    YAML_SYNTAX,
+    YAML_TAB,
+)
 from lagsim.errors import Place, Problem, unusable
 from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import (
@@ -73,14 +90,14 @@ def model_text(path: str) -> tuple[str, str]:
             data = files.content(path, limits.MODEL_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
-        raise unusable("unreadable", f"{file}: cannot be read: {reason}") from None
+        raise unusable(UNREADABLE, f"{file}: cannot be read: {reason}") from None
     try:
         return data.decode(), file
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
         message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
-        raise unusable("not-utf8", message, Place(file, line, column)) from None
+        raise unusable(NOT_UTF8, message, Place(file, line, column)) from None
 
 
 class Document(NamedTuple):
@@ -105,7 +122,7 @@ def load(text: str, file: str) -> Document:
         message = f"the character U+{ord(match[0]):04X} is not allowed in YAML"
         shown = SourceText(file, _FORBIDDEN.sub("\ufffd", original.text))
         place = shown.place(match.start())
-        return Document(None, (Problem("yaml-character", message, place),))
+        return Document(None, (Problem(YAML_CHARACTER, message, place),))
     source, spoilt, found = original, set[tuple[int, int]](), list[Problem]()
     repairs = max(1, min(MAX_REPAIRS, REPAIRED_CHARACTERS // (len(text) + 1)))
     reached = -1
@@ -164,7 +181,7 @@ class _Builder:
                 if self.documents > 1:
                     text = "a second document begins here"
                     hint = "a model file contains one document"
-                    self._fault("several-documents", text, event, hint)
+                    self._fault(SEVERAL_DOCUMENTS, text, event, hint)
                     break
             elif isinstance(event, yaml.CollectionEndEvent):
                 self._close(event)
@@ -191,25 +208,25 @@ class _Builder:
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]
         if isinstance(event, yaml.AliasEvent):
-            self._fault("alias", f"`*{anchor}` is an alias {unused}", event)
+            self._fault(ALIAS, f"`*{anchor}` is an alias {unused}", event)
             self._attach(Broken(self.source.place(start)))
             return True
         self.nodes += 1
         if self.nodes > limits.NODES:
             text = f"the file has more than {limits.NODES:,} values and collections"
-            self._fault("too-many-values", text, event)
+            self._fault(TOO_MANY_VALUES, text, event)
             return False
         if anchor is not None:
-            self._fault("anchor", f"`&{anchor}` is an anchor {unused}", event, hint)
+            self._fault(ANCHOR, f"`&{anchor}` is an anchor {unused}", event, hint)
         if tag is not None:
             written = self.source.text[start : start + 40].split(maxsplit=1)[0]
             text = f"`{written}` is a tag {unused}"
-            self._fault("tag", text, event, f"write `not` for a negation; {hint}")
+            self._fault(TAG, text, event, f"write `not` for a negation; {hint}")
         if isinstance(event, yaml.ScalarEvent):
             self._attach(self._scalar(event, sound=anchor is None and tag is None))
             return True
         if len(self.open) >= MAX_DEPTH:
-            self._fault("too-deep", f"nested deeper than {MAX_DEPTH} levels", event)
+            self._fault(TOO_DEEP, f"nested deeper than {MAX_DEPTH} levels", event)
             return False
         mapping = isinstance(event, yaml.MappingStartEvent)
         flow = bool(getattr(event, "flow_style", False))
@@ -249,15 +266,15 @@ class _Builder:
             if isinstance(key, Broken):
                 continue
             if not isinstance(key, Scalar):
-                self._fault("complex-key", "a key must be a plain text", key)
+                self._fault(COMPLEX_KEY, "a key must be a plain text", key)
             elif key.text == "<<" and not key.style:
                 text = "`<<` is a merge key of YAML, which models do not use"
-                self._fault("merge-key", text, key)
+                self._fault(MERGE_KEY, text, key)
             elif key.text in found:
                 first, above = found[key.text]
                 text = f"the key `{key.text}` is given twice"
                 hint = f"the first is in line {first.place.line}"
-                self._fault("duplicate-key", text, key, hint)
+                self._fault(DUPLICATE_KEY, text, key, hint)
                 if isinstance(above, Mapping) and isinstance(value, Mapping):
                     # as one, so that no name in them is missed
                     both = Mapping(above.entries + value.entries, above.place)
@@ -276,7 +293,7 @@ class _Builder:
             return key, value
         name, rest = match["key"], key.text[match.start("value") :]
         text = f"a space is missing after the colon in `{key.text}`"
-        self._fault("missing-space", text, key, f"write `{name}: {rest}`")
+        self._fault(MISSING_SPACE, text, key, f"write `{name}: {rest}`")
         place = key.place_of(0, len(name))
         return key._replace(text=name, place=place), Broken(key.place)
 
@@ -463,7 +480,7 @@ class _Case:
         at: At | None = None,
         *,
         length: int = 1,
-        code: ErrorCode = "yaml-syntax",
+        code: ErrorCode = YAML_SYNTAX,
     ) -> Diagnosis:
         """Return a diagnosis with a text and a hint.
 
@@ -504,7 +521,7 @@ def _tab(case: _Case) -> Diagnosis | None:
         return None
     at = case.at[0], blank.index("\t") if "\t" in blank else case.at[1]
     text = "a tab is used where YAML expects spaces"
-    return case.fault(text, "indent with spaces", at, code="yaml-tab")
+    return case.fault(text, "indent with spaces", at, code=YAML_TAB)
 
 
 def _joined_dash(case: _Case) -> Diagnosis | None:
@@ -514,7 +531,7 @@ def _joined_dash(case: _Case) -> Diagnosis | None:
         return None
     text, at = "a blank is missing after `-`", (case.at[0], len(found[1]))
     hint = f"write `- {found[2].strip()}`"
-    return case.fault(text, hint, at, code="missing-space")
+    return case.fault(text, hint, at, code=MISSING_SPACE)
 
 
 def _missing_space(case: _Case) -> Diagnosis | None:
@@ -534,7 +551,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
     if "=" in found:
         text = f"a colon is missing in `{found}`"
     at, hint = (number, match.start("key")), f"write `{key}: {value}`"
-    fault = case.fault(text, hint, at, length=len(found), code="missing-space")
+    fault = case.fault(text, hint, at, length=len(found), code=MISSING_SPACE)
     lines = [*case.source.lines]
     lines[number] = line[: match.end("key")] + ": _"
     spoilt = number, match.end("key") + 2

@@ -6,6 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
+from lagsim.codes.known import NOT_DRAWN
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
@@ -45,4 +46,4 @@ def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
         where = f"{Path(place.filename).name}, line {place.lineno}"
         why = f"{type(error).__name__}: {error} ({where})"
         text = f"`{name}` could not be drawn, all else is complete: {why}"
-        return Caution("not-drawn", text)
+        return Caution(NOT_DRAWN, text)

@@ -9,6 +9,7 @@ import orjson
 
 from lagsim.admissibility.verdict import AT_REST, START_VALUE
 from lagsim.codes import failure
+from lagsim.codes.known import INADMISSIBLE
 from lagsim.outputs.units import of_table
 from lagsim.version import __version__
 
@@ -147,7 +148,7 @@ def examination(
     return {
         "model": _named(model),
         "admissible": start.admissible,
-        "failure": None if start.admissible else failure("inadmissible"),
+        "failure": None if start.admissible else failure(INADMISSIBLE),
         "degrees_of_freedom": start.degrees_of_freedom,
         "rank": start.rank,
         "generic_rank": ranks.generic_rank,

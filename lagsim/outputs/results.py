@@ -21,6 +21,14 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lagsim.codes.known import (
+    EXISTS,
+    NO_ROOM,
+    NOT_LOCKED,
+    OUTPUT_FOLDER,
+    RESULT_REPLACED,
+)
+
 try:
     import fcntl
 except ImportError:
@@ -242,7 +250,7 @@ class Results:
         if (self.folder / name).is_file() and not self._unchanged(name):
             text = f"{self.folder / name} is not as `lagsim fit` has written it"
             hint = "rename it to keep it, or give another folder: -o DIR"
-            raise unusable("exists", text, hint=hint)
+            raise unusable(EXISTS, text, hint=hint)
 
 
 def is_own(name: str) -> bool:
@@ -348,7 +356,7 @@ def _locked(path: Path, results: Results) -> int | None:
             f"{results.folder} cannot be locked ({error.strerror}): another run that "
             "writes into it at the same time is not noticed"
         )
-        results.cautions = [Caution("not-locked", text)]
+        results.cautions = [Caution(NOT_LOCKED, text)]
         kept = True
     else:  # who had it may have removed it
         kept = os.fstat(handle).st_nlink > 0
@@ -375,7 +383,7 @@ def _opened(path: Path) -> int:
 
 
 def _unusable(folder: Path, why: str) -> InputError:
-    return unusable("output-folder", f"the output folder {folder} {why}")
+    return unusable(OUTPUT_FOLDER, f"the output folder {folder} {why}")
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -489,7 +497,7 @@ def refuse_without_room(
     if ends or LEAST * needed <= free:
         return f"the disk may fill up: {about}"
     hint = "a larger output_step, fewer `output.columns`, --table npz, or another -o"
-    raise unusable("no-room", f"there is no room: {about}", hint=hint)
+    raise unusable(NO_ROOM, f"there is no room: {about}", hint=hint)
 
 
 def _free(folder: Path) -> int:
@@ -529,7 +537,7 @@ def replaced(
     if not what:
         return None
     text = f"this replaces the result {what} in {folder}; with -o DIR both are kept"
-    return Caution("result-replaced", text)
+    return Caution(RESULT_REPLACED, text)
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:

@@ -20,6 +20,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
+from lagsim.codes.known import MISSING_PACKAGE, USAGE
 from lagsim.errors import unusable
 from lagsim.language.columns import DEVIATION, SENSITIVITY, made
 from lagsim.outputs import TableFormat
@@ -295,7 +296,7 @@ def check_format(form: TableFormat, *, show_units: bool) -> None:
     if show_units:
         text = f"a table in the format {form} has no line of units"
         hint = "run.json has the units of all columns, and Parquet its own"
-        raise unusable("usage", text, hint=hint)
+        raise unusable(USAGE, text, hint=hint)
     if form is TableFormat.PARQUET:
         arrow()
 
@@ -313,7 +314,7 @@ def arrow() -> Any:
     except ImportError:
         text = "tables in Parquet need pyarrow, which is not installed"
         hint = "pip install pyarrow; or use npz, which needs no package"
-        raise unusable("missing-package", text, hint=hint) from None
+        raise unusable(MISSING_PACKAGE, text, hint=hint) from None
     return pyarrow.parquet
 
 

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
+from lagsim.codes.known import FORMULATION_REFUSED, UNKNOWN_FORMULATION
 from lagsim.errors import Problem, unusable
 from lagsim.mechanics.equations import Instant, may_strike
 from lagsim.mechanics.ldl import dense_operations, elimination_of
@@ -113,7 +114,7 @@ def formulate(
         return _asked(asked, equations, start, settings.decay)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be used: {error}"
-        raise unusable("formulation-refused", text, place) from None
+        raise unusable(FORMULATION_REFUSED, text, place) from None
 
 
 def formulations() -> list[str]:
@@ -149,10 +150,10 @@ def formulation_problems(asked: str, place: Place | None = None) -> list[Problem
             f"the formulation `{asked}` is retired",
             "`auto` chooses another one",
         )
-        return [Problem("unknown-formulation", text, place, hint)]
+        return [Problem(UNKNOWN_FORMULATION, text, place, hint)]
     hint = f"one of {', '.join(known)}; docs/model-file.md describes each"
     text = f"there is no formulation `{asked}`"
-    return [Problem("unknown-formulation", text, place, hint)]
+    return [Problem(UNKNOWN_FORMULATION, text, place, hint)]
 
 
 class _CannotError(Exception):

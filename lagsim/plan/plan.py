@@ -12,6 +12,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.admissibility.refusal import needs_constraints
+from lagsim.codes.known import METHOD_REFUSED, SINGULAR_MASS
 from lagsim.errors import unusable
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
@@ -365,7 +366,7 @@ def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
     """
     if why:
         text = f"`{name}` cannot handle this model: {why}"
-        raise unusable("method-refused", text, settings.method_place, hint)
+        raise unusable(METHOD_REFUSED, text, settings.method_place, hint)
 
 
 def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
@@ -599,7 +600,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     ):
         text = "`output.gauss` requires the accelerations without constraints, M^-1 f, "
         text += "and the mass matrix of this model is singular without the constraints"
-        raise unusable("singular-mass", text)
+        raise unusable(SINGULAR_MASS, text)
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
     if start.augmented and needs_regular_mass(settings.method):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from lagsim.codes.known import EVENTS_UNLISTED
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
@@ -157,7 +158,7 @@ class Recorder:
             f"on there were {kinds} more; {often} of the last {len(late)} listed are "
             f"at `{where}`, within {self.full - late[0].time:.3g} of time"
         )
-        return [Caution("events-unlisted", text)]
+        return [Caution(EVENTS_UNLISTED, text)]
 
     def _in_table(self) -> str:
         """Return in words how many events events.csv lists."""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import STEP_AT_STABILITY_BOUND, UNSETTLED_IMPULSES
 from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
 from lagsim.language.functions import ELEMENTS
@@ -238,7 +239,7 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
         f"{MOST_SWEEPS} sweeps: contacts overlap a little; shorter steps need "
         "fewer sweeps"
     )
-    return (Caution("unsettled-impulses", text),)
+    return (Caution(UNSETTLED_IMPULSES, text),)
 
 
 # --- A step limited by the stability bound: a caution, or a change to the stiff method
@@ -388,7 +389,7 @@ class Stiffness(Source):
             f"{rate:.3g} per unit of time"
         )
         text = f"{text}; {advice}" if advice else text
-        return Decision(cautions=self.once("step-at-stability-bound", text))
+        return Decision(cautions=self.once(STEP_AT_STABILITY_BOUND, text))
 
     def _series_reviewed(self, arc: Arc) -> Decision:
         """Return the change to the stiff method if fast motion is damped.

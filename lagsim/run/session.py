@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lagsim.codes.known import INADMISSIBLE, MISSING_KEY, OUT_OF_RANGE, RETIRED
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.notes import Caution
 from lagsim.run.interrupt import MOST_STEPS
@@ -65,7 +66,7 @@ class StartError(LagsimError):
     """
 
     exit_code = 1
-    code = "inadmissible"
+    code = INADMISSIBLE
 
     def __init__(self, equations: Equations, examined: StartReport) -> None:
         super().__init__()
@@ -353,7 +354,7 @@ def _retired(settings: Settings) -> Iterator[Caution]:
     for key, name in settings.retired:
         place = settings.method_place if key == "method" else settings.formulation_place
         text = f"the {key} `{name}` is retired: `auto` takes its place"
-        yield Caution("retired", text, place)
+        yield Caution(RETIRED, text, place)
 
 
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
@@ -428,7 +429,7 @@ def wanted(
     else:
         text = f"{model.file}: `{who}` needs a duration: there is no "
         text += "`simulation.duration` (or `end`)"
-        problems = [Problem("missing-key", text, hint=hint)]
+        problems = [Problem(MISSING_KEY, text, hint=hint)]
     if problems:
         raise InputError(problems)
     return settings
@@ -447,7 +448,7 @@ def too_frequent(model: Model, settings: Settings) -> list[Problem]:
 def _too_frequent_events(model: Model, settings: Settings) -> list[Problem]:
     return [
         Problem(
-            "out-of-range",
+            OUT_OF_RANGE,
             f"the event `{x.name}`, every {x.every:g}, would act more than "
             f"{MOST_STEPS:,} times in {settings.duration:g}",
             x.place,

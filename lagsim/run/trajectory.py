@@ -9,6 +9,7 @@ from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
+from lagsim.codes import known
 from lagsim.notes import Caution
 from lagsim.run.interrupt import MOST_STEPS
 
@@ -27,20 +28,20 @@ class Outcome(Enum):
     DONE = "done"
     UNTIL = "until"
     INTERRUPTED = "interrupted"
-    STEP_TOO_SMALL = "step-too-small"
-    TOO_MANY_STEPS = "too-many-steps"
-    NOT_FINITE = "values-not-finite"
-    PROJECTION_FAILED = "projection-failed"
-    NEWTON_FAILED = "newton-failed"
-    CONSTRAINT_JUMPS = "constraint-jumps"
-    SWITCHES_ACCUMULATE = "switches-accumulate"
-    NO_ANSWER = "no-answer"
-    PARADOX = "paradox"
-    STATE_JUMPS = "state-jumps"
-    LAW_OUT_OF_RANGE = "law-out-of-range"
-    EVENTS_CHATTER = "events-chatter"
-    TABLE_ENDS = "table-ends"
-    UNDETERMINED_SLIDERS = "undetermined-sliders"
+    STEP_TOO_SMALL = known.STEP_TOO_SMALL
+    TOO_MANY_STEPS = known.TOO_MANY_STEPS
+    NOT_FINITE = known.VALUES_NOT_FINITE
+    PROJECTION_FAILED = known.PROJECTION_FAILED
+    NEWTON_FAILED = known.NEWTON_FAILED
+    CONSTRAINT_JUMPS = known.CONSTRAINT_JUMPS
+    SWITCHES_ACCUMULATE = known.SWITCHES_ACCUMULATE
+    NO_ANSWER = known.NO_ANSWER
+    PARADOX = known.PARADOX
+    STATE_JUMPS = known.STATE_JUMPS
+    LAW_OUT_OF_RANGE = known.LAW_OUT_OF_RANGE
+    EVENTS_CHATTER = known.EVENTS_CHATTER
+    TABLE_ENDS = known.TABLE_ENDS
+    UNDETERMINED_SLIDERS = known.UNDETERMINED_SLIDERS
 
     @property
     def failed(self) -> bool:

@@ -24,6 +24,7 @@ import numpy as np
 import sympy as sp
 
 from lagsim import limits
+from lagsim.codes.known import SINGULAR_MASS
 from lagsim.errors import unusable
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate_rows
@@ -172,7 +173,7 @@ class _Solver:
                 "inertia"
             )
             hint = f"such as along `{lacking}`; give every coordinate some mass"
-            raise unusable("singular-mass", text, hint=hint)
+            raise unusable(SINGULAR_MASS, text, hint=hint)
         free = [
             x.add(
                 symbol(f"a.{q}"),

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from lagsim import limits
+from lagsim.codes.known import NOT_FINITE, TOO_LONG
 from lagsim.errors import InputError, unusable
 from lagsim.language.forms import Turning, add_term
 from lagsim.language.sparse import Budget, TooLongError
@@ -385,13 +386,13 @@ def not_finite() -> InputError:
     """Return the error for equations that have no finite real value."""
     text = "an energy, a force or a constraint, or its slope, is not finite anywhere"
     hint = "look for a parameter that is 0 below the line, in a logarithm or a root"
-    return unusable("not-finite", text, hint=hint)
+    return unusable(NOT_FINITE, text, hint=hint)
 
 
 def too_long(text: str) -> InputError:
     """Return the error for equations that are too long to be displayed."""
     hint = "`--format python` takes them as they are"
-    return unusable("too-long", text, hint=hint)
+    return unusable(TOO_LONG, text, hint=hint)
 
 
 def _product(*factors: Any) -> Any:

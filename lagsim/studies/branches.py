@@ -24,6 +24,7 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rest import Rest
+from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import did_you_mean, unusable
 from lagsim.language.names import member_hint
 from lagsim.mechanics.constraints import Kind
@@ -654,10 +655,10 @@ def varied(model: Model, name: str, ends: tuple[float, float]) -> Branches:
         hint = member_hint(name, known) or did_you_mean(name, known)
         hint = hint or f"one of {', '.join(known[:20])}"
         text = f"`{name}` is no parameter and no start value"
-        raise unusable("unknown-name", text, hint=hint)
+        raise unusable(UNKNOWN_NAME, text, hint=hint)
     if name in model.stated.structural():
         text = f"`{name}` cannot be varied: members of families are counted by it"
-        raise unusable("usage", text, hint=f"take each of its values: --set {name}=3")
+        raise unusable(USAGE, text, hint=f"take each of its values: --set {name}=3")
     return Branches(model, name, ends)
 
 

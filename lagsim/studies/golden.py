@@ -18,6 +18,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
+from lagsim.codes.known import BAD_GOLDEN, NO_GOLDEN, NOT_FINITE
 from lagsim.errors import InputError, Place, Problems, several, unusable
 from lagsim.language.columns import FORCE, RESIDUAL, base, made
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
@@ -353,7 +354,7 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
         if wrong is not None:
             t = rows[np.argmax(wrong), 0]
             text = f"`{name}` has no finite value, or no bound, at t = {t:.6g}"
-            problems.add("not-finite", text, hint=LEAVE_OUT)
+            problems.add(NOT_FINITE, text, hint=LEAVE_OUT)
     problems.refuse()
 
 
@@ -606,7 +607,7 @@ def load(folder: Path, model_name: str) -> Golden:
         about: Any = orjson.loads(files.content(path))
     except FileNotFoundError:
         text = f"there is no golden of {model_name} in {folder}"
-        raise unusable("no-golden", text) from None
+        raise unusable(NO_GOLDEN, text) from None
     except OSError as error:
         raise _broken(path, f"cannot be read: {error.strerror}") from None
     except ValueError:
@@ -636,7 +637,7 @@ def load(folder: Path, model_name: str) -> Golden:
 
 
 def _broken(path: Path, why: str) -> InputError:
-    return unusable("bad-golden", f"{path} {why}")
+    return unusable(BAD_GOLDEN, f"{path} {why}")
 
 
 # Verdicts.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import NO_RESPONSE, NOT_FINITE, UNKNOWN_NAME, USAGE
 from lagsim.errors import did_you_mean, unusable
 from lagsim.language.derivatives import tangent
 from lagsim.language.names import member_hint, rate_of
@@ -198,7 +199,7 @@ class Small:
             )
         except ValueError:
             text = "a slope of an output or by an input is not finite there"
-            raise unusable("not-finite", text) from None
+            raise unusable(NOT_FINITE, text) from None
 
     def response(
         self,
@@ -225,7 +226,7 @@ class Small:
         own = [mode.natural_frequency for mode in self.modes]
         if between is None and not own:
             hint = "give one by --frequencies"
-            raise unusable("usage", "no mode gives a range of frequencies", hint=hint)
+            raise unusable(USAGE, "no mode gives a range of frequencies", hint=hint)
         low, high = between or (min(own) / BESIDE, max(own) * BESIDE)
         frequencies = self._frequencies(low, high)
         found = space.response(frequencies)
@@ -245,7 +246,7 @@ class Small:
                 text += "this state: its response is 0"
                 if forces:
                     text += f"; entries of `forces` are inputs: {', '.join(forces)}"
-                found.append(Caution("no-response", text))
+                found.append(Caution(NO_RESPONSE, text))
         return found
 
     def _frequencies(self, low: float, high: float) -> Floats:
@@ -332,7 +333,7 @@ def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
         return among[name]
     hint = member_hint(name, among) or did_you_mean(name, among)
     hint = hint or f"one of {', '.join(list(among)[:20])}"
-    raise unusable("unknown-name", f"`{name}` is no {kind} of the model", hint=hint)
+    raise unusable(UNKNOWN_NAME, f"`{name}` is no {kind} of the model", hint=hint)
 
 
 def _followers(model: Model, name: str) -> dict[str, float]:

@@ -13,6 +13,7 @@ import numpy as np
 import orjson
 
 from lagsim import files
+from lagsim.codes.known import NO_COLUMN, NO_RESULTS
 from lagsim.errors import Problems, did_you_mean, unusable
 from lagsim.language.columns import DEVIATION
 from lagsim.language.names import member_hint, rate_of, rated
@@ -90,15 +91,15 @@ def _record(folder: Path) -> Document:
         if folder.exists():
             what = f"{folder} contains no results: there is no {MANIFEST} in it"
         hint = f"`lagsim run MODEL -o {folder}` makes it"
-        raise unusable("no-results", what, hint=hint) from None
+        raise unusable(NO_RESULTS, what, hint=hint) from None
     except OSError as error:
         why = f"{folder / MANIFEST} cannot be read: {error.strerror}"
-        raise unusable("no-results", why) from None
+        raise unusable(NO_RESULTS, why) from None
     except ValueError:
         record = None
     if not isinstance(record, dict) or "columns" not in record:
         why = f"{folder / MANIFEST} is not a run.json of lagsim"
-        raise unusable("no-results", why)
+        raise unusable(NO_RESULTS, why)
     return record
 
 
@@ -184,7 +185,7 @@ def shown_columns(
         if found:
             return found[:MOST_COLUMNS]
         what = "these results have no coordinate in common"
-        raise unusable("no-column", what, hint="name columns: --columns x")
+        raise unusable(NO_COLUMN, what, hint="name columns: --columns x")
     problems = Problems()
     for run in runs:
         for name in names:
@@ -196,7 +197,7 @@ def shown_columns(
                 what = f"{run.folder} has no column `{name}`"
                 if name == "t":
                     what = "the column `t` is the axis of the others"
-                problems.add("no-column", what, hint=hint)
+                problems.add(NO_COLUMN, what, hint=hint)
     problems.refuse()
     return list(dict.fromkeys(names))
 

@@ -26,6 +26,7 @@ from lagsim.admissibility.verdict import (
     out_of_force,
     with_timed,
 )
+from lagsim.codes.known import FROZEN_TIME, NO_REST
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.graph import TooMuchError
@@ -78,7 +79,7 @@ class NoRestError(LagsimError):
     """Error raised where no rest, or no steady motion, is found (exit code 1)."""
 
     exit_code = 1
-    code = "no-rest"
+    code = NO_REST
 
 
 class Setting(NamedTuple):
@@ -121,7 +122,7 @@ class Setting(NamedTuple):
         if "t" not in g.depends([*nodes, self.model.lagrangian, *e.of_accelerations]):
             return []
         text = f"the equations depend on t: they are those of t = {self.start.t:g}"
-        return [Caution("frozen-time", text)]
+        return [Caution(FROZEN_TIME, text)]
 
 
 def setting_of(model: Model) -> Setting:

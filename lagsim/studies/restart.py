@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 import numpy as np
 
 from lagsim import files
+from lagsim.codes.known import ANOTHER_RUN
 from lagsim.errors import InputError, unusable
 from lagsim.methods import method, names
 from lagsim.native.layout import Memory
@@ -223,7 +224,7 @@ class Restart:
 
 
 def _refused(path: Path, why: str) -> InputError:
-    return unusable("another-run", f"{path} {why}")
+    return unusable(ANOTHER_RUN, f"{path} {why}")
 
 
 def _machine() -> dict[str, str]:

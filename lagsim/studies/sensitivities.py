@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import FAILED, NOT_DIFFERENTIABLE, UNKNOWN_NAME
 from lagsim.errors import InputError, LagsimError, Problem, counted, did_you_mean
 from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
@@ -62,7 +63,7 @@ ENOUGH = 1e-10
 # Difference of two orders, relative to the largest value of a derivative, above which a
 # row is not differentiable, by the highest order. Those of low order are for rough
 # derivatives, and have a truncation error where a motion gets far out of step.
-NOT_DIFFERENTIABLE = {8: 1e-6, 4: 1e-2}
+MOST_APART = {8: 1e-6, 4: 1e-2}
 # Number of runs of the first step, of each further one at most, and of all steps of a
 # name on average.
 FIRST_RUNS, MORE_RUNS, MOST_RUNS = 8, 6, 14
@@ -207,7 +208,7 @@ def _judged(
     step : float
         The step of the differences.
     apart_at : float
-        See NOT_DIFFERENTIABLE.
+        See MOST_APART.
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -290,9 +291,7 @@ class Sensitivities:
         self.columns = tuple(columns if columns is not None else motion_columns(model))
         self.centre = centre or self.trials.run(self._variant({}))
         if not self.centre.columns:
-            raise InputError(
-                [Problem(self.centre.code or "failed", self.centre.reason)]
-            )
+            raise InputError([Problem(self.centre.code or FAILED, self.centre.reason)])
         # All runs by the method of the run itself, which `auto` selects once.
         if not method:
             plan = self.trials.session(self._variant({})).plan
@@ -446,7 +445,7 @@ class Sensitivities:
             return start[name]
         text = f"there is no parameter or start value `{name}`"
         hint = did_you_mean(name, [*known, *start])
-        raise InputError([Problem("unknown-name", text, hint=hint)])
+        raise InputError([Problem(UNKNOWN_NAME, text, hint=hint)])
 
 
 class _Search:
@@ -522,7 +521,7 @@ def _central(runs: _Runs, power: int) -> _Difference:
         for order, weights in CENTRAL.items()
         if order <= runs.order
     ]
-    return _judged(estimates, [*above, *below], h, NOT_DIFFERENTIABLE[runs.order])
+    return _judged(estimates, [*above, *below], h, MOST_APART[runs.order])
 
 
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
@@ -538,12 +537,12 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
         np.tensordot(weights, rows[: order + 1], axes=1) / h
         for order, weights in used.items()
     ]
-    return _judged(estimates, [*rows], h, NOT_DIFFERENTIABLE[runs.order])
+    return _judged(estimates, [*rows], h, MOST_APART[runs.order])
 
 
 def _not_free(name: str, trial: Trial) -> LagsimError:
     text = f"`{name}` cannot be varied: {trial.reason}"
-    return InputError([Problem(trial.code or "failed", text)])
+    return InputError([Problem(trial.code or FAILED, text)])
 
 
 def motion_columns(model: Model) -> list[str]:
@@ -663,4 +662,4 @@ def _not_differentiable(found: Derivative, times: Floats) -> list[Caution]:
     span = f"at t = {at[0]:.6g}"
     if len(at) > 1:
         span = f"from t = {at[0]:.6g} to {at[-1]:.6g}"
-    return [Caution("not-differentiable", f"{text}, {span}: these cells are empty")]
+    return [Caution(NOT_DIFFERENTIABLE, f"{text}, {span}: these cells are empty")]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import NO_SPECTRUM
 from lagsim.errors import unusable
 from lagsim.tolerances import SAME_ROW, TINY
 
@@ -168,7 +169,7 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
     x = values[kept]
     if not np.isfinite(x).all():
         bad = float(t[kept][~np.isfinite(x)][0])
-        raise unusable("no-spectrum", f"`{column}` is no number at t = {bad!r}")
+        raise unusable(NO_SPECTRUM, f"`{column}` is no number at t = {bad!r}")
     from scipy.fft import next_fast_len
     from scipy.signal import get_window
 
@@ -188,13 +189,13 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     """Return the indices of equally spaced rows, and their spacing."""
     apart = np.diff(t)
     if not (apart >= 0.0).all():
-        raise unusable("no-spectrum", "the times of the rows do not go forward")
+        raise unusable(NO_SPECTRUM, "the times of the rows do not go forward")
     # Two rows share a time where something strikes.
     struck = np.append(apart == 0.0, False) | np.insert(apart == 0.0, 0, False)
     plain = np.flatnonzero(~struck[:-1])
     if len(plain) < LEAST_ROWS:
         text = f"{len(plain)} rows are too few for a spectrum of `{column}`"
-        raise unusable("no-spectrum", f"{text}: {LEAST_ROWS} are the least")
+        raise unusable(NO_SPECTRUM, f"{text}: {LEAST_ROWS} are the least")
     first, last = float(t[plain[0]]), float(t[plain[-1]])
     usual = float(np.median(np.diff(t[plain])))
     step = (last - first) / max(1, round((last - first) / usual))
@@ -212,7 +213,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     if stray.any() or len(gaps):
         at = t[np.flatnonzero(stray)[0]] if stray.any() else t[kept[gaps[0]]]
         text = f"the rows are not equally spaced: see t = {float(at)!r}"
-        raise unusable("no-spectrum", text)
+        raise unusable(NO_SPECTRUM, text)
     return kept, step
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import FAST_MODE_DAMPED, STEP_AT_STABILITY_BOUND
 from lagsim.errors import several
 from lagsim.mechanics.linearisation import Linear, Linearisation, eigenmodes
 from lagsim.methods import method
@@ -253,7 +254,7 @@ def _penalty(
             f"gain {plan.gain:.3g} of baumgarte makes it unstable; use a gain "
             f"below {1.0 / h:.2g}, or projection, which has no gain"
         )
-        return [Caution("step-at-stability-bound", text)]
+        return [Caution(STEP_AT_STABILITY_BOUND, text)]
     sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
     fastest = max(sizes, default=0.0)
     if not plan.gain > FASTER * fastest:
@@ -264,7 +265,7 @@ def _penalty(
         "time: the gain limits the steps; projection costs less and satisfies the "
         "constraints to rounding"
     )
-    return [Caution("step-at-stability-bound", text)]
+    return [Caution(STEP_AT_STABILITY_BOUND, text)]
 
 
 class _StepCheck(NamedTuple):
@@ -302,7 +303,7 @@ class _StepCheck(NamedTuple):
             "of time; `--method radau` has longer steps where fast motion has died "
             "out"
         )
-        return [Caution("step-at-stability-bound", text)]
+        return [Caution(STEP_AT_STABILITY_BOUND, text)]
 
     def unstable(self) -> list[Caution]:
         """Return a warning if a fixed step is past or close to a stability bound."""
@@ -338,7 +339,7 @@ class _StepCheck(NamedTuple):
             )
         else:
             text += f"; use a step below {NEAR * bound:.2g}, or `--method auto`"
-        return [Caution("step-at-stability-bound", text)]
+        return [Caution(STEP_AT_STABILITY_BOUND, text)]
 
     def damping(self, in_play: float) -> list[Caution]:
         """Return a warning if the method damps a mode that has energy."""
@@ -365,7 +366,7 @@ class _StepCheck(NamedTuple):
             f"force of the model does; {how}steps below {next(kept, steps[-1]):.1g}, "
             "or `--method auto`, conserve it"
         )
-        return [Caution("fast-mode-damped", text)]
+        return [Caution(FAST_MODE_DAMPED, text)]
 
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
         """Return the part of the energy of a mode that numerical damping removes.

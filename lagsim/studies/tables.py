@@ -25,6 +25,7 @@ import numpy as np
 import orjson
 
 from lagsim import files, limits
+from lagsim.codes.known import BAD_TABLE
 from lagsim.errors import unusable
 from lagsim.language.columns import DEVIATION, SENSITIVITY, made
 from lagsim.outputs import TableFormat
@@ -153,7 +154,7 @@ def read_table(path: Path) -> StoredTable:
         why = f"cannot be read: {error.strerror or 'it is damaged'}"
     except _FaultError as error:
         why = str(error)
-    raise unusable("bad-table", f"{path}: {why}")
+    raise unusable(BAD_TABLE, f"{path}: {why}")
 
 
 def _refuse_large(size: int) -> None:

@@ -31,6 +31,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from lagsim import files
+from lagsim.codes.known import USAGE
 from lagsim.errors import unusable
 from lagsim.run.interrupt import Interrupt, noting
 
@@ -344,13 +345,13 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         from distributed import Client
     except ImportError:
         text = "--dask needs dask.distributed, which is not installed"
-        raise unusable("usage", text, hint="pip install 'lagsim[dask]'") from None
+        raise unusable(USAGE, text, hint="pip install 'lagsim[dask]'") from None
     try:
         client = Client(address)
     except (OSError, ValueError) as error:
         text = f"there is no Dask scheduler at {address}: {error}"
         hint = "`dask scheduler` prints its address, such as tcp://10.0.0.5:8786"
-        raise unusable("usage", text, hint=hint) from None
+        raise unusable(USAGE, text, hint=hint) from None
 
     @contextlib.contextmanager
     def hired(most: int) -> Iterator[Crew]:
@@ -361,5 +362,5 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         cores = sum(client.ncores().values())
         if not cores:
             text = f"the Dask scheduler at {address} has no workers"
-            raise unusable("usage", text, hint="begin some: `dask worker`")
+            raise unusable(USAGE, text, hint="begin some: `dask worker`")
         yield hired, cores

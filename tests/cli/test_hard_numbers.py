@@ -111,7 +111,7 @@ def test_a_system_that_has_no_more_to_give(lagsim, write, monkeypatch, error, to
 
     monkeypatch.setattr("lagsim.plan.plan.make_plan", raises)
     called = lagsim("run", write(PENDULUM))
-    assert (called.code, "Traceback" in called.err) == (_faults.STARVED, False)
+    assert (called.code, "Traceback" in called.err) == (_faults.STARVED_EXIT, False)
     assert told in called.err
 
 

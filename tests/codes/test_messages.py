@@ -1,14 +1,23 @@
 """One table of messages: all that the code says, each with a number and an example."""
 
+import ast
 import re
 import shlex
 
 import pytest
 
 from benchmarks import errors as made
-from lagsim.codes import RETIRED, cautions, errors, every, models, runs, warnings
+from lagsim.codes import (
+    RETIRED,
+    cautions,
+    errors,
+    every,
+    known,
+    models,
+    runs,
+    warnings,
+)
 from lagsim.errors import Place, Problem
-from lagsim.language.parser import ExpressionError
 from lagsim.model.reader.runs import RETIRED as EARLIER
 from lagsim.run.trajectory import Outcome
 from tests.cli.conftest import lagsim  # noqa: F401
@@ -62,17 +71,42 @@ def test_each_says_what_is_found_and_expected_and_what_to_try():
 # --- the code -------------------------------------------------------------------------
 
 
+def _modules():
+    """Yield the syntax tree of each module that reports messages."""
+    for path in (ROOT / "lagsim").rglob("*.py"):
+        if "codes" not in path.parts:
+            yield path, ast.parse(path.read_text("utf-8"))
+
+
+def _imported(tree):
+    """Return the names that a module imports from `known`, or reads from it."""
+    found = {x.attr for x in ast.walk(tree) if isinstance(x, ast.Attribute)}
+    for x in ast.walk(tree):
+        if isinstance(x, ast.ImportFrom) and x.module == "lagsim.codes.known":
+            found |= {name.name for name in x.names}
+    return found
+
+
 def test_every_message_is_used():
-    """mypy refuses a code without a row; here are rows that no code names."""
-    paths = [f for f in (ROOT / "lagsim").rglob("*.py") if "codes" not in f.parts]
-    source = "".join(path.read_text("utf-8") for path in paths)
-    used = {*re.findall("[\"']([a-z0-9-]+)[\"']", source)}
-    known = {*errors(), *cautions()}
-    assert {x for x in known if x.removeprefix("expression-") not in used} == set()
+    """An unknown code cannot be imported; here are rows that no module imports."""
+    used = set().union(*(_imported(tree) for _, tree in _modules()))
+    constants = {x for x in vars(known) if x.isupper() and x != "TYPE_CHECKING"}
+    assert constants - used == set()
+    assert {getattr(known, x) for x in constants} == {*errors(), *cautions()}
 
 
-def test_the_default_of_faults_in_expressions_has_a_row():
-    assert f"expression-{ExpressionError(0, 1, 'x').code}" in errors()
+def test_codes_are_imported():
+    """A code that is written as text would be looked up when its fault is reported."""
+    hyphenated = {x for x in (*errors(), *cautions()) if "-" in x}
+    found = [
+        (path.name, x.lineno, argument.value)
+        for path, tree in _modules()
+        for x in ast.walk(tree)
+        if isinstance(x, ast.Call)
+        for argument in (*x.args, *(k.value for k in x.keywords))
+        if isinstance(argument, ast.Constant) and argument.value in hyphenated
+    ]
+    assert found == []
 
 
 def test_endings_of_runs_have_rows():

@@ -11,6 +11,19 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeGuard
 
 from lagsim import limits
+from lagsim.codes.known import (
+    BAD_NAME,
+    DUPLICATE_MEMBER,
+    EXPRESSION_COMPONENT,
+    EXPRESSION_MEMBER,
+    EXPRESSION_RANGE,
+    EXPRESSION_SIZE,
+    EXPRESSION_SUBSCRIPT,
+    EXPRESSION_TOO_MANY,
+    NAME_CLASH,
+    RESERVED_NAME,
+    WRONG_COUNT,
+)
 from lagsim.language.names import HIDDEN, in_file
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
@@ -41,10 +54,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator
     from collections.abc import Mapping as MappingType
 
-    from lagsim.codes.known import ErrorCode, ExpressionCode
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Parsed, ParsedRelation
+    from lagsim.language.parser import ExpressionCode, Parsed, ParsedRelation
     from lagsim.model.expansion.bodies import Drawn, FrameReader, TurnedFrame
     from lagsim.model.expansion.scope import Indices
 
@@ -271,12 +284,12 @@ class Expansion:
                 named = parsed.subscripts or what == "a frame"
                 if named and parsed.name in CALLED:
                     text = f"`{parsed.name}` is a function and cannot be {what}"
-                    self.report("reserved-name", text, key)
+                    self.report(RESERVED_NAME, text, key)
                     return None
                 return parsed, self._members(parsed, {})
             self.complete = False
             text = f"`{key.text}` cannot be the name of {what}"
-            self.report("bad-name", text, key, "such as arm or link(i = 1..n)")
+            self.report(BAD_NAME, text, key, "such as arm or link(i = 1..n)")
         except ExpressionError as fault:
             self.fault(fault, key)
         return None
@@ -317,7 +330,7 @@ class Expansion:
         """Report a fault in a scalar."""
         if fault.code != SILENT:
             place = scalar.place_of(fault.offset, fault.length)
-            self.report(fault.reported_code, fault.text, place, fault.hint)
+            self.report(fault.code, fault.text, place, fault.hint)
 
     def _key(
         self,
@@ -350,7 +363,7 @@ class Expansion:
             return None
         text = f"`{key.text}` is the name of a column"
         hint = f"in a file the member is `{in_file(key.text)}`"
-        self.report("expression-member", text, key, hint)
+        self.report(EXPRESSION_MEMBER, text, key, hint)
         return parsed_key(in_file(key.text))
 
     def _members(self, key: Key, outer: Indices) -> Members:
@@ -367,7 +380,7 @@ class Expansion:
                 if index in indices:
                     text = f"the index `{index}` is given twice"
                     hint = "each range has an index of its own"
-                    raise token.fault(text, hint, "range")
+                    raise token.fault(text, hint, EXPRESSION_RANGE)
                 ends = [
                     self.scope.whole(self.scope.value(end, indices), token)
                     for end in (subscript.first, subscript.last)
@@ -378,7 +391,8 @@ class Expansion:
             if count > limits.MEMBERS:
                 text = f"the families of this file have {count:,} members, "
                 text += f"more than {limits.MEMBERS:,}"
-                code: ExpressionCode = SILENT if self.scope.full else "too-many"
+                full = self.scope.full
+                code: ExpressionCode = SILENT if full else EXPRESSION_TOO_MANY
                 self.scope.full = True
                 raise token.fault(text, limits.without(""), code)
             found = [
@@ -418,7 +432,7 @@ class Expansion:
         """
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
-            self.report("reserved-name", text, key)
+            self.report(RESERVED_NAME, text, key)
         elif (family.section, family.indexed) != (section, True):
             text = f"`{name}` is given already in `{family.section}` and cannot be a "
             hint = f"the first is in line {family.place.line}"
@@ -427,7 +441,7 @@ class Expansion:
                     "; a definition of another name can contain both: `x(0): ...` and "
                 )
                 hint += f"`x(i = 1..n): {name}(i)`"
-            self.report("name-clash", f"{text}family too", key, hint)
+            self.report(NAME_CLASH, f"{text}family too", key, hint)
         else:
             return True
         family.broken = True
@@ -443,13 +457,13 @@ class Expansion:
         counts = {len(m) for m in family.members} | {len(m) for _, m in members}
         if len(counts) > 1:
             text = f"members of `{family.name}` have {min(counts)} or {max(counts)} "
-            self.report("wrong-count", f"{text}subscripts", one.key)
+            self.report(WRONG_COUNT, f"{text}subscripts", one.key)
             return None
         again = next((m for _, m in members if m in family.members), None)
         if again is not None:
             name = dotted(family.name, again)
             text = f"the member `{name}` of `{family.name}` is given twice"
-            self.report("duplicate-member", text, one.key)
+            self.report(DUPLICATE_MEMBER, text, one.key)
             return None
         family.members.update(m for _, m in members)
         self._count += len(members)
@@ -485,7 +499,7 @@ class Expansion:
         except UnresolvedError:
             return  # the reader reports it
         except ExpressionError as fault:  # it reports others
-            self.scope.of_tables |= {name} if fault.code == "range" else set()
+            self.scope.of_tables |= {name} if fault.code == EXPRESSION_RANGE else set()
 
     def _resolve(self, given: list[_Given]) -> None:
         """Determine the number of components of each definition.
@@ -558,7 +572,7 @@ class Expansion:
             if not family.letters and not isinstance(named, Broken):
                 about = "`components` must be `xy` or `xyz`"
                 about += f", found `{text}`" if text else ""
-                self.report("expression-component", about, named)
+                self.report(EXPRESSION_COMPONENT, about, named)
             return bool(family.letters)
         known = all(k in ("unit", "description") or k.startswith("x-") for k in below)
         empty = isinstance(node, Scalar) and node.empty
@@ -603,12 +617,12 @@ class Expansion:
             )
             parts = ", ".join(x.text for x in inner.items if isinstance(x, Scalar))
             hint = f"write vec({parts}) for the same vector at each member"
-            self.report("wrong-count", text, inner, hint)
+            self.report(WRONG_COUNT, text, inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         elif len(values) != len(one.members):
             text = f"`{key.text}` has {len(one.members)} members, and the list "
             hint = "a list beside a range has one value for each member"
-            self.report("wrong-count", f"{text}{len(values)} values", inner, hint)
+            self.report(WRONG_COUNT, f"{text}{len(values)} values", inner, hint)
             values = [Broken(inner.place)] * len(one.members)
         if not (letters or parsed.subscripts):
             yield key, self.bound(node, MemberReading(self.scope, one.members[0][0]))
@@ -644,7 +658,7 @@ class Expansion:
                 reading = MemberReading(self.scope, one.members[0][0], 0, len(letters))
                 reading.parsed(item.text, parse)
             except ExpressionError as fault:
-                if fault.code == "size":
+                if fault.code == EXPRESSION_SIZE:
                     return True
         return False
 
@@ -663,7 +677,7 @@ class Expansion:
                 new = self.bound(inner.items[reading.component], outer)
             else:
                 text = f"`{key.text}` is a vector of {reading.size}, found a list of "
-                self.report("wrong-count", f"{text}{len(inner.items)}", inner)
+                self.report(WRONG_COUNT, f"{text}{len(inner.items)}", inner)
                 return Broken(inner.place)
         return new if inner is node else with_value(self.bound(node, outer), keys, new)
 
@@ -695,7 +709,7 @@ class Expansion:
                     )  # to take the position of the entry with precedence
                     found[name] = entry, ranged
             if again and not _COLUMN.fullmatch(key.text):
-                self.report("duplicate-member", f"`{again}` is given twice", key)
+                self.report(DUPLICATE_MEMBER, f"`{again}` is given twice", key)
         return [entry for entry, _ in found.values()]
 
     def _referred(
@@ -720,13 +734,13 @@ class Expansion:
         code: ErrorCode | None = None
         text = f"`{parsed.name}` is no family"
         if family.indexed != bool(parsed.subscripts):
-            code = "expression-subscript"
+            code = EXPRESSION_SUBSCRIPT
             if family.indexed:
                 text = f"`{parsed.name}` is a family: a subscript is missing"
         elif missing := family.missing(parsed.name, members):
-            code, text = "expression-member", missing
+            code, text = EXPRESSION_MEMBER, missing
         elif parsed.letter and parsed.letter not in family.letters:
-            code = "expression-component"
+            code = EXPRESSION_COMPONENT
             text = f"`{parsed.name}` has no component `.{parsed.letter}`"
         if code:
             self.report(code, text, key)
@@ -773,7 +787,7 @@ class Expansion:
         several = parsed.ranged and any(isinstance(n, Sequence) for n in items)
         if several and len(items) != len(members):
             text = f"`{key.text}` has {len(members)} members, and the list {len(items)}"
-            self.report("wrong-count", text, node)
+            self.report(WRONG_COUNT, text, node)
             return
         for k, (indices, member) in enumerate(members):
             reading = MemberReading(self.scope, indices)
@@ -816,7 +830,7 @@ class Expansion:
         if not parsed.subscripts:
             members = [({}, m) for m in sorted(family.members)]
         if missing := family.missing(parsed.name, members):
-            self.report("expression-member", missing, node)
+            self.report(EXPRESSION_MEMBER, missing, node)
             return [Broken(node.place)]
         letters = (parsed.letter,) if parsed.letter else family.letters or ("",)
         return [

@@ -16,6 +16,19 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
+from lagsim.codes.known import (
+    BOTH_GIVEN,
+    CYCLE,
+    DUPLICATE_MEMBER,
+    EXPRESSION_FRAME,
+    MISSING_KEY,
+    NOT_AN_EXPRESSION,
+    NOT_CONSTANT,
+    OUT_OF_RANGE,
+    RESERVED_NAME,
+    UNKNOWN_NAME,
+    WRONG_COUNT,
+)
 from lagsim.errors import did_you_mean
 from lagsim.language.names import HIDDEN, UNIT_LENGTH, rate_of
 from lagsim.language.parser import (
@@ -145,7 +158,7 @@ class SectionReader:
             raise silent()
         if not isinstance(node, Scalar) or node.empty:
             text = f"{what} must be an expression"
-            self.refuse("not-an-expression", text, node)
+            self.refuse(NOT_AN_EXPRESSION, text, node)
         try:
             return self.scope.values(node.text, parse, indices)[0], node
         except ExpressionError as fault:
@@ -170,7 +183,7 @@ class SectionReader:
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
             text = f"{what} must be a number, found {said(value)}"
-            self.refuse("wrong-count", text, at.place_of(0, len(at.text)))
+            self.refuse(WRONG_COUNT, text, at.place_of(0, len(at.text)))
         return value, at
 
     def vector(
@@ -190,7 +203,7 @@ class SectionReader:
         if len(found) not in counts:
             wanted = " or ".join(map(str, counts))
             text = f"{what} must have {wanted} components, found {len(found)}"
-            self.refuse("wrong-count", text, node)
+            self.refuse(WRONG_COUNT, text, node)
         return found
 
 
@@ -237,7 +250,7 @@ class FrameReader(SectionReader):
             if (name, member) in self._given or name == SPACE:
                 what = "is built in" if name == SPACE else "is given twice"
                 text = f"the frame `{dotted(name, member)}` {what}"
-                self.report("duplicate-member", text, key)
+                self.report(DUPLICATE_MEMBER, text, key)
                 return
             self._given[name, member] = _DeclaredFrame(key, below, indices)
 
@@ -259,13 +272,13 @@ class FrameReader(SectionReader):
         for has, wants in pairs:
             if has in below and wants not in below:
                 text = f"{what} has `{has}` but no `{wants}`"
-                report("missing-key", text, key, _ROTATED)
+                report(MISSING_KEY, text, key, _ROTATED)
                 return False
         if not ways:
-            report("missing-key", f"{what} has no rotation", key, _ROTATED)
+            report(MISSING_KEY, f"{what} has no rotation", key, _ROTATED)
         elif len(ways) > 1:
             text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
-            report("both-given", text, key, _ROTATED)
+            report(BOTH_GIVEN, text, key, _ROTATED)
         return len(ways) == 1
 
     # Frames by their names
@@ -286,7 +299,9 @@ class FrameReader(SectionReader):
         """Return name and subscripts of a frame, parsed into `steps`."""
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
-            raise token.fault("the name of a frame is expected here", "", "frame")
+            raise token.fault(
+                "the name of a frame is expected here", "", EXPRESSION_FRAME
+            )
         values = self.scope.run(tuple(subscripts), indices)
         member = tuple(self.scope.whole(value, token) for value in values)
         name = token.text
@@ -303,7 +318,7 @@ class FrameReader(SectionReader):
             ends = (dotted(name, m) for m in (min(members), max(members)))
             hint = "there are `{}` to `{}`".format(*ends)
         text = f"there is no frame `{dotted(name, member)}`"
-        raise token.fault(text, hint, "frame")
+        raise token.fault(text, hint, EXPRESSION_FRAME)
 
     def _frame_of(self, called: Called) -> Frame:
         """Return the frame of a name and subscripts, built after its parents."""
@@ -314,7 +329,7 @@ class FrameReader(SectionReader):
                 shown = " -> ".join(dotted(*one) for one in circle)
                 text = f"the frame `{dotted(*called)}` is on itself: {shown}"
                 node = self._given[called].below["on"]
-                self.report("cycle", text, node)
+                self.report(CYCLE, text, node)
                 self._made |= dict.fromkeys(chain)
                 break
             chain.append(called)
@@ -322,7 +337,7 @@ class FrameReader(SectionReader):
         for one in reversed(chain):
             if one in self._making:
                 text = f"the frame `{dotted(*one)}` depends on itself"
-                raise ExpressionError(0, 1, text, "", "frame")
+                raise ExpressionError(0, 1, text, "", EXPRESSION_FRAME)
             if one not in self._made:
                 self._making.add(one)
                 try:
@@ -343,7 +358,7 @@ class FrameReader(SectionReader):
         try:
             if not isinstance(node, Scalar):
                 text = f"`on` of the frame `{given.key.text}` names a frame"
-                self.refuse("not-an-expression", text, node, "such as on: arm")
+                self.refuse(NOT_AN_EXPRESSION, text, node, "such as on: arm")
             steps = self.scope.source(node.text, parse).postfix
             return self._called(steps, given.indices)
         except ExpressionError as fault:
@@ -426,7 +441,7 @@ class FrameReader(SectionReader):
         values = [self._fixed(tree, at, what) for tree, at in parts]
         if not any(values) or not all(map(math.isfinite, values)):
             text = f"{what} has no direction: it is {values}"
-            self.refuse("out-of-range", text, node, "such as [0, 0, 1]")
+            self.refuse(OUT_OF_RANGE, text, node, "such as [0, 0, 1]")
         # One along x, y or z is taken as such, which makes all that follows shorter:
         # with other values of its parameters the file is read again.
         if sum(value != 0.0 for value in values) == 1:
@@ -454,11 +469,11 @@ class FrameReader(SectionReader):
                     raise silent()
                 text = f"{what} is made of parameters; `{used.text}` is none"
                 place = at.place_of(used.offset, len(used.text))
-                self.refuse("not-constant", text, place)
+                self.refuse(NOT_CONSTANT, text, place)
         try:
             return self.scope.number(found)
         except ExpressionError as fault:
-            self.refuse("not-constant", fault.text, at, fault.hint)
+            self.refuse(NOT_CONSTANT, fault.text, at, fault.hint)
 
     def _quaternion(self, called: Called, name: str) -> Chart:
         given = self._given[called]
@@ -488,7 +503,7 @@ class FrameReader(SectionReader):
         letters = axes.text if isinstance(axes, Scalar) else ""
         if not re.fullmatch("[xyz]+", letters) or re.search(r"(.)\1", letters):
             text = f"`axes` of {what} must be letters x, y and z, none twice in a row"
-            self.refuse("unknown-name", text, axes, "such as `axes: zxz`")
+            self.refuse(UNKNOWN_NAME, text, axes, "such as `axes: zxz`")
         node, count = given.below["angles"], len(letters)
         parts = self.vector(node, given.indices, [count], f"`angles` of {what}")
         both = [
@@ -652,10 +667,10 @@ class Bodies(SectionReader):
         self._said.add(key)
         if family := self.scope.variables.get("bodies"):
             text = "`bodies` is the word for the energies of bodies in this file"
-            self.report("reserved-name", text, family.place)
+            self.report(RESERVED_NAME, text, family.place)
         if key == "potential" and self._given and not self._weighs:
             text = "`bodies` in the potential energy needs `gravity`"
-            self.report("missing-key", text, node, "such as gravity: [0, 0, -g]")
+            self.report(MISSING_KEY, text, node, "such as gravity: [0, 0, -g]")
         return total(self._energies[key])
 
     def idle(self) -> list[str]:
@@ -691,14 +706,14 @@ class Bodies(SectionReader):
         if unknown(below, KEYS):
             return
         for k in missing:
-            self.report("missing-key", f"{what} has no `{k}`", key, _HOW)
+            self.report(MISSING_KEY, f"{what} has no `{k}`", key, _HOW)
         if found is None or missing:
             return
         for indices, member in found[1]:
             name = dotted(found[0].name, member)
             if name in self._names:
                 text = f"the body `{name}` is given twice"
-                self.refuse("duplicate-member", text, key)
+                self.refuse(DUPLICATE_MEMBER, text, key)
             self._names.add(name)
             self._body(_Body(what, name, below, indices))
 
@@ -730,7 +745,7 @@ class Bodies(SectionReader):
     def _same(self, one: _Body, n: int, other: str, count: int) -> None:
         if n != count:
             text = f"`at` of {one.what} has {count} components, and {other} has {n}"
-            self.refuse("wrong-count", text, one.below["at"])
+            self.refuse(WRONG_COUNT, text, one.below["at"])
 
     def _frame(self, one: _Body, n: int) -> Frame | None:
         node, frames = one.below.get("frame"), self.x.frames
@@ -738,7 +753,7 @@ class Bodies(SectionReader):
             return None
         if frames is None:
             text = f"there is no frame `{node.text}`: the file has no `frames`"
-            self.refuse("expression-frame", text, node)
+            self.refuse(EXPRESSION_FRAME, text, node)
         self._same(one, frames.n, "its frame", n)
         return frames.named(node, one.indices)
 
@@ -767,7 +782,7 @@ class Bodies(SectionReader):
         given = entries_of(node)
         if len(given) != 1:
             text = f"{what} must be one, such as {{box: [a, b]}}, found {len(given)}"
-            self.refuse("wrong-count", text, node)
+            self.refuse(WRONG_COUNT, text, node)
         key, value = given[0]
         kind, known = key.text, SIZES[n]
         if kind not in known:
@@ -775,7 +790,7 @@ class Bodies(SectionReader):
             text = f"{what} cannot be a `{kind}`"
             if kind in SIZES[5 - n]:
                 text += " in the plane" if n == len("xy") else " in space"
-            self.refuse("unknown-name", text, key, hint)
+            self.refuse(UNKNOWN_NAME, text, key, hint)
         if kind == "polygon":
             found = self._polygon(one, m, value)
         else:
@@ -794,7 +809,7 @@ class Bodies(SectionReader):
         what = f"the polygon of {one.what}"
         if not isinstance(node, Sequence) or len(node.items) < len("xyz"):
             text = f"{what} must be a list of 3 or more corners [x, y]"
-            self.refuse("wrong-count", text, node)
+            self.refuse(WRONG_COUNT, text, node)
         corners = []
         for k, item in enumerate(node.items):
             parts = self.vector(item, one.indices, [2], f"a corner of {what}")

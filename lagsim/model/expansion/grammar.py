@@ -12,6 +12,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.codes.known import EXPRESSION_ARITY, EXPRESSION_RANGE
 from lagsim.language import parser
 from lagsim.language.functions import FUNCTIONS
 from lagsim.language.parser import ExpressionError, Parser, Pending, Token
@@ -79,12 +80,12 @@ class _Extended(Parser):
         if name in OVER_RANGES and [t.kind for t in ahead] == _HEAD:
             if sum(isinstance(p, _Over) for p in self.pending) == NESTED:
                 text = f"more than {NESTED} sums in one another"
-                raise token.fault(text, "define the inner ones", "range")
+                raise token.fault(text, "define the inner ones", EXPRESSION_RANGE)
             over = _Over(name, 0, token, call=True, index=ahead[1].text)
             self.at += len(ahead)
             self.pending.append(over)
         elif name == "sum":
-            raise token.fault("`sum` needs a range", _RANGE, "range")
+            raise token.fault("`sum` needs a range", _RANGE, EXPRESSION_RANGE)
         elif name in FUNCTIONS:
             super()._function(token)
         elif name in OF_FRAMES:
@@ -104,7 +105,7 @@ class _Extended(Parser):
         top = self.pending[-1] if self.pending else None
         if not isinstance(top, _Over) or top.ranged:
             raise token.fault(
-                "`..` has no meaning here", f"a range is {_RANGE}", "range"
+                "`..` has no meaning here", f"a range is {_RANGE}", EXPRESSION_RANGE
             )
         top.ranged = True
         return True
@@ -116,7 +117,7 @@ class _Extended(Parser):
             return super()._comma(token)
         if not top.ranged or top.begin >= 0:
             text = f"`{top.op}` needs a range and one expression"
-            raise token.fault(text, _RANGE, "range")
+            raise token.fault(text, _RANGE, EXPRESSION_RANGE)
         top.begin = len(self.output)
         return True
 
@@ -143,13 +144,13 @@ class _Extended(Parser):
         if isinstance(top, _Over):
             if top.begin < 0:
                 text = f"`{op}` needs a range and an expression"
-                raise top.token.fault(text, _RANGE, "range")
+                raise top.token.fault(text, _RANGE, EXPRESSION_RANGE)
             op, payload = "over", Inner(2, top.index, self._cut(top.begin))
         elif top.op not in OF_VECTORS:
             op = "member"
         elif top.arity not in OF_VECTORS[top.op]:
             text = f"`{op}` takes {self._count(op)}, found {top.arity}"
-            raise top.token.fault(text, "", "arity")
+            raise top.token.fault(text, "", EXPRESSION_ARITY)
         elif isinstance(top, _OfFrame):
             payload = Inner(top.arity - 1, "", top.frame)
         self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
@@ -249,7 +250,9 @@ def _subscript(text: str, part: list[Token], end: Token) -> Subscript:
     if at is None:
         if index:
             hint = f"write {index} = 1..n"
-            raise end.fault(f"the range of `{index}` has no end", hint, "range")
+            raise end.fault(
+                f"the range of `{index}` has no end", hint, EXPRESSION_RANGE
+            )
         single = parsed(text, [*part, close]).postfix
         return Subscript("", single, None, (part or [end])[0])
     ends = (

@@ -15,6 +15,16 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from lagsim import limits
+from lagsim.codes.known import (
+    EXPRESSION_COMPONENT,
+    EXPRESSION_FRAME,
+    EXPRESSION_MEMBER,
+    EXPRESSION_RANGE,
+    EXPRESSION_SIZE,
+    EXPRESSION_SUBSCRIPT,
+    EXPRESSION_TOO_MANY,
+    EXPRESSION_UNKNOWN_FUNCTION,
+)
 from lagsim.errors import did_you_mean
 from lagsim.language.columns import FORCE, MULTIPLIER, REACTION
 from lagsim.language.functions import OPERATIONS
@@ -37,10 +47,10 @@ from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator
 
-    from lagsim.codes.known import ExpressionCode
+    from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Steps, Token
+    from lagsim.language.parser import ExpressionCode, Steps, Token
     from lagsim.model.expansion.grammar import Inner
     from lagsim.model.expansion.trees import Frame
 
@@ -219,7 +229,7 @@ class Scope:
                 if len({*sizes}) > 1 and left is not EMPTY and right is not EMPTY:
                     about = f"both sides must have one size, found {sizes[0]} and "
                     about += str(sizes[1])
-                    raise ExpressionError(source.at, 1, about, "", "size")
+                    raise ExpressionError(source.at, 1, about, "", EXPRESSION_SIZE)
             self._last, self._value = (
                 (text, parser, indices),
                 (left, right, source.sense),
@@ -294,7 +304,8 @@ class Scope:
         except UnfitError as fault:
             if unknown := [a for a in args if self._is_unknown(a)]:
                 return unknown[0]  # the reader says so
-            code: ExpressionCode = "component" if op == "component" else "size"
+            by_index = op == "component"
+            code: ExpressionCode = EXPRESSION_COMPONENT if by_index else EXPRESSION_SIZE
             raise token.fault(fault.text, fault.hint, code) from None
 
     def _is_unknown(self, value: Value) -> bool:
@@ -308,7 +319,7 @@ class Scope:
         if self.frame is None:
             token = named[-1][2]
             text = f"there is no frame `{token.text}`: the file has no `frames`"
-            raise token.fault(text, "", "frame")
+            raise token.fault(text, "", EXPRESSION_FRAME)
         return self.frame(named, indices)
 
     def reference(self, name: str) -> Family | None:
@@ -340,7 +351,7 @@ class Scope:
         if family.indexed:
             hint = f"{family.described()}; or write sum(i = ..., {token.text}(i))"
             text = f"`{token.text}` is a family: a subscript is missing"
-            raise token.fault(text, hint, "subscript")
+            raise token.fault(text, hint, EXPRESSION_SUBSCRIPT)
         return _of(family, token.text, (), token.offset)
 
     def _member(self, token: Token, args: list[Value]) -> Value:
@@ -353,12 +364,12 @@ class Scope:
             known = [*CALLED, *(f.name for f in self.variables.values() if f.indexed)]
             hint = did_you_mean(name, known) if name[1:] else ""
             text = f"there is no function or family `{name}`"
-            raise token.fault(text, hint, "unknown-function")
+            raise token.fault(text, hint, EXPRESSION_UNKNOWN_FUNCTION)
         _check(family)
         numbers = all(isinstance(x, Tree) and x.op == "number" for x in args)
         if not (family.indexed or family.letters or numbers):
             text = f"there is no function `{name}`"
-            raise token.fault(text, "", "unknown-function")
+            raise token.fault(text, "", EXPRESSION_UNKNOWN_FUNCTION)
         if self._generic and any(
             isinstance(x, Tree) and gathering.has(x, gathering.INDEX) for x in args
         ):
@@ -379,7 +390,7 @@ class Scope:
                     f"definitions may have other members, too: `x({member[0]}): 0` and "
                 )
                 hint += f"`x(i = 1..n): {name}(i)`"
-            raise token.fault(text, hint, "member")
+            raise token.fault(text, hint, EXPRESSION_MEMBER)
         return _of(family, name, member, token.offset)
 
     def _over(
@@ -400,7 +411,7 @@ class Scope:
         self._terms += count
         if self._terms > limits.TERMS:
             text = f"the sums of this file have more than {limits.TERMS:,} terms"
-            code: ExpressionCode = SILENT if self.full else "too-many"
+            code: ExpressionCode = SILENT if self.full else EXPRESSION_TOO_MANY
             self.full = True
             hint = limits.without(f"this one has {count:,}")
             raise token.fault(text, hint, code)
@@ -408,7 +419,7 @@ class Scope:
         if not count and op != "add":
             text = f"`{token.text}` over an empty range, {first}..{last}"
             hint = "it needs at least one member; only `sum` may have none"
-            raise token.fault(text, hint, "range")
+            raise token.fault(text, hint, EXPRESSION_RANGE)
         total: Value = EMPTY
         inner = dict(indices)
         for k in range(first, last + 1):
@@ -478,7 +489,7 @@ class Scope:
         """
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
-            raise token.fault(text, "", "subscript")
+            raise token.fault(text, "", EXPRESSION_SUBSCRIPT)
         names: set[str] = set()
         if value.op == "number":
             found = float(value.value)
@@ -491,10 +502,10 @@ class Scope:
         if nearest is None or abs(found - nearest) > _WHOLE * abs(found):
             text = f"a subscript must be a whole number, found {found:g}"
             hint = "it counts, or names, the members of a family"
-            raise token.fault(text, hint, self._once(names, "subscript"))
+            raise token.fault(text, hint, self._once(names, EXPRESSION_SUBSCRIPT))
         return nearest
 
-    def _once(self, names: set[str], code: ExpressionCode) -> ExpressionCode:
+    def _once(self, names: set[str], code: ErrorCode) -> ExpressionCode:
         """Return `code` for the first fault of parameters, else a silent code."""
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names
@@ -534,7 +545,7 @@ class Scope:
             raise ExpressionError(offset, len(name), "", code=SILENT)
         text = "ranges and subscripts contain only indices and parameters above; "
         about = f"`{name}` is none"
-        code = self._once({name}, "subscript")
+        code = self._once({name}, EXPRESSION_SUBSCRIPT)
         hint = "there are no delays: q(3) is a member, at the present time"
         hint *= name == "t"
         raise ExpressionError(offset, len(name), text + about, hint, code)
@@ -543,7 +554,7 @@ class Scope:
 def _follows_table(name: str, offset: int) -> ExpressionError:
     about = f"a range, a subscript or an axis cannot follow a table: `{name}` does"
     hint = "write the number itself"
-    return ExpressionError(offset, len(name), about, hint, "range")
+    return ExpressionError(offset, len(name), about, hint, EXPRESSION_RANGE)
 
 
 def _parsed(text: str, parser: Parser) -> Any:
@@ -590,10 +601,10 @@ def _numbered(family: Family, token: Token, member: Member) -> Value:
     count = len(family.letters)
     if not count:
         text = f"`{token.text}` is no family, and has no subscripts"
-        raise token.fault(text, "a product is written with `*`", "subscript")
+        raise token.fault(text, "a product is written with `*`", EXPRESSION_SUBSCRIPT)
     if len(member) != 1 or not 1 <= member[0] <= count:
         text = f"`{token.text}` has the components 1 to {count}, found "
-        raise token.fault(text + ", ".join(map(str, member)), "", "member")
+        raise token.fault(text + ", ".join(map(str, member)), "", EXPRESSION_MEMBER)
     found = _of(family, token.text, (), token.offset)
     return found[member[0] - 1] if not isinstance(found, Tree) else found
 
@@ -670,12 +681,14 @@ class MemberReading:
                 value = value[self.component]
         elif self.component is not None and value is not EMPTY:
             about = f"a vector of {self.size} is expected here, found a number"
-            raise ExpressionError(0, len(text), about, "write vec(a, b)", "size")
+            raise ExpressionError(
+                0, len(text), about, "write vec(a, b)", EXPRESSION_SIZE
+            )
         if not isinstance(value, Tree):
             wanted = f"a vector of {self.size}" if self.size > 1 else "a number"
             about = f"{wanted} is expected here, found {trees.said(value)}"
             hint = "" if self.size > 1 else "write a component, `.x`, or `norm(...)`"
-            raise ExpressionError(0, len(text), about, hint, "size")
+            raise ExpressionError(0, len(text), about, hint, EXPRESSION_SIZE)
         return trees.parsed(value, text)
 
     def words(self, text: str) -> set[str]:

@@ -17,6 +17,19 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from lagsim import limits
+from lagsim.codes.known import (
+    BAD_MODEL_NAME,
+    EMPTY_FILE,
+    EXPRESSION_RANGE,
+    FORMAT_VERSION,
+    MISPLACED_KEY,
+    MISSING_KEY,
+    MULTIPLE_ROOT,
+    UNKNOWN_KEY,
+    UNUSED_TABLE,
+    USAGE,
+    VELOCITY_NOT_ALLOWED,
+)
 from lagsim.errors import InputError, unseen, unusable
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
@@ -76,7 +89,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
-FORMAT_VERSION = "1"
+VERSION = "1"
 _NO_FILE_NAMES = ("", ".", "..")
 # The sections that give names of variables, in the order in which they are read.
 NAMED = {
@@ -140,7 +153,7 @@ def read(
     faults = Faults(file, document.problems)
     if document.root is None:
         faults.raise_if_any()
-        raise unusable("empty-file", f"{file}: the file is empty")
+        raise unusable(EMPTY_FILE, f"{file}: the file is empty")
     data = text.encode(errors="surrogatepass")
     graph = Graph(limits.graph_nodes(len(data)), limits.work(len(data)))
     root = document.root
@@ -216,9 +229,9 @@ class File:
         self.options = options
         self.shifts: MappingType[str, tuple[int, float]] = {}
         version = top.text("lagsim")
-        if "lagsim" in top and version != FORMAT_VERSION:
-            text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
-            faults.add("format-version", text, top.at("lagsim"))
+        if "lagsim" in top and version != VERSION:
+            text = f"the format version must be {VERSION}, found `{version}`"
+            faults.add(FORMAT_VERSION, text, top.at("lagsim"))
         self.name = self._name()
         sections = (
             names.section(top.value(key), f"`{key}`", kind, faults)
@@ -254,7 +267,7 @@ class File:
             if all(numbers.get(name, x) == x for name, x in values.items()):
                 return text
         text = "the values of its families cannot be written one by one"
-        raise unusable("usage", f"{self.file}: {text}")
+        raise unusable(USAGE, f"{self.file}: {text}")
 
     def read(self, sha256: str) -> Model:
         """Return the model of the file.
@@ -280,7 +293,7 @@ class File:
                 text = "the place of a body, or an angle, must not depend on "
                 text += x.definitions[name].level.text
                 place = at.place_of(0, len(at.text))
-                x.faults.add("velocity-not-allowed", text, place)
+                x.faults.add(VELOCITY_NOT_ALLOWED, text, place)
         definitions.build(Level.POSITION, Level.VELOCITY)
         states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x, self._gathering)
@@ -298,12 +311,12 @@ class File:
         if made and made.silent and not len(x.faults):
             key = made.silent[0]
             text = f"the range of `{key.text}` depends on itself"
-            x.faults.add("expression-range", text, key)
+            x.faults.add(EXPRESSION_RANGE, text, key)
         x.faults.raise_if_any()
         for name in self.names.tables.keys() - self.names.called:
             text = f"the table `{name}` is not used"
             hint = f"call it as `{name}(...)`, or delete it"
-            x.faults.add("unused-table", text, self.names.places[name], hint)
+            x.faults.add(UNUSED_TABLE, text, self.names.places[name], hint)
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
         x.read = []
@@ -361,7 +374,7 @@ class File:
         if "coordinates" not in self.top or not self.names.faulty:
             place = self.top.place_of("coordinates")
             hint = "such as coordinates: {theta: {unit: rad}}"
-            faults.add("missing-key", "the file has no coordinates", place, hint)
+            faults.add(MISSING_KEY, "the file has no coordinates", place, hint)
 
     def _name(self) -> str:
         node, faults = self.top.value("name"), self.x.faults
@@ -372,7 +385,7 @@ class File:
             if unseen(stem) or "\n" in stem:
                 text = f"the name of the file has {_letter(stem)}"
                 hint = "give a `name`: results are called by it"
-                faults.add("bad-model-name", text, self.root, hint)
+                faults.add(BAD_MODEL_NAME, text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"
         name, fault = self.top.text("name"), ""
         if not isinstance(node, Scalar):
@@ -388,7 +401,7 @@ class File:
         if fault:
             text = f"`{in_one_line(name)}` cannot be a name: {fault}"
             hint = "it is used for files: no path separators, such as elastic-pendulum"
-            faults.add("bad-model-name", text, node, hint)
+            faults.add(BAD_MODEL_NAME, text, node, hint)
         return name
 
     def bound(
@@ -633,7 +646,7 @@ def _check_roots(model: Model, found: Model) -> None:
             text += "multiplier does not give the definitions in `output.reactions` "
             text += "a reaction"
             hint = "write the relation with a simple zero"
-            raise unusable("multiple-root", text, one.relation.place, hint)
+            raise unusable(MULTIPLE_ROOT, text, one.relation.place, hint)
 
 
 # --- Sections in sections, keys of sections beside them: wrong indentation
@@ -656,14 +669,14 @@ def _in_place(root: Node, faults: Faults) -> Node:
         section = next((section for section in SECTIONS if has_key(section, name)), "")
         if section and not isinstance(value, Mapping) and _put(top, [name], section):
             text = f"unknown key `{name}` in the file"
-            faults.add("unknown-key", text, key, belongs(name))
+            faults.add(UNKNOWN_KEY, text, key, belongs(name))
     for section, names in _unindented(top, faults).items():
         first = top[names[0]][0]
         more = f", and {len(names) - 1} more," if len(names) > 1 else ""
         text = f"`{first.text}`{more} below `{section}:` must be indented"
         hint = f"two blanks before each line that belongs to `{section}`"
         if _put(top, names, section):
-            faults.add("misplaced-key", text, first.place, hint)
+            faults.add(MISPLACED_KEY, text, first.place, hint)
     return root._replace(entries=tuple(top.values()))
 
 
@@ -681,7 +694,7 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
             if not (nested and isinstance(node, Mapping)) or has_key(section, key.text):
                 continue
             text = f"the section `{key.text}` is inside `{section}`"
-            faults.add("misplaced-key", text, key, belongs(key.text))
+            faults.add(MISPLACED_KEY, text, key, belongs(key.text))
             top[key.text] = entry
             kept = (e for e in entries_of(top[section][1]) if e is not entry)
             top[section] = head, Mapping(tuple(kept), value.place)

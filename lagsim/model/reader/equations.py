@@ -7,6 +7,29 @@ import re
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from lagsim.codes.known import (
+    BOTH_GIVEN,
+    CYCLE,
+    MISSING_KEY,
+    NO_COORDINATE,
+    NOT_A_CONTACT,
+    NOT_A_DIRECTION,
+    NOT_A_MAPPING,
+    NOT_A_MODE,
+    NOT_A_VELOCITY,
+    NOT_AFFINE,
+    NOT_AN_EQUALITY,
+    NOT_HOMOGENEOUS,
+    NOT_OF_TIME,
+    NOT_ONE_SIDED,
+    OUT_OF_RANGE,
+    OUTPUT_ONLY,
+    STATE_MISPLACED,
+    SWITCH_AT_REST,
+    UNKNOWN_NAME,
+    UNKNOWN_RESTITUTION_LAW,
+    WRONG_COUNT,
+)
 from lagsim.language.at_rest import Bounds, bounds_at_rest
 from lagsim.language.derivatives import tangent
 from lagsim.language.names import in_file, rate_of, rated
@@ -76,18 +99,18 @@ def energy_fields(top: Fields) -> Fields:
     given = [k for k in ("kinetic", "potential") if k in found]
     if "energy" not in top:
         hint = "give `kinetic` and `potential`, or `lagrangian`"
-        faults.add("missing-key", "the file has no `energy`", top.place, hint)
+        faults.add(MISSING_KEY, "the file has no `energy`", top.place, hint)
     elif "lagrangian" in found and given:
         both = " and ".join(f"`{k}`" for k in given)
         text = f"both {both} and `lagrangian` are given"
         hint = "`lagrangian` replaces `kinetic` and `potential`"
-        faults.add("both-given", text, found.place_of("lagrangian"), hint)
+        faults.add(BOTH_GIVEN, text, found.place_of("lagrangian"), hint)
     elif given:
         for missing in ("kinetic", "potential"):
             found.needs(missing, f"where there is none, say so: `{missing}: 0`")
     elif found.sound and "lagrangian" not in found:
         text = "`energy` has neither `kinetic` and `potential` nor `lagrangian`"
-        faults.add("missing-key", text, found.place)
+        faults.add(MISSING_KEY, text, found.place)
     return found
 
 
@@ -138,7 +161,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
     for key, _ in given:
         if rate_of(key.text) in g.depends([rates.get(key.text, g.zero)]):
             text = f"the rate of the state `{key.text}` depends on itself"
-            x.faults.add("cycle", text, key)
+            x.faults.add(CYCLE, text, key)
     if given:
         x.take_states(rates)
     return tuple(s._replace(rate=rates[name]) for name, s in found.items())
@@ -183,7 +206,7 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
             hint = faults.did_you_mean(name, names)
             hint = hint or f"{one} acts along one of {quoted_list(map(in_file, names))}"
             text = f"there is no coordinate or definition `{name}` to work on"
-            faults.add("unknown-name", text, place, hint)
+            faults.add(UNKNOWN_NAME, text, place, hint)
         return None
     kind, base = meaning
     if kind is NameKind.COORDINATE:
@@ -192,17 +215,17 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
     code: ErrorCode | Literal[""] = ""
     node, level = x.definitions.get(name, (None, Level.POSITION))
     if kind is not NameKind.DEFINITION:
-        code, text = "not-a-direction", f"{text}, {kind.text}"
+        code, text = NOT_A_DIRECTION, f"{text}, {kind.text}"
         hint = "it works on a coordinate or on a definition"
         if kind in (NameKind.VELOCITY, NameKind.RATE):
             hint = f"write `{base}`: a force on `{base}` has the power p*{name}"
             if noun == "impulse":
                 hint = f"write `{base}`: an impulse on `{base}` changes `{name}`"
     elif level is Level.OUTPUT:
-        code, text = "output-only", f"{text}: it uses {level.text}"
+        code, text = OUTPUT_ONLY, f"{text}: it uses {level.text}"
         hint = "work on positions or velocities"
     elif node is not None and level > 1 and not _is_affine(node, x):
-        code, text = "not-affine", f"{text}: it is not linear in the velocities"
+        code, text = NOT_AFFINE, f"{text}: it is not linear in the velocities"
         hint = _SUM
     if code:
         faults.add(code, text, place, hint)
@@ -250,7 +273,7 @@ def read_relation(
         text = f"{what} depends on no coordinate and no velocity"
         hint = _AT_A_TIME if modes else ""
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
-        x.faults.add("no-coordinate", text, scalar, hint)
+        x.faults.add(NO_COORDINATE, text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())
     text += scalar.reading.member() if scalar.reading else ""
@@ -277,7 +300,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
     if node and named and x.names.meaning(named[1]) is None:
         hint = f"a colon is missing: `{named[1]}: {named[2].strip()}`"
         text = f"`constraints` must be a mapping, found {kind_of(node)}"
-        x.faults.add("not-a-mapping", text, node, hint)
+        x.faults.add(NOT_A_MAPPING, text, node, hint)
         return []
     for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
@@ -297,11 +320,11 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
         return [(key, node)]
     if len(both.items) != 2:
         text = f"{what} must have one relation or two, found {len(both.items)}"
-        x.faults.add("wrong-count", text, both)
+        x.faults.add(WRONG_COUNT, text, both)
     elif "limit" not in found:
         text = f"{what} has two relations and no `limit`"
         hint = "`limit` bounds their Euclidean norm; others are two constraints"
-        x.faults.add("missing-key", text, both, hint)
+        x.faults.add(MISSING_KEY, text, both, hint)
     else:
         x.faults.once = x.faults.once or set()  # common faults are reported once
         return [(key._replace(text=f"{key.text}.{k}"), node) for k in (1, 2)]
@@ -423,7 +446,7 @@ class _ConstraintReader:
         when = self._when()
         if equality:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
-            self._refuse("not-one-sided", CONTACT, "is an equality", hint)
+            self._refuse(NOT_ONE_SIDED, CONTACT, "is an equality", hint)
             if relation:  # a multiple root is taken once
                 moving = _named(
                     relation.node, (NameKind.COORDINATE, NameKind.VELOCITY), x
@@ -437,7 +460,7 @@ class _ConstraintReader:
         elif equality is False and expression:  # what has a fault itself may be one
             hint = "two relations are equalities: write them with `=`"
             text = f"{what} is one-sided"
-            x.faults.add("not-an-equality", text, expression, hint)
+            x.faults.add(NOT_AN_EQUALITY, text, expression, hint)
         about = below.text("description")
         if relation is None or not (equality or law):
             return None
@@ -458,7 +481,7 @@ class _ConstraintReader:
             text += str(reading.size)
             hint = "write a constraint, with its own limit, for each component"
             place = self.below.place_of("limit")
-            self.x.faults.add("wrong-count", text, place, hint)
+            self.x.faults.add(WRONG_COUNT, text, place, hint)
         return -1 if reading.component else 1
 
     def _refuse_states(self, relation: Relation | None) -> None:
@@ -471,7 +494,7 @@ class _ConstraintReader:
             text = f"{self.what}, between positions, depends on states: "
             text += quoted_list(found)
             hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
-            x.faults.add("state-misplaced", text, relation.place, hint)
+            x.faults.add(STATE_MISPLACED, text, relation.place, hint)
 
     def _refuse(
         self, code: ErrorCode, keys: Iterable[str], why: str, hint: str
@@ -494,14 +517,14 @@ class _ConstraintReader:
             text = f"{of} depends on {quoted_list(moving)}; "
             text += "it must not depend on the motion"
             hint = "it is a condition of t, parameters and modes, such as t < 1"
-            x.faults.add("not-of-time", text, node, hint)
+            x.faults.add(NOT_OF_TIME, text, node, hint)
         return g.call("if", condition, g.one, g.zero)
 
     def _limit(self, relation: Relation | None) -> _Bound:
         """Return the bound of the multiplier of an equality, from its key `limit`."""
         if relation is not None and not _has_velocity(relation.node, self.x):
             hint = "write its rate: `x_dot = 0` instead of `x = 0`, so that it can slip"
-            self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
+            self._refuse(NOT_A_VELOCITY, ["limit"], "contains no velocity", hint)
         return self._bound("limit", LIMIT)
 
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
@@ -513,17 +536,17 @@ class _ConstraintReader:
         if relation is None:
             return self._contact(known=False)
         hint = "an equality has one: write its relation with `=`"
-        self._refuse("not-an-equality", ["limit"], "is one-sided", hint)
+        self._refuse(NOT_AN_EQUALITY, ["limit"], "is one-sided", hint)
         if not _has_velocity(relation.node, x):
             return self._contact(known=True)
         if _degrees(relation.node, x) == (1, 1):
             hint = "a freewheel engages inelastically and without friction"
-            self._refuse("not-a-contact", CONTACT, "is between velocities", hint)
+            self._refuse(NOT_A_CONTACT, CONTACT, "is between velocities", hint)
             return OneSided(0.0)
         if not any(key in self.below for key in CONTACT):
             text = f"{self.what} is one-sided, and not homogeneous in the velocities"
             hint = "a freewheel is, as `b_dot >= a_dot`; a contact is between positions"
-            x.faults.add("not-homogeneous", text, relation.place, hint)
+            x.faults.add(NOT_HOMOGENEOUS, text, relation.place, hint)
             return None
         what = f"{self.what}, being one-sided,"
         found = x.text(self.below.value("relation"), what, parse_relation)
@@ -542,19 +565,19 @@ class _ConstraintReader:
         if node is None and known:
             text = f"{what} is one-sided and has no `restitution`"
             hint = "write {relation: ..., restitution: 0}: 0 stays down, 1 bounces back"
-            faults.add("missing-key", text, below.place, hint)
+            faults.add(MISSING_KEY, text, below.place, hint)
         bounce, e = self._number(node, of, Level.POSITION, APPROACH_SPEED, most=1.0)
         slips = self._slips()
         friction = self.friction = self._bound("friction", FRICTION, SLIP_SPEED)
         laws = "newton", "poisson"
-        law = below.choice("restitution_law", laws, "unknown-restitution-law")
+        law = below.choice("restitution_law", laws, UNKNOWN_RESTITUTION_LAW)
         opposed = "`slip` is the sliding velocity that friction opposes"
         for key, other, hint in (
             ("friction", "slip", opposed), ("slip", "friction", "give `friction: mu`"),
         ):  # fmt: skip
             if key in below and other not in below:
                 text = f"{what} has `{key}` but no `{other}`"
-                faults.add("missing-key", text, below.place_of(key), hint)
+                faults.add(MISSING_KEY, text, below.place_of(key), hint)
         if bounce is None:
             return None
         varies = bounce if e is None else None
@@ -585,7 +608,7 @@ class _ConstraintReader:
         """Report a static bound below the dynamic one."""
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
-        self.x.faults.add("out-of-range", text + f"one, {least:g}", place, hint)
+        self.x.faults.add(OUT_OF_RANGE, text + f"one, {least:g}", place, hint)
 
     def at_rest(
         self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
@@ -638,7 +661,7 @@ class _ConstraintReader:
             text += "steeply, and it is not clear which value bounds the force at rest "
             text += "and while it slides"
             hint = f"write {key}: {{static: ..., dynamic: ...}}"
-            x.faults.add("switch-at-rest", text, node, hint)
+            x.faults.add(SWITCH_AT_REST, text, node, hint)
         if found is None or found == Bounds(bound, bound):
             return bound, resting
         self._within(key, found, node)
@@ -688,7 +711,7 @@ class _ConstraintReader:
         parts = items_of(node)
         if node and len(parts) not in (1, 2):
             text = f"{what} must be one expression or two, found {len(parts)}"
-            x.faults.add("wrong-count", text, node)
+            x.faults.add(WRONG_COUNT, text, node)
             return ()
         found = []
         for part in parts:
@@ -704,7 +727,7 @@ class _ConstraintReader:
             elif not _is_affine(slip, x):
                 text, hint = f"{what} is not affine in the velocities", _SUM
             if text:
-                x.faults.add("not-affine", text, part, hint)
+                x.faults.add(NOT_AFFINE, text, part, hint)
         return tuple(found)
 
 
@@ -800,7 +823,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     if empty and below.sound:
         text = f"{what} has no assignments and no impulse"
         hint = "write set: {mode: expression} or impulse: {coordinate: expression}"
-        x.faults.add("missing-key", text, key, hint)
+        x.faults.add(MISSING_KEY, text, key, hint)
     found: list[tuple[str, int]] = []
     for name, value in sets:
         is_mode = _is_mode(name, what, x)
@@ -822,14 +845,14 @@ def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
         return True
     if meaning is None and (names.is_faulty(name) or not names.readable):
         return False
-    code: ErrorCode = "unknown-name"
+    code: ErrorCode = UNKNOWN_NAME
     text = f"{what} sets `{name}`, and there is no such mode"
     hint = x.faults.did_you_mean(name, modes)
     hint = hint or (
         f"modes are {quoted_list(modes)}" if modes else f"modes: {{{name}: 0}}"
     )
     if meaning is not None:
-        code, text = "not-a-mode", f"{what} sets `{name}`, {meaning.kind.text}"
+        code, text = NOT_A_MODE, f"{what} sets `{name}`, {meaning.kind.text}"
         hint = _HINTS.get(meaning.kind, hint)
     x.faults.add(code, text, key, hint)
     return False

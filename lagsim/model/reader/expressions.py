@@ -15,6 +15,29 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from lagsim import limits
+from lagsim.codes.known import (
+    BAD_NAME,
+    COLUMN_CLASH,
+    EXPRESSION_ARITY,
+    EXPRESSION_COMPONENT,
+    EXPRESSION_MEMBER,
+    EXPRESSION_RANGE,
+    EXPRESSION_SIZE,
+    EXPRESSION_SUBSCRIPT,
+    EXPRESSION_TOO_LONG,
+    EXPRESSION_TOO_MANY,
+    NAME_CLASH,
+    NO_RATE,
+    NOT_AN_EXPRESSION,
+    NOT_CONSTANT,
+    NOT_FINITE,
+    OUT_OF_RANGE,
+    OUTPUT_ONLY,
+    RESERVED_NAME,
+    STATE_MISPLACED,
+    UNKNOWN_NAME,
+    VELOCITY_NOT_ALLOWED,
+)
 from lagsim.language import columns
 from lagsim.language.columns import FORCE, MULTIPLIER, REACTION, RESIDUAL, Owner
 from lagsim.language.derivatives import tangent
@@ -63,7 +86,10 @@ Value = tuple[float, float]
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
 # Faults that no other spelling of the text mends.
-_OF_MEMBERS = ("size", "component", "member", "subscript", "range", "too-many", "arity")
+_OF_MEMBERS = (
+    EXPRESSION_SIZE, EXPRESSION_COMPONENT, EXPRESSION_MEMBER, EXPRESSION_SUBSCRIPT,
+    EXPRESSION_RANGE, EXPRESSION_TOO_MANY, EXPRESSION_ARITY,
+)  # fmt: skip
 _A_COLUMN = "it is in the table and in its pictures in any case: leave it out here"
 
 
@@ -188,7 +214,7 @@ class Names:
         text = f"`{name}` is {first.text} already and cannot be {second.text} too"
         hint = f"the first is in line {there.line}; parameters, coordinates, states, "
         hint += "modes and definitions share one namespace"
-        faults.add("name-clash", text, here, hint)
+        faults.add(NAME_CLASH, text, here, hint)
         return False
 
     def of(self, kind: NameKind) -> list[str]:
@@ -322,11 +348,11 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
         name = name.removeprefix(HIDDEN).partition(".")[0]
-    code: ErrorCode = "reserved-name"
+    code: ErrorCode = RESERVED_NAME
     if problem := _spelling(name):
         text, hint = problem
         text = f"`{in_one_line(name)}` cannot be the name of {what}: {text}"
-        code = "bad-name"
+        code = BAD_NAME
     elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
@@ -429,7 +455,7 @@ def check_columns(names: Names, faults: Faults) -> None:
         if meaning:
             text = f"`{name}` is the column of {meaning} in this file"
             hint = f"the first is in line {other.line}" if other else ""
-            faults.add("column-clash", text, place, hint)
+            faults.add(COLUMN_CLASH, text, place, hint)
 
 
 # --- Expressions
@@ -514,7 +540,7 @@ class Expressions:
         elif node.style or not node.empty:
             return node
         text = f"{what} must be an expression, found {kind_of(node)}"
-        self.faults.add("not-an-expression", text, node, hint)
+        self.faults.add(NOT_AN_EXPRESSION, text, node, hint)
         return None
 
     def text(
@@ -537,7 +563,7 @@ class Expressions:
         if many > most:
             text = f"the expression has {many:,} letters, more than {most:,}"
             hint = "write parts of it as definitions"
-            self.faults.add("expression-too-long", text, scalar, hint)
+            self.faults.add(EXPRESSION_TOO_LONG, text, scalar, hint)
             return None
         if many > self._longest:
             self._longest, self.graph.place = many, scalar.place
@@ -564,7 +590,7 @@ class Expressions:
                 raise silent()
             if table is not None and count != len(table.axes):
                 about = f"`{op}` has {len(table.axes)} arguments, found {count}"
-                raise ExpressionError(0, len(text), about, code="arity")
+                raise ExpressionError(0, len(text), about, code=EXPRESSION_ARITY)
 
     def _with_tables(
         self, parser: Callable[[str], _P], text: str
@@ -594,7 +620,7 @@ class Expressions:
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty or fault.code == SILENT:
             return
-        code = fault.reported_code
+        code = fault.code
         place = scalar.place_of(fault.offset, fault.length)
         if not self.faults.is_known(code, place):
             hint = fault.hint
@@ -679,14 +705,14 @@ class Expressions:
             rule = f"not be below {least:g}" if least else "not be negative"
         if rule:
             text = f"{what} is {value:g}; it must {rule}"
-            self.faults.add("out-of-range", text, place)
+            self.faults.add(OUT_OF_RANGE, text, place)
         return not rule
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
         """Whether a value is finite; if not, a fault is reported."""
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"
-            self.faults.add("not-finite", text, place)
+            self.faults.add(NOT_FINITE, text, place)
         return math.isfinite(value)
 
     def check(
@@ -745,19 +771,19 @@ class Expressions:
         code: ErrorCode | Literal[""] = ""
         text, hint = f"the definition `{name.lstrip(HIDDEN)}`", ""
         if kind is not NameKind.DEFINITION and level is not Level.POSITION:
-            code = "no-rate"
+            code = NO_RATE
             text = f"`{name}` is the rate of `{base}`, which depends on "
             text += level.text
             hint = "rates exist of coordinates and of definitions of positions and "
             hint += "time"
         elif level > most and level is Level.OUTPUT:
-            code, hint = "output-only", _FOR_OUTPUT
+            code, hint = OUTPUT_ONLY, _FOR_OUTPUT
             text += f" uses {level.text}; {what} cannot use it"
         elif level > most:
-            code = "velocity-not-allowed"
+            code = VELOCITY_NOT_ALLOWED
             text += f" depends on velocities; {what} must not"
         if code:  # a fault of a hidden definition is reported at its own place
-            silent = code == "no-rate" and base[:1] == HIDDEN
+            silent = code == NO_RATE and base[:1] == HIDDEN
             return not silent and self.refuse(used, scalar, code, text, hint)
         return node is not None
 
@@ -775,11 +801,11 @@ class Expressions:
         """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)
-        if self.faults.is_known("unknown-name", place):
+        if self.faults.is_known(UNKNOWN_NAME, place):
             return
         if name in names.tables:
             hint = f"it is a function: write {name}(...)"
-            self.refuse(used, scalar, "unknown-name", f"`{name}` is a table", hint)
+            self.refuse(used, scalar, UNKNOWN_NAME, f"`{name}` is a table", hint)
             return
         found = hints.matching(scalar.text, used.offset, parsed=True)
         hint = found[2] if found else ""
@@ -795,7 +821,7 @@ class Expressions:
         if not hint and output:
             hint = f"define `{in_one_line(name)}` in `definitions`"
         hint = hint or f"give `{in_one_line(name)}` a value in `parameters`"
-        self.refuse(used, scalar, "unknown-name", text, hint)
+        self.refuse(used, scalar, UNKNOWN_NAME, text, hint)
 
     def _node(self, name: str) -> int:
         if name in self.bound:
@@ -849,7 +875,7 @@ class Expressions:
                 text = f"{what} contains the rate of the state `{s}`, which depends on "
                 hint = "replace it by a coordinate with a constraint on its velocity"
                 text += f"`{depends[0]}`"
-                self.faults.add("state-misplaced", text, node, hint)
+                self.faults.add(STATE_MISPLACED, text, node, hint)
 
     def rate_of(self, definition: str, *, second: bool = False) -> int:
         """Return the node of the total time derivative of a definition of positions.
@@ -881,9 +907,9 @@ def _misplaced(
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:
         hint = "numbers are made of parameters and `pi`"
-        return "not-constant", f"{text}; {what} must be a number", hint
+        return NOT_CONSTANT, f"{text}; {what} must be a number", hint
     if kind.level is Level.VELOCITY:
         text = f"{text}; {what} must not depend on velocities"
-        return "velocity-not-allowed", text, ""
+        return VELOCITY_NOT_ALLOWED, text, ""
     text = f"{text}, which the motion gives; {what} cannot use it"
-    return "output-only", text, _FOR_OUTPUT
+    return OUTPUT_ONLY, text, _FOR_OUTPUT

@@ -8,6 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+from lagsim.codes.known import (
+    BOTH_GIVEN,
+    EXPRESSION_UNKNOWN_FUNCTION,
+    MISSING_KEY,
+    MORE_FAULTS,
+    NOT_A_LIST,
+    NOT_A_MAPPING,
+    NOT_A_TEXT,
+    NOT_A_TRUTH,
+    UNKNOWN_KEY,
+    UNKNOWN_NAME,
+)
 from lagsim.errors import InputError, Place, Problem, nearest, several
 from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.language.names import in_file
@@ -31,7 +43,7 @@ MAX_GUESSED_LENGTH = 80
 # Nobody reads more, and each carries its source line.
 MAX_FAULTS = 1000
 # Faults that are reported once for all uses of an unknown name.
-UNKNOWN = ("expression-unknown-function", "unknown-name")
+UNKNOWN = (EXPRESSION_UNKNOWN_FUNCTION, UNKNOWN_NAME)
 # Largest number of names in a list of a message.
 LISTED = 12
 
@@ -98,7 +110,7 @@ class Faults:
         problems = _once(sorted(self._problems, key=self._order))
         more = len(problems) - MAX_FAULTS
         if more > 0:
-            last = Problem("more-faults", f"{more} more faults are not shown")
+            last = Problem(MORE_FAULTS, f"{more} more faults are not shown")
             problems = [*problems[:MAX_FAULTS], last]
         raise InputError(problems)
 
@@ -181,7 +193,7 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if _is_given(node):
         text = f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}"
-        faults.add("not-a-mapping", text, node, hints.of_lines(node, what))
+        faults.add(NOT_A_MAPPING, text, node, hints.of_lines(node, what))
     return []
 
 
@@ -191,7 +203,7 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
         return list(node.items)
     if _is_given(node):
         text = f"{what} must be a list, found {kind_of(node)}"
-        faults.add("not-a-list", text, node, hints.as_list(node, what))
+        faults.add(NOT_A_LIST, text, node, hints.as_list(node, what))
     return []
 
 
@@ -204,7 +216,7 @@ def scalar_items(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[S
         if isinstance(node, Scalar):
             yield node
         elif not isinstance(node, Broken):
-            faults.add("not-a-text", f"{what}, found {kind_of(node)}", node)
+            faults.add(NOT_A_TEXT, f"{what}, found {kind_of(node)}", node)
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +253,7 @@ class Fields:
         """Report a fault if the mapping lacks `key`."""
         if self.sound and key not in self.found:
             text = f"{self.what} has no `{key}`"
-            self.faults.add("missing-key", text, self.place, hint)
+            self.faults.add(MISSING_KEY, text, self.place, hint)
 
     def either(
         self, one: str, other: str, hint: str, place: Place | None = None
@@ -249,7 +261,7 @@ class Fields:
         """Whether exactly one of two keys is present; else report a fault."""
         both = one in self and other in self
         if both or not (one in self or other in self):
-            code: ErrorCode = "both-given" if both else "missing-key"
+            code: ErrorCode = BOTH_GIVEN if both else MISSING_KEY
             pair = "both `{}` and `{}`" if both else "neither `{}` nor `{}`"
             if self.sound:
                 text = f"{self.what} has {pair.format(one, other)}"
@@ -258,7 +270,7 @@ class Fields:
         return True
 
     def choice(
-        self, key: str, known: SequenceType[str], code: ErrorCode = "unknown-name"
+        self, key: str, known: SequenceType[str], code: ErrorCode = UNKNOWN_NAME
     ) -> str:
         """Return the text of `key`, one of `known`; the first one by default."""
         name = self.text(key) or known[0]
@@ -284,15 +296,15 @@ class Fields:
             return ""
         if not isinstance(node, Scalar):
             text = f"`{key}` must be a text, found {kind_of(node)}"
-            self.faults.add("not-a-text", text, node)
+            self.faults.add(NOT_A_TEXT, text, node)
             return ""
         if control := _CONTROL.search(node.text):
             code = f"U+{ord(control[0]):04X}"
             text = f"`{key}` contains the control character {code}"
-            self.faults.add("not-a-text", text, node.place_of(control.start()))
+            self.faults.add(NOT_A_TEXT, text, node.place_of(control.start()))
             return ""
         if key == "unit" and "\n" in node.text.strip():
-            self.faults.add("not-a-text", "`unit` has a line break", node)
+            self.faults.add(NOT_A_TEXT, "`unit` has a line break", node)
         return node.text.strip()
 
     def truth(self, key: str, *, default: bool = False) -> bool:
@@ -303,7 +315,7 @@ class Fields:
         if isinstance(node, Scalar) and node.text in ("true", "false"):
             return node.text == "true"
         text = f"`{key}` must be `true` or `false`, found {kind_of(node)}"
-        self.faults.add("not-a-truth", text, node)
+        self.faults.add(NOT_A_TRUTH, text, node)
         return default
 
 
@@ -344,7 +356,7 @@ def fields(
         elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
         hint = hint or next(filter(None, elsewhere), f"known are {quoted_list(known)}")
         text = f"unknown key `{in_one_line(name)}` in {what}"
-        faults.add("unknown-key", text, key, hint)
+        faults.add(UNKNOWN_KEY, text, key, hint)
         unknown += [] if near else [(key, value)]
     return Fields(what, found, place, is_mapping(node), faults, tuple(unknown))
 

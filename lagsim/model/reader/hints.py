@@ -11,6 +11,11 @@ import unicodedata
 from itertools import islice
 from typing import TYPE_CHECKING
 
+from lagsim.codes.known import (
+    EXPRESSION_ARITY,
+    EXPRESSION_NUMBER,
+    EXPRESSION_UNKNOWN_FUNCTION,
+)
 from lagsim.language.functions import FUNCTIONS
 from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Mapping, Scalar, Sequence, items_of, texts_of
@@ -456,16 +461,18 @@ def _step(
     token = text[offset:end]
     if "only its right side" in hint:
         return 0, end, "leave `=` out: only its right side"
-    commas = [m.start() for m in re.finditer(",", text)] * (fault.code == "arity")
+    commas = [m.start() for m in re.finditer(",", text)] * (
+        fault.code == EXPRESSION_ARITY
+    )
     for at in (*commas, offset):
         if found := matching(text, at, known):
             return found
     if special := _special(text, offset, end):
         return special
-    if fault.code == "unknown-function":
+    if fault.code == EXPRESSION_UNKNOWN_FUNCTION:
         return of_function(text, fault, known, moving)
     if "product" in hint:
-        digits = re.match(NUMBER, token) if fault.code == "number" else None
+        digits = re.match(NUMBER, token) if fault.code == EXPRESSION_NUMBER else None
         at = offset + digits.end() if digits else offset
         words = quantities.names_in(text[:at])[-1:] + quantities.names_in(text[at:])[:1]
         if all(_called_so(w, known) or of_name(w, known, moving) for w in words):

@@ -8,6 +8,26 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
+from lagsim.codes.known import (
+    BOTH_GIVEN,
+    DUPLICATE_COLUMN,
+    DUPLICATE_REACTION,
+    EMPTY,
+    MISSING_KEY,
+    NO_REACTION,
+    NOT_A_DEFINITION,
+    NOT_A_LIST,
+    NOT_AN_EQUALITY,
+    NOT_AN_EXPRESSION,
+    OUT_OF_RANGE,
+    SHAPE_OF_SPACE,
+    TOO_MANY_ROWS,
+    UNKNOWN_AXIS,
+    UNKNOWN_BEGIN,
+    UNKNOWN_KEY,
+    UNKNOWN_NAME,
+    WRONG_COUNT,
+)
 from lagsim.language.evaluate import evaluate
 from lagsim.language.names import rate_of
 from lagsim.limits import STEPS
@@ -113,9 +133,9 @@ class _Simulation:
         rtol, atol = self._number("rtol", 0.0, 1.0), self._number("atol", 0.0)
         if rtol == 0 and "atol" not in given:
             hint = "`atol` is rtol times a scale where it is not given"
-            self._fault("out-of-range", "`rtol` is 0 without an `atol`", "rtol", hint)
+            self._fault(OUT_OF_RANGE, "`rtol` is 0 without an `atol`", "rtol", hint)
         elif rtol == 0 and atol == 0:
-            self._fault("out-of-range", "`rtol` and `atol` are both 0", "atol")
+            self._fault(OUT_OF_RANGE, "`rtol` and `atol` are both 0", "atol")
         step, gain = (self._number(key, positive=True) for key in ("step", "gain"))
         own = ((k, self._number(k, o.least, o.most)) for k, (_, o) in options().items())
         places = {key: given.at(key) for key in given.found}
@@ -131,7 +151,7 @@ class _Simulation:
             method_place=places.get("method"),
             formulation_place=places.get("formulation"),
             options=tuple((k, v) for k, v in own if v is not None),
-            rest=given.choice("begin", BEGIN, "unknown-begin") == "rest",
+            rest=given.choice("begin", BEGIN, UNKNOWN_BEGIN) == "rest",
         )  # fmt: skip
         if start is None or end is None:
             return asked._replace(start=start or 0.0, end=start or 0.0)
@@ -141,10 +161,10 @@ class _Simulation:
         since = self._number(FROM)
         if since is not None and since > end:
             text = f"`{FROM}` is {since:g}, after the end of the run, {end:g}"
-            self._fault("out-of-range", text, FROM)
+            self._fault(OUT_OF_RANGE, text, FROM)
         if step and "until" not in given and not (end - start) / step <= STEPS:
             text = f"`step` {step:g} makes {(end - start) / step:.3g} steps, more than "
-            self._fault("out-of-range", f"{text}{STEPS:,}", "step")
+            self._fault(OUT_OF_RANGE, f"{text}{STEPS:,}", "step")
         return asked._replace(
             start=start, end=end, output_step=output_step, measured_from=since
         )
@@ -164,7 +184,7 @@ class _Simulation:
         node, x, what = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
             text = f"{what} must be one time, found {kind_of(node)}"
-            self._fault("not-an-expression", text, key, hint)
+            self._fault(NOT_AN_EXPRESSION, text, key, hint)
             return None
         return x.number(node, what, least, most, positive=positive)
 
@@ -172,7 +192,7 @@ class _Simulation:
         key = "duration" if "duration" in self.given else "end"
         if key == "duration" and "end" in self.given:
             text, place = "both `duration` and `end` are", self.given.place_of("end")
-            self.x.faults.add("both-given", f"{text} given", place)
+            self.x.faults.add(BOTH_GIVEN, f"{text} given", place)
         end = self._number(key, positive=key == "duration")
         if end is None or start is None:
             return None
@@ -183,20 +203,20 @@ class _Simulation:
         elif length < SHORTEST_RUN:
             text = f"the run is {length:g} long; at least {SHORTEST_RUN:g} is expected"
         if text:
-            self._fault("out-of-range", text, key)
+            self._fault(OUT_OF_RANGE, text, key)
         return None if text else end
 
     def _name(self, key: str, hint: str) -> str:
         name = self.given.text(key)
         if not name and isinstance(self.given.value(key), Scalar):
-            self._fault("empty", f"`{key}` must be a name, found nothing", key, hint)
+            self._fault(EMPTY, f"`{key}` must be a name, found nothing", key, hint)
         return name or "auto"
 
     def _check_rows(self, length: float, output_step: float) -> None:
         count = length / output_step
         if count < 1 - SAME_STEP:
             text = f"`output_step` is {output_step:g}, longer than the run, {length:g}"
-            self._fault("out-of-range", text, "output_step")
+            self._fault(OUT_OF_RANGE, text, "output_step")
         elif count == math.inf or math.ceil(count - SAME_STEP) + 1 > MAX_ROWS:
             rows = "infinitely many"
             if count < math.inf:
@@ -204,7 +224,7 @@ class _Simulation:
                 rows = str(whole) if whole < 10**15 else f"{count:.3g}"
             text = f"`output_step` {output_step:g} makes {rows} rows, more than 10^8"
             hint = f"{length / DEFAULT_ROWS:g} makes {DEFAULT_ROWS + 1}"
-            self._fault("too-many-rows", text, "output_step", hint)
+            self._fault(TOO_MANY_ROWS, text, "output_step", hint)
 
 
 # --- The section `output`
@@ -221,7 +241,7 @@ def read_output(found: Fields, x: Expressions) -> Output:
     elif isinstance(node, Scalar) and node.empty:
         text = "`columns` must be a list, found nothing"
         hint = "[] means no columns; without the key there are all"
-        x.faults.add("not-a-list", text, node, hint)
+        x.faults.add(NOT_A_LIST, text, node, hint)
     plots = (_plot(p, x) for p in items(found.value("plots"), "`plots`", x.faults))
     return Output(
         columns,
@@ -247,7 +267,7 @@ def _varied(node: Node | None, x: Expressions) -> tuple[str, ...]:
         else:
             text = f"there is no parameter or start value `{part.text}`"
             hint = x.faults.did_you_mean(part.text, known)
-            x.faults.add("unknown-name", text, part, hint)
+            x.faults.add(UNKNOWN_NAME, text, part, hint)
     return tuple(found)
 
 
@@ -270,11 +290,11 @@ def _sections(
         )
         if equality is False:
             text, hint = f"`at` of {what} must be an equality", "such as x = 0"
-            x.faults.add("not-an-equality", text, below.place_of("at"), hint)
+            x.faults.add(NOT_AN_EQUALITY, text, below.place_of("at"), hint)
         direction = below.choice("direction", DIRECTIONS)
         if "every" in below and "direction" in below:
             text = f"{what} has both `every` and `direction`: times have none"
-            x.faults.add("both-given", text, below.place_of("direction"))
+            x.faults.add(BOTH_GIVEN, text, below.place_of("direction"))
         every = x.compile(below.value("every"), f"`every` of {what}", Level.NUMBER)
         plot = tuple(_axes_of(below, columns, x))
         at = None if relation is None else relation.node
@@ -286,7 +306,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
     given = items(below.value("plot"), "`plot`", x.faults)
     if given and len(given) != len(("right", "up")):
         text = f"`plot` of a section names two columns, found {len(given)}"
-        x.faults.add("wrong-count", text, below.place_of("plot"), "such as [y, y_dot]")
+        x.faults.add(WRONG_COUNT, text, below.place_of("plot"), "such as [y, y_dot]")
         return
     for part in scalar_items(given, "`plot` names columns", x.faults):
         meaning = x.names.meaning(part.text)
@@ -299,7 +319,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
         ):
             text = f"there is no column `{part.text}`"
             hint = x.faults.did_you_mean(part.text, [*x.names.moving(), *columns])
-            x.faults.add("unknown-name", text, part, hint)
+            x.faults.add(UNKNOWN_NAME, text, part, hint)
         else:
             yield part.text
 
@@ -332,13 +352,13 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
         what = "states" if states else definition.level.text
         text = f"`{name}` has no reaction: it depends on {what}"
         hint = "reactions exist of definitions of positions and time"
-        x.faults.add("no-reaction", text, place, hint)
+        x.faults.add(NO_REACTION, text, place, hint)
     return tuple(found)
 
 
 _TWICE: dict[str, ErrorCode] = {
-    "column": "duplicate-column",
-    "reaction": "duplicate-reaction",
+    "column": DUPLICATE_COLUMN,
+    "reaction": DUPLICATE_REACTION,
 }
 
 
@@ -358,11 +378,11 @@ def _definitions(
             found[name] = place
         elif kind is not None or names.meaning(name) or name in RESERVED:
             text, more = _no_definition(name, what, hint, names)
-            faults.add("not-a-definition", text, place, more)
+            faults.add(NOT_A_DEFINITION, text, place, more)
         elif name not in names.faulty and names.complete:
             near = faults.did_you_mean(name, names.of(NameKind.DEFINITION))
             near = near or f"define it in `definitions`: {name}: ..."
-            faults.add("unknown-name", f"there is no definition `{name}`", place, near)
+            faults.add(UNKNOWN_NAME, f"there is no definition `{name}`", place, near)
     return found
 
 
@@ -409,7 +429,7 @@ def _curves(
         if not 1 <= count <= MOST_CURVES:
             text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves, found {count}"
             x.faults.add(
-                "wrong-count", text, node, "divide the curves among several plots"
+                WRONG_COUNT, text, node, "divide the curves among several plots"
             )
     found = []
     for part in nodes:
@@ -433,7 +453,7 @@ def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
         else:
             yield part.text
             continue
-        x.faults.add("unknown-axis", text, part, hint)
+        x.faults.add(UNKNOWN_AXIS, text, part, hint)
 
 
 # --- The section `scene`: points, links between them, and shapes
@@ -474,7 +494,7 @@ class _SceneReader:
         if section and (pair := self._pair(section)):
             text = f"`links` is a list of links, each a list, found {kind_of(section)}"
             hint = f"write [[{', '.join(pair)}]]"
-            self.faults.add("not-a-list", text, section, hint)
+            self.faults.add(NOT_A_LIST, text, section, hint)
         else:
             given = items(section, "`links`", self.faults)
         links = [link for node in given for link in self._looking(node)]
@@ -497,17 +517,17 @@ class _SceneReader:
                 hint = (
                     f"write [{', '.join(hints.node_text(v) for _, v in node.entries)}]"
                 )
-            self.faults.add("not-a-list", text, node, hint)
+            self.faults.add(NOT_A_LIST, text, node, hint)
             return ()
         count, apart = len(node.items), " ".join(texts_of(node.items)).split()
         text = f"{what} must have 2 or 3 components, found {count}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
         if count == 1 < len(apart) < 4 and all(map(self.x.names.meaning, apart)):
-            self.faults.add("wrong-count", text, node, f"write [{', '.join(apart)}]")
+            self.faults.add(WRONG_COUNT, text, node, f"write [{', '.join(apart)}]")
             return ()
         compiled = [self.x.compile(part, what, most) for part in node.items]
         if count not in (2, 3) and None not in compiled:
-            self.faults.add("wrong-count", text, node, hint)
+            self.faults.add(WRONG_COUNT, text, node, hint)
         return tuple(c for c in compiled if c is not None)
 
     # Links
@@ -534,7 +554,7 @@ class _SceneReader:
         if "length" in found and look not in ("", "string"):
             text = f"`length` is that of a string, and this link is a {look}"
             hint = "write as: string, or leave `length` out"
-            self.faults.add("both-given", text, found.place_of("length"), hint)
+            self.faults.add(BOTH_GIVEN, text, found.place_of("length"), hint)
         look = look or ("string" if "length" in found else "")
         return [(pair, look, length) for pair in pairs]
 
@@ -550,14 +570,14 @@ class _SceneReader:
         """Return the pairs of consecutive points that a link joins."""
         if isinstance(node, Scalar) and not node.empty and (pair := self._pair(node)):
             text = f"a link must be a list, found {kind_of(node)}"
-            self.faults.add("not-a-list", text, node, f"write [{', '.join(pair)}]")
+            self.faults.add(NOT_A_LIST, text, node, f"write [{', '.join(pair)}]")
             return []
         ends = items(node, "a link", self.faults)
         if isinstance(node, Sequence) and len(ends) < 2:
             pair = self._pair(ends[0]) if ends else []
             text = f"a link joins 2 points or more, found {len(ends)}"
             hint = f"write [{', '.join(pair)}]" if pair else "such as [pivot, bob]"
-            self.faults.add("wrong-count", text, node, hint)
+            self.faults.add(WRONG_COUNT, text, node, hint)
             return []
         named = list(texts_among(ends, "a link names points", self.faults))
         known = [end.text for end in named if self._is_point(end)]
@@ -572,7 +592,7 @@ class _SceneReader:
             if not named:
                 hint = f"give it a place: points: {{{name.text}: [0, 0]}}"
             text = f"there is no point `{name.text}`"
-            self.faults.add("unknown-name", text, name, hint)
+            self.faults.add(UNKNOWN_NAME, text, name, hint)
         return name.text in named
 
     # Shapes
@@ -592,7 +612,7 @@ class _SceneReader:
             if 0 < dimension < shape.dimension and () not in self.points.values():
                 text = f"the {shape.kind} `{key.text}` lies in space, and the points "
                 text += "of the scene in a plane"
-                x.faults.add("shape-of-space", text, key)
+                x.faults.add(SHAPE_OF_SPACE, text, key)
         return tuple(found)
 
     def _shape(self, key: Scalar, known: Fields) -> Shape | None:
@@ -600,10 +620,10 @@ class _SceneReader:
         kinds = [kind for kind in SHAPES if kind in known]
         if len(kinds) > 1:
             second = max(map(known.place_of, kinds), key=lambda at: at[1:3])
-            faults.add("both-given", f"{what} is given as {quoted_list(kinds)}", second)
+            faults.add(BOTH_GIVEN, f"{what} is given as {quoted_list(kinds)}", second)
         elif not kinds and not known.unknown:
             hint = f"the kinds of shapes are {quoted_list(SHAPES)}"
-            faults.add("missing-key", f"{what} has no kind", key, hint)
+            faults.add(MISSING_KEY, f"{what} has no kind", key, hint)
         if len(kinds) != 1:
             return None
         kind, own = kinds[0], SHAPES[kinds[0]]
@@ -612,7 +632,7 @@ class _SceneReader:
             of = [k for k, other_kind in SHAPES.items() if other in other_kind.keys]
             hint = f"`{other}` belongs to {quoted_list(of)}" if of else ""
             text = f"unknown key `{other}` in {what}"
-            faults.add("unknown-key", text, known.place_of(other), hint)
+            faults.add(UNKNOWN_KEY, text, known.place_of(other), hint)
         return self._made(what, key.text, kind, known)
 
     def _made(self, what: str, name: str, kind: str, known: Fields) -> Shape | None:
@@ -632,7 +652,7 @@ class _SceneReader:
                 sized = self._sized(f"`s` of {what}", known.found["s"][1], (2,))
             else:
                 hint = "such as s: [0, 2*pi]"
-                self.faults.add("missing-key", f"{what} has no `s`", node, hint)
+                self.faults.add(MISSING_KEY, f"{what} has no `s`", node, hint)
             x.bound = {"s": x.graph.variable(CURVE)}
             corners = (self._point(what, node),)
             x.bound = {}
@@ -660,11 +680,11 @@ class _SceneReader:
         given, wanted = items(node, what, self.faults), " or ".join(map(str, counts))
         if isinstance(node, Sequence) and len(given) not in counts:
             text = f"{what} has {wanted} numbers, found {len(given)}"
-            self.faults.add("wrong-count", text, node)
+            self.faults.add(WRONG_COUNT, text, node)
             return []
         if isinstance(node, Scalar) and node.empty:
             text = f"{what} must be a list, found nothing"
-            self.faults.add("not-a-list", text, node, "such as [1, 2]")
+            self.faults.add(NOT_A_LIST, text, node, "such as [1, 2]")
         return given
 
     def _corners(
@@ -674,7 +694,7 @@ class _SceneReader:
         if not least <= len(given) <= MOST_CORNERS and isinstance(node, Sequence):
             text = f"{what} has {least} to {MOST_CORNERS} corners, found {len(given)}"
             hint = "each corner is a list [x, y]"
-            self.faults.add("wrong-count", text, node, hint)
+            self.faults.add(WRONG_COUNT, text, node, hint)
             given = []
         return tuple(self._point(f"a corner of {what}", n) for n in given) or ((),)
 
@@ -702,7 +722,7 @@ class _SceneReader:
             if len(rows) not in (2, 3) or any(len(row) != len(rows) for row in rows):
                 text = f"{what} is an angle, or 2 or 3 rows of as many entries each"
                 hint = "such as [[cos(a), -sin(a)], [sin(a), cos(a)]]"
-                x.faults.add("wrong-count", text, node, hint)
+                x.faults.add(WRONG_COUNT, text, node, hint)
                 return ()
             found = [x.compile(n, what, Level.VELOCITY) for row in rows for n in row]
             return () if None in found else tuple(n for n in found if n is not None)

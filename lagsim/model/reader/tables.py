@@ -8,6 +8,15 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim import files, limits
+from lagsim.codes.known import (
+    BOTH_GIVEN,
+    MISSING_KEY,
+    NOT_CONSTANT,
+    TABLE_FILE,
+    TABLE_POINTS,
+    TOO_LARGE,
+    UNKNOWN_INTERPOLATION,
+)
 from lagsim.errors import Place
 from lagsim.language import tables
 from lagsim.model.loading import STDIN, TEXT
@@ -83,7 +92,7 @@ class _TableReader:
 
     def table(self, shift: tuple[int, float] | None = None) -> Table | None:
         """Return the table, or None where a fault was reported."""
-        code: ErrorCode = "unknown-interpolation"
+        code: ErrorCode = UNKNOWN_INTERPOLATION
         how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
         outside = self.below.choice("outside", tables.OUTSIDE, code)
         points = self._points() if self.below.sound else None
@@ -102,7 +111,7 @@ class _TableReader:
         if size > limits.TABLE_NUMBERS:
             text = f"{self.what} has {size:,} coefficients, more than "
             text += f"{limits.TABLE_NUMBERS:,}"
-            self._fault("too-large", text, self.place, "fewer points, or linear, do")
+            self._fault(TOO_LARGE, text, self.place, "fewer points, or linear, do")
         if not self._is_sound():
             return None
         made = tables.made(self.name, axes, values, how, outside)
@@ -130,7 +139,7 @@ class _TableReader:
         for key in AXES if own else ():
             if key in below:
                 text = f"`{key}` names a column of a `file`, and there is none"
-                self._fault("both-given", text, below.place_of(key))
+                self._fault(BOTH_GIVEN, text, below.place_of(key))
         return self._given() if own else self._from_file()
 
     def _given(self) -> _Points | None:
@@ -145,7 +154,7 @@ class _TableReader:
                 found = f"a list of {len(own)}" if own else kind_of(row)
                 text = f"a point of {self.what} is a list of {width}, found {found}"
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
-                self._fault("table-points", text, row, hint)
+                self._fault(TABLE_POINTS, text, row, hint)
                 if not own:
                     break  # of a flat list all are so
         fitting = [own for own in parts if len(own) == width]
@@ -166,7 +175,7 @@ class _TableReader:
         ):
             text = f"points are numbers, and `{name}` is a parameter"
             hint = f"scale the table where it is called: {name}*{self.name}(...)"
-            self._fault("not-constant", text, node, hint)
+            self._fault(NOT_CONSTANT, text, node, hint)
             return math.nan
         found = x.number(node, f"a number of {self.what}")
         return math.nan if found is None else found
@@ -178,7 +187,7 @@ class _TableReader:
 
         if self._is_sound() and len(numbers) < 2:
             text = f"{self.what} has {len(numbers)} point{'s' * (len(numbers) != 1)}"
-            self._fault("table-points", text, self.place, "a curve has 2 at least")
+            self._fault(TABLE_POINTS, text, self.place, "a curve has 2 at least")
         points = _Points(np.array(numbers), place)
         sound = self._is_sound() and not np.isnan(points.numbers).any()
         return points if sound else None
@@ -198,7 +207,7 @@ class _TableReader:
             pairs = zip(AXES, header, strict=False)
             hint = "such as " + ", ".join(f"{k}: {h}" for k, h in pairs)
             hint *= bool(header)
-            self._fault("missing-key", text, below.place_of("file"), hint)
+            self._fault(MISSING_KEY, text, below.place_of("file"), hint)
             return None
         columns = []
         for key in keys:
@@ -212,7 +221,7 @@ class _TableReader:
                     near or f"its first line has {quoted_list(header) or 'no columns'}"
                 )
                 text = f"`{path}` has {many} `{name}`"
-                self._fault("table-file", text, below.at(key), hint)
+                self._fault(TABLE_FILE, text, below.at(key), hint)
         return self._read(sheet, columns, path) if self._is_sound() else None
 
     def _content(self, path: str) -> str | None:
@@ -244,7 +253,7 @@ class _TableReader:
             except UnicodeDecodeError as error:
                 line = content.count(b"\n", 0, error.start) + 1
                 fault, hint = f"line {line} is not UTF-8", "save it as UTF-8"
-        self._fault("table-file", f"`{path}` of {self.what}: {fault}", place, hint)
+        self._fault(TABLE_FILE, f"`{path}` of {self.what}: {fault}", place, hint)
         return None
 
     def _read(self, sheet: Sheet, columns: list[int], path: str) -> _Points | None:
@@ -269,7 +278,7 @@ class _TableReader:
                 text = f"a finite number is expected, found {what}"
             if text and faults < LISTED:
                 faults += 1
-                self._fault("table-points", text, place(i, j))
+                self._fault(TABLE_POINTS, text, place(i, j))
         return self._counted(numbers, place)
 
     # What they are points of
@@ -285,11 +294,11 @@ class _TableReader:
             i = int(steps[0]) + 1
             more = f", and at {len(steps) - 1} more" if len(steps) > 1 else ""
             text = f"x is {x[i]:.9g} after {x[i - 1]:.9g} here{more}: it must increase"
-            self._fault("table-points", text, points.place(i, 0))
+            self._fault(TABLE_POINTS, text, points.place(i, 0))
         if outside == "repeat" and y[0] != y[-1]:
             text = f"{self.what} repeats, and its last value {y[-1]:.9g} is not the "
             text += f"first, {y[0]:.9g}"
-            self._fault("table-points", text, points.place(len(y) - 1, 1))
+            self._fault(TABLE_POINTS, text, points.place(len(y) - 1, 1))
         return (x,), y
 
     def _grid(
@@ -298,7 +307,7 @@ class _TableReader:
         import numpy as np
 
         numbers = points.numbers
-        code: ErrorCode = "table-points"
+        code: ErrorCode = TABLE_POINTS
         axes = tuple(np.unique(numbers[:, k]) for k in (0, 1))
         at = tuple(np.searchsorted(a, numbers[:, k]) for k, a in enumerate(axes))
         shape = (len(axes[0]), len(axes[1]))
@@ -309,7 +318,7 @@ class _TableReader:
         if how == "monotone":
             where = self.below.place_of("interpolation")
             text = "`monotone` is for functions of one argument"
-            self._fault("unknown-interpolation", text, where, "write linear or cubic")
+            self._fault(UNKNOWN_INTERPOLATION, text, where, "write linear or cubic")
         elif (again := np.flatnonzero(many[at] > 1.0)).size:
             i = int(again[-1])
             text = (

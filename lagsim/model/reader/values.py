@@ -10,6 +10,23 @@ from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.codes.known import (
+    CYCLE,
+    LATER_INITIAL,
+    LATER_PARAMETER,
+    MISSING_INITIAL,
+    MISSING_KEY,
+    NO_RATE,
+    NOT_A_GUESS,
+    NOT_A_MAPPING,
+    NOT_A_START_VALUE,
+    NOT_AN_EXPRESSION,
+    OUT_OF_RANGE,
+    OUTPUT_ONLY,
+    UNKNOWN_NAME,
+    UNKNOWN_PARAMETER,
+    WRONG_COUNT,
+)
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.names import HIDDEN, in_file, member_hint, rate_of, rated
@@ -63,7 +80,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
             hint = f"write {{unit: {unit}}}; start values belong in `initial`"
             if re.match(r"[-+.\d]", node.text):
                 hint = "write {}; its start value belongs in `initial`"
-            x.faults.add("not-a-mapping", text, node, hint)
+            x.faults.add(NOT_A_MAPPING, text, node, hint)
             found.append(Coordinate(key.text))
             continue
         below = fields(node, what, COORDINATE, x.faults, key.place)
@@ -162,7 +179,7 @@ class Definitions:
         about = f"the definition `{cycle[0]}` depends on itself: "
         about += " -> ".join(name.lstrip(HIDDEN) for name in [*shown, cycle[0]])
         place = scalar.place_of_name(at.text, at.offset)
-        self.x.faults.add("cycle", about, place)
+        self.x.faults.add(CYCLE, about, place)
 
     def build(self, *levels: Level) -> None:
         """Build the definitions of some levels, positions first."""
@@ -309,7 +326,7 @@ class ParameterReader(_Numbers):
         scalar, _, (value, _) = read
         if value < 0.0:
             text = f"{what} is {value:g}, a standard deviation is 0 or larger"
-            self.x.faults.add("out-of-range", text, scalar)
+            self.x.faults.add(OUT_OF_RANGE, text, scalar)
         return value
 
     def _range(
@@ -321,7 +338,7 @@ class ParameterReader(_Numbers):
         what, faults = f"`range` of {what}", self.x.faults
         if not isinstance(node, Sequence) or len(node.items) != 2:
             text = f"{what} is a list of two numbers, the least and the greatest value"
-            faults.add("wrong-count", text, node.place, "write range: [0, 10]")
+            faults.add(WRONG_COUNT, text, node.place, "write range: [0, 10]")
             return None
         ends = [self._read(end, what, rule) for end in node.items]
         low, high = (None if end is None else end[2][0] for end in ends)
@@ -329,7 +346,7 @@ class ParameterReader(_Numbers):
             return None
         if not low < high:
             text = f"{what} goes from {low:g} to {high:g}: the second must be larger"
-            faults.add("out-of-range", text, node.place)
+            faults.add(OUT_OF_RANGE, text, node.place)
             return None
         return low, high
 
@@ -357,7 +374,7 @@ class ParameterReader(_Numbers):
             elif not names.complete:
                 continue
             option = argument(SET, f"{name}={value.text}")
-            faults.add("unknown-parameter", text, option.place_of(0, len(name)), hint)
+            faults.add(UNKNOWN_PARAMETER, text, option.place_of(0, len(name)), hint)
 
     def _rule(
         self, name: str, what: str, below: set[str], used: Name, scalar: Scalar
@@ -368,7 +385,7 @@ class ParameterReader(_Numbers):
         if used.text == name:
             text = f"`{name}` uses itself"
         hint = "a parameter may use the parameters above it"
-        return self.x.refuse(used, scalar, "later-parameter", text, hint)
+        return self.x.refuse(used, scalar, LATER_PARAMETER, text, hint)
 
 
 # Kinds of names that can have a start value.
@@ -389,7 +406,7 @@ class Initial(_Numbers):
         x = self.x
         if entry is None:
             hint = "each coordinate needs a start value"
-            x.faults.add("missing-key", "the file has no `initial`", root, hint)
+            x.faults.add(MISSING_KEY, "the file has no `initial`", root, hint)
             return ()
         section, node = entry
         given = entries(node, "`initial`", x.faults)
@@ -422,7 +439,7 @@ class Initial(_Numbers):
                 hint = f"write `{own}: 0`, or `{own}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
                     hint = f"write `{own}: {{{key}: 0}}`: it is solved for, near 0"
-                x.faults.add("missing-initial", text, section, hint)
+                x.faults.add(MISSING_INITIAL, text, section, hint)
 
     def _in_order(
         self, found: dict[str, InitialValue], place: Place
@@ -450,7 +467,7 @@ class Initial(_Numbers):
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{in_file(name)}: {scalar.text}`, and guess coordinates"
-            self.x.faults.add("not-a-guess", about, key, hint)
+            self.x.faults.add(NOT_A_GUESS, about, key, hint)
             return None
         stated = " ".join(scalar.text.split())
         return InitialValue(name, *value, guess, stated, scalar.place, defined)
@@ -461,7 +478,7 @@ class Initial(_Numbers):
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
             hint = f"write `{key.text}: {both[0]}` and `{rate_of(key.text)}: {both[1]}`"
-            faults.add("not-an-expression", text, node, hint)
+            faults.add(NOT_AN_EXPRESSION, text, node, hint)
             return broken
         if not isinstance(node, Mapping):
             return node, False
@@ -474,13 +491,13 @@ class Initial(_Numbers):
         guess = given.value(wanted)
         if guess is None and not node.entries:
             text = f"{what} must be an expression, or {{{wanted}: expression}}"
-            faults.add("not-an-expression", text, node)
+            faults.add(NOT_AN_EXPRESSION, text, node)
         if other in given:
             text = f"{what} has `{other}`, which is for "
             text += "coordinates and velocities" if is_state else "states"
             hint = f"write {{{wanted}: ...}}: "
             hint += "solved for where its rate is 0" if is_state else "it is solved for"
-            faults.add("not-a-guess", text, given.place_of(other), hint)
+            faults.add(NOT_A_GUESS, text, given.place_of(other), hint)
         return broken if guess is None else (guess, True)
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
@@ -516,7 +533,7 @@ class Initial(_Numbers):
             text = f"`{name}` is {kind.text} and has no start value"
             if kind in (NameKind.PARAMETER, NameKind.MODE):
                 hint = f"its value belongs in `{kind.text[2:]}s`"
-            faults.add("not-a-start-value", text, key, hint)
+            faults.add(NOT_A_START_VALUE, text, key, hint)
             return False, None
         definition = self.x.definitions.get(base)
         if definition is None:
@@ -524,11 +541,11 @@ class Initial(_Numbers):
         node, level = definition
         if level is Level.OUTPUT:
             text = f"`{base}` uses {level.text} and has no start value here"
-            faults.add("output-only", text, key, hint)
+            faults.add(OUTPUT_ONLY, text, key, hint)
             return False, None
         if kind is NameKind.RATE and level is not Level.POSITION:
             text = f"`{name}` is the rate of `{base}`, which uses velocities"
-            faults.add("no-rate", text, key)
+            faults.add(NO_RATE, text, key)
             return False, None
         if kind is NameKind.RATE and node is not None:
             node = self.x.rate_of(base)
@@ -556,7 +573,7 @@ class Initial(_Numbers):
             text = f"there is no parameter or start value `{name}`"
         else:
             hint = belongs(name) or hint
-        faults.add("unknown-name", text, key, hint)
+        faults.add(UNKNOWN_NAME, text, key, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
         """Whether a start value may use a name; a rule for `check_by`."""
@@ -564,7 +581,7 @@ class Initial(_Numbers):
         if name in self.known or name == "pi":
             return True
         meaning = names.meaning(name)
-        code: ErrorCode = "not-a-start-value"
+        code: ErrorCode = NOT_A_START_VALUE
         if meaning is None:
             if not names.is_faulty(name) and names.complete:
                 known = [n for n in self.known if n in names.variables]
@@ -575,7 +592,7 @@ class Initial(_Numbers):
         hint = "a start value may use parameters and the start values above it"
         text = f"`{name}` is {meaning.kind.text} without a start value above this line"
         if name in self._all:
-            code = "later-initial"
+            code = LATER_INITIAL
             text = f"the start value of `{name}` is not given above this line"
         elif meaning.kind not in STARTED:
             text = f"a start value cannot use `{name}`, {meaning.kind.text}"

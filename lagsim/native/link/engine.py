@@ -15,6 +15,7 @@ import sys
 import weakref
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lagsim.codes.known import UNKNOWN_CPU
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _demand_known(cpu: str) -> None:
     if done.returncode or done.stderr:
         text = f"{CPU_VARIABLE}={cpu}: LLVM has no such processor for this machine"
         hint = f"leave it out, or use one of {', '.join(_COMMON)}"
-        raise InputError([Problem("unknown-cpu", text, hint=hint)])
+        raise InputError([Problem(UNKNOWN_CPU, text, hint=hint)])
 
 
 def _machine(chosen: Target) -> Any:

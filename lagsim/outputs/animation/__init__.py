@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import NOTHING_TO_DRAW
 from lagsim.language.columns import MULTIPLIER, REACTION
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate_rows
@@ -184,7 +185,7 @@ def nothing_to_draw(model: Model) -> list[Caution]:
         f"there is no {NAME}: {model.name} has nothing to draw; add a `scene` with "
         "points, or definitions x and y (and z)"
     )
-    return [Caution("nothing-to-draw", text)]
+    return [Caution(NOTHING_TO_DRAW, text)]
 
 
 def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:

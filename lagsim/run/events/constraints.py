@@ -23,6 +23,7 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
 from lagsim.admissibility.refusal import admitted_inertia, gimbal_lock
+from lagsim.codes.known import COORDINATE_SINGULARITY, NEARLY_DEPENDENT, RANK
 from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
@@ -240,7 +241,7 @@ def singularity_caution(arc: Arc) -> list[Caution]:
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
         f"largest value: {why}, which alone makes the steps short; {instead}"
     )
-    return [Caution("coordinate-singularity", text)]
+    return [Caution(COORDINATE_SINGULARITY, text)]
 
 
 def _is_held(arc: Arc, k: int) -> bool:
@@ -286,12 +287,12 @@ class NearDependence(Source):
                 f"{found}, and there are too many for a QR decomposition: from there "
                 "on multipliers may lose digits"
             )
-            cautions = (Caution("nearly-dependent", text),)
+            cautions = (Caution(NEARLY_DEPENDENT, text),)
             return Decision(cautions=cautions, numbers={"degenerate_below": 0.0})
         text = f"{found}; from there on they are solved by a QR decomposition"
         plan = by_loops(arc.plan)
         return Decision(
-            cautions=(Caution("nearly-dependent", text),),
+            cautions=(Caution(NEARLY_DEPENDENT, text),),
             arc=arc.by(plan, System(arc.equations, plan)),
         )
 
@@ -333,4 +334,4 @@ class RankLosses(Source):
             f"(smallest singular value {smallest:.1e}): a singular configuration, "
             "where motions branch; their multipliers are large around it"
         )
-        return Decision(events, self.once("rank", text, some))
+        return Decision(events, self.once(RANK, text, some))

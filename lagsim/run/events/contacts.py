@@ -15,6 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import (
+    IMPACT_ENERGY,
+    IMPACT_ORDER,
+    NO_MOTION,
+    SHARED_CONTACT,
+    SHARED_FRICTION,
+)
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact, modes
@@ -74,19 +81,19 @@ TURNING = 0.05
 
 
 WARNINGS = {
-    "impact-order": (
+    IMPACT_ORDER: (
         "at t = {t:.9g} {names} strike at one time, and the result depends on their "
         "order: they are treated as simultaneous"
     ),
-    "impact-energy": (
+    IMPACT_ENERGY: (
         "at t = {t:.9g} the impact at {names} raises the energy by {gained:.3g}: "
         "Newton's restitution with friction can"
     ),
-    "shared-contact": (
+    SHARED_CONTACT: (
         "at t = {t:.9g} the contacts {names} are redundant: the motion is unique, "
         "their forces are not, and one solution is given"
     ),
-    "shared-friction": (
+    SHARED_FRICTION: (
         "at t = {t:.9g} friction slides by forces of {names} that are not unique, so "
         "the motion is not, and one solution is given"
     ),
@@ -135,7 +142,7 @@ class StateAfter:
         if self.ending is not None and arc.steps == 0:
             why = f"{self.ending.about}: {self.ending.outcome.advice}"
             text = f"no motion exists from this start on: {why}"
-            raise InputError([Problem("no-motion", text)])
+            raise InputError([Problem(NO_MOTION, text)])
         y = self.y if self.moved else None
         sizes = None if y is None else np.maximum(arc.sizes, np.abs(y))
         return Decision(
@@ -328,7 +335,7 @@ class Contacts(Source):
             p.law_shared[redundant] = here.are_spanned(redundant, bear)
             p.law_shares = p.law_shared.max()
         if shares or chosen.open:
-            code: WarningCode = "shared-friction" if chosen.open else "shared-contact"
+            code: WarningCode = SHARED_FRICTION if chosen.open else SHARED_CONTACT
             self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
         return found
 
@@ -504,13 +511,13 @@ class Contacts(Source):
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or that gains energy."""
         if result.open:
-            self._report(found, "impact-order", some, t=here.t)
+            self._report(found, IMPACT_ORDER, some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
         # The end of a series is held, and may be pulled down from its last flight.
         if not ending and result.energy > COMPUTED_ZERO * (
             np.abs(result.impulses) @ speeds
         ):
-            self._report(found, "impact-energy", some, t=here.t, gained=result.energy)
+            self._report(found, IMPACT_ENERGY, some, t=here.t, gained=result.energy)
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:

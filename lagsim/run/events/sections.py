@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.codes.known import OUT_OF_RANGE
 from lagsim.errors import Problem
 from lagsim.language.evaluate import evaluate
 
@@ -99,7 +100,7 @@ def too_many_strobes(model: Model, settings: Settings) -> list[Problem]:
     strobes = [x for x in model.output.sections if x.every is not None]
     return [
         Problem(
-            "out-of-range",
+            OUT_OF_RANGE,
             f"`every` of the section `{x.name}` is {period:g}; a run has at most "
             f"{STROBES:,} of its periods",
             x.place,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
@@ -364,7 +365,7 @@ class Switching(Source):
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
             "is not unique: one of several was selected"
         )
-        return self.once("unresolved-switch", text, names) if several else ()
+        return self.once(UNRESOLVED_SWITCH, text, names) if several else ()
 
     def _names(self, several: Collection[int]) -> str:
         return quoted(self.sides[k].text for k in sorted(several))

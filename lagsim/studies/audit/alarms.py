@@ -15,6 +15,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.codes.known import (
+    COLUMN_NOT_FINITE,
+    CONSTRAINT_NOT_HELD,
+    END_IN_DOUBT,
+    ENERGY_DRIFTS,
+    ENERGY_GAINED,
+    ENERGY_LOST,
+    ERROR_UNKNOWN,
+    GAIN_UNUSED,
+    HORIZON,
+    OPTION_UNUSED,
+    START_CHANGED,
+    STEP_UNUSED,
+    TOLERANCE_UNUSED,
+)
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
@@ -46,15 +61,15 @@ def about_inputs(run: Evidence) -> list[Caution]:
     tolerances = (settings.rtol, settings.atol) != (None, None)
     penalty = plan.formulation == "baumgarte"
     found: list[tuple[bool, WarningCode, str]] = [
-        (bool(changes), "start-changed",
+        (bool(changes), START_CHANGED,
          f"the run starts from the nearest exact state: {', '.join(moved)}"),
-        (plan.step is None and settings.step is not None, "step-unused",
+        (plan.step is None and settings.step is not None, STEP_UNUSED,
          f"`step` has no effect: {name} chooses its steps"),
-        *((True, "option-unused",
+        *((True, OPTION_UNUSED,
            f"`{key}` has no effect: {name} has no such parameter") for key in others),
-        (plan.rtol is None and tolerances, "tolerance-unused",
+        (plan.rtol is None and tolerances, TOLERANCE_UNUSED,
          f"tolerances have no effect: {name} has fixed steps"),
-        (settings.gain is not None and not penalty, "gain-unused",
+        (settings.gain is not None and not penalty, GAIN_UNUSED,
          f"`gain` has no effect: the formulation is {plan.formulation}"),
     ]  # fmt: skip
     return [Caution(code, text) for applies, code, text in found if applies]
@@ -76,7 +91,7 @@ def about_gaps(found: Mapping[str, Gap]) -> Caution:
         text += f"; and {len(told) - MOST} more columns"
     if "energy" in found or "work" in found:
         text += "; so the energy drift is not known"
-    return Caution("column-not-finite", text)
+    return Caution(COLUMN_NOT_FINITE, text)
 
 
 # Steps until a method without location of events corrects a residual: it detects a
@@ -121,11 +136,11 @@ def about_error(run: Evidence) -> list[Caution]:
         if not drift and not isinstance(bar, Failed):
             return []
         text = f"the error of the rows is not known: {bar}"
-        return [Caution("error-unknown", f"{text}; {drift}" if drift else text)]
+        return [Caution(ERROR_UNKNOWN, f"{text}; {drift}" if drift else text)]
     found = []
     if bar.parted:
         text = f"{bar.parted}: it is not known which is right"
-        found.append(Caution("end-in-doubt", f"how the run ends is uncertain: {text}"))
+        found.append(Caution(END_IN_DOUBT, f"how the run ends is uncertain: {text}"))
     if bar.horizon is not None:
         less = "a shorter step" if plan.rtol is None else "a tighter rtol"
         text = (
@@ -133,14 +148,14 @@ def about_error(run: Evidence) -> list[Caution]:
             "coordinate's range: later rows show one possible motion of many "
             f"({less} moves this time)"
         )
-        found.append(Caution("horizon", text))
+        found.append(Caution(HORIZON, text))
     if drift and plan.atol is None:
         text = (
             f"{drift}, more than the tolerance allows: the error of the rows is "
             f"about {bar.relative:.2g} of a coordinate's range (far from the "
             "origin, positions have few digits left for small motions)"
         )
-        found.append(Caution("energy-drifts", text))
+        found.append(Caution(ENERGY_DRIFTS, text))
     return found
 
 
@@ -177,7 +192,7 @@ def about_constraints(run: Evidence) -> list[Caution]:
         f"constraint `{name}` is not satisfied in all rows (off by {worst:.2g} of "
         f"its scale): {why}"
     )
-    return [Caution("constraint-not-held", text)]
+    return [Caution(CONSTRAINT_NOT_HELD, text)]
 
 
 def about_energy(run: Evidence) -> list[Caution]:
@@ -230,7 +245,7 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
         # Advise nothing that has been tried.
         how += " keeps" if settings.method == "auto" else ", or `--method auto`, keeps"
         text += f": that is an error of {whose}; {how} it"
-    return [Caution("energy-gained" if change > 0.0 else "energy-lost", text)]
+    return [Caution(ENERGY_GAINED if change > 0.0 else ENERGY_LOST, text)]
 
 
 # Least mean step of a run whose steps resolve the motion, times the fastest rate of the

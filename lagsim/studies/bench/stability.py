@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import ADAPTIVE_METHOD, METHOD_REFUSED, NO_STABILITY
 from lagsim.errors import InputError, LagsimError, Problems, unusable
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
@@ -389,7 +390,7 @@ def methods_for(
         If a requested method cannot be examined, or the model has laws.
     """
     if case.equations.laws:
-        raise unusable("no-stability", UNSTEADY, hint=INSTEAD)
+        raise unusable(NO_STABILITY, UNSTEADY, hint=INSTEAD)
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
     problems = Problems()
@@ -399,14 +400,14 @@ def methods_for(
         reason = method_refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
-            problems.add("method-refused", text)
+            problems.add(METHOD_REFUSED, text)
             refused.append({"method": name, "reason": reason})
         elif adaptive and wish.name is None:
             text = (
                 f"`{name}` chooses its steps: it has no stability limit on a given step"
             )
             hint = "use --vary to see how its work changes with a parameter"
-            problems.add("adaptive-method", text, hint=hint)
+            problems.add(ADAPTIVE_METHOD, text, hint=hint)
         else:
             found[adaptive].append(name)
     if wish.methods is not None and problems:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import orjson
 
+from lagsim.codes.known import NO_REFERENCE, NOT_A_BENCH, NOT_JSON, UNREADABLE
 from lagsim.errors import InputError, LagsimError, unusable
 from lagsim.files import content as content_of
 from lagsim.methods import names
@@ -89,7 +90,7 @@ class NoReferenceError(LagsimError):
     """There is no reference solution to measure errors against (exit code 3)."""
 
     exit_code = 3
-    code = "no-reference"
+    code = NO_REFERENCE
 
 
 class ReferenceSolution(NamedTuple):
@@ -735,9 +736,9 @@ def read_document(path: str) -> Document:
         found = orjson.loads(content_of(path))
     except OSError as error:
         why = f"{path} cannot be read: {error.strerror}"
-        raise unusable("unreadable", why) from None
+        raise unusable(UNREADABLE, why) from None
     except ValueError as error:
-        raise unusable("not-json", f"{path}: {error}") from None
+        raise unusable(NOT_JSON, f"{path}: {error}") from None
     missing = [key for key in NEEDED if not isinstance(found, dict) or key not in found]
     if missing:
         why = (
@@ -745,5 +746,5 @@ def read_document(path: str) -> Document:
             f"`{missing[0]}` is missing"
         )
         hint = "measure again: lagsim bench MODEL"
-        raise unusable("not-a-bench", why, hint=hint)
+        raise unusable(NOT_A_BENCH, why, hint=hint)
     return dict(found)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from lagsim.admissibility.point import Point
+from lagsim.codes.known import FAILED, UNKNOWN_NAME, USAGE
 from lagsim.errors import (
     InputError,
     LagsimError,
@@ -409,11 +410,11 @@ class Explorer:
             if len(text) > LONGEST or not text.strip():
                 shown = f"{text[:20]}..." if text.strip() else "empty"
                 raise unusable(
-                    "usage", f"the value of `{name}` is no expression: {shown}"
+                    USAGE, f"the value of `{name}` is no expression: {shown}"
                 )
             if not isinstance(value, str) and not math.isfinite(value):
                 raise unusable(
-                    "usage", f"the value of `{name}` is {value}, not a finite number"
+                    USAGE, f"the value of `{name}` is {value}, not a finite number"
                 )
             found[name] = text
         return found
@@ -615,7 +616,7 @@ def _values_of(session: Session) -> dict[str, float]:
 
 
 def _failure(code: str, reason: str) -> LagsimError:
-    return InputError([Problem(cast("ErrorCode", code or "failed"), reason)])
+    return InputError([Problem(cast("ErrorCode", code or FAILED), reason)])
 
 
 def _sliders(
@@ -654,7 +655,7 @@ def _sliders(
         if name not in known:
             hint = did_you_mean(name, known) or f"one of {', '.join(known)}"
             text = f"there is no parameter or start value `{name}`"
-            problems.add("unknown-name", text, hint=hint)
+            problems.add(UNKNOWN_NAME, text, hint=hint)
             continue
         x = known[name]
         if ends is not None:

@@ -18,6 +18,27 @@ import numpy as np
 from lagsim.admissibility.point import Point, gradient_of, shape_of
 from lagsim.admissibility.rank import analyse
 from lagsim.codes import number
+from lagsim.codes.known import (
+    EXPRESSION_ARITY,
+    EXPRESSION_NAME,
+    EXPRESSION_NOT_FINITE,
+    EXPRESSION_NUMBER,
+    EXPRESSION_PARENTHESIS,
+    EXPRESSION_SYNTAX,
+    EXPRESSION_UNKNOWN_FUNCTION,
+    INADMISSIBLE,
+    LATER_INITIAL,
+    LATER_PARAMETER,
+    NEGATIVE_INERTIA,
+    NO_INERTIA,
+    NOT_CONSTANT,
+    NOT_FINITE,
+    NOT_IN_A_FILE,
+    OUT_OF_RANGE,
+    SINGULAR_MASS,
+    UNKNOWN_NAME,
+    USAGE,
+)
 from lagsim.errors import unusable
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
@@ -68,15 +89,15 @@ if TYPE_CHECKING:
 
 # The codes whose numbers stand in messages of the page, by the names there.
 NUMBERS: dict[str, ErrorCode] = {
-    "syntax": "expression-syntax", "name": "expression-name",
-    "number": "expression-number", "not-finite": "expression-not-finite",
-    "parenthesis": "expression-parenthesis", "arity": "expression-arity",
-    "unknown-function": "expression-unknown-function", "unknown-name": "unknown-name",
-    "later-parameter": "later-parameter", "later-initial": "later-initial",
-    "not-constant": "not-constant", "not-finite-value": "not-finite",
-    "out-of-range": "out-of-range", "usage": "usage", "inadmissible": "inadmissible",
-    "no-inertia": "no-inertia", "negative-inertia": "negative-inertia",
-    "singular-mass": "singular-mass", "not-in-a-file": "not-in-a-file",
+    "syntax": EXPRESSION_SYNTAX, "name": EXPRESSION_NAME,
+    "number": EXPRESSION_NUMBER, "not-finite": EXPRESSION_NOT_FINITE,
+    "parenthesis": EXPRESSION_PARENTHESIS, "arity": EXPRESSION_ARITY,
+    "unknown-function": EXPRESSION_UNKNOWN_FUNCTION, "unknown-name": UNKNOWN_NAME,
+    "later-parameter": LATER_PARAMETER, "later-initial": LATER_INITIAL,
+    "not-constant": NOT_CONSTANT, "not-finite-value": NOT_FINITE,
+    "out-of-range": OUT_OF_RANGE, "usage": USAGE, "inadmissible": INADMISSIBLE,
+    "no-inertia": NO_INERTIA, "negative-inertia": NEGATIVE_INERTIA,
+    "singular-mass": SINGULAR_MASS, "not-in-a-file": NOT_IN_A_FILE,
 }  # fmt: skip
 # The outcomes of a module's codes.
 OUTCOMES = {
@@ -172,7 +193,7 @@ FEATURES = {
 
 def _refused(feature: str) -> Exception:
     text = f"a page in a file cannot compute {feature}"
-    return unusable("not-in-a-file", text)
+    return unusable(NOT_IN_A_FILE, text)
 
 
 def _refuse(session: Session) -> None:
@@ -357,7 +378,7 @@ def _settings(session: Session, arc: Arc) -> Document:
             "other": {
                 "text": "the constraints become dependent, or a step is impossible,",
                 "advice": LIVE,
-                "number": number("not-in-a-file"),
+                "number": number(NOT_IN_A_FILE),
             },
         },
     }  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim import files
+from lagsim.codes.known import BAD_DATA, UNKNOWN_NAME, USAGE
 from lagsim.errors import InputError, Place, Problem, Problems, did_you_mean, unusable
 from lagsim.language.names import in_file, rate_of
 from lagsim.model.model import DrawnExpression, Level, Plot
@@ -97,7 +98,7 @@ def read_record(path: Path) -> Record:
         text = files.content(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", "") or "it is no text in UTF-8"
-        raise unusable("bad-data", f"{name}: {why}") from None
+        raise unusable(BAD_DATA, f"{name}: {why}") from None
     sheet = read_sheet(text)
     header, rows = sheet.header, sheet.rows[1:]
     first = sheet.rows[0] if sheet.rows else None
@@ -112,10 +113,10 @@ def read_record(path: Path) -> Record:
 
     faults = Problems()
     for column in dict.fromkeys(x for x in header if header.count(x) > 1):
-        faults.add("bad-data", f"two columns are named `{column}`", place(-1, column))
+        faults.add(BAD_DATA, f"two columns are named `{column}`", place(-1, column))
     for k, row in enumerate(rows):
         if excess := sheet.excess(row):
-            faults.add("bad-data", excess, place(k, TIME))
+            faults.add(BAD_DATA, excess, place(k, TIME))
     faults[MOST_FAULTS:] = []
     faults.refuse()
     columns: dict[str, Floats] = {}
@@ -146,7 +147,7 @@ def record_of(name: str, columns: Mapping[str, Any]) -> Record:
             continue
         found[str(column)] = np.where(np.isfinite(values), values, np.nan)
     if len({len(x) for x in found.values()}) > 1:
-        raise unusable("bad-data", f"{name}: the columns differ in length")
+        raise unusable(BAD_DATA, f"{name}: the columns differ in length")
     record = Record(name, found, lambda _row, _column: None)
     _check_times(record)
     return record
@@ -159,7 +160,7 @@ def _check_times(record: Record) -> None:
     def add(row: int, text: str, hint: str = "") -> None:
         place = record.place(row, TIME)
         where = f"{record.name}: row {row + 1}: " * (place is None and row >= 0)
-        faults.add("bad-data", where + text, place, hint)
+        faults.add(BAD_DATA, where + text, place, hint)
 
     if TIME not in record.columns:
         near = did_you_mean(TIME, [x for x in record.columns if x.lower() == TIME])
@@ -207,7 +208,7 @@ def matched(
             hint = did_you_mean(column, every)
             hint = hint or f"the columns are {', '.join(x for x in every if x != TIME)}"
             text = f"--match {column}: the data have no such column"
-            faults.add("unknown-name", text, hint=hint)
+            faults.add(UNKNOWN_NAME, text, hint=hint)
     for column in every:
         if column == TIME or not (column in given or column in own):
             continue
@@ -223,7 +224,7 @@ def matched(
         named = ", ".join(x for x in every if x != TIME) or "none beside t"
         hint = f"`--match COLUMN=EXPRESSION` says what a column measures: {named}"
         place = records[0].place(-1, TIME)
-        faults.add("bad-data", text, place, hint)
+        faults.add(BAD_DATA, text, place, hint)
     faults.refuse()
     curves = tuple(
         DrawnExpression(node, one.text)
@@ -261,7 +262,7 @@ def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
         deviation = math.nan
     if not 0.0 < deviation < math.inf:
         message = f"--match {column}={text}: after `:` a standard deviation is expected"
-        faults.add("usage", message, hint=f"such as --match {column}={column}:0.01")
+        faults.add(USAGE, message, hint=f"such as --match {column}={column}:0.01")
     return expression.strip(), deviation
 
 
@@ -273,10 +274,10 @@ def _check_cells(column: str, records: Iterable[Record], faults: Problems) -> No
         for row in record.texts.get(column, ())[:MOST_FAULTS]:
             text = f"a cell of `{column}` is no finite number"
             hint = "an empty cell, or nan, is a gap"
-            faults.add("bad-data", text, record.place(row, column), hint)
+            faults.add(BAD_DATA, text, record.place(row, column), hint)
         if np.all(np.isnan(record.columns[column])) and not record.texts.get(column):
             text = f"{record.name}: the column `{column}` has no numbers"
-            faults.add("bad-data", text, record.place(-1, column))
+            faults.add(BAD_DATA, text, record.place(-1, column))
 
 
 def check_span(
@@ -302,6 +303,6 @@ def check_span(
                 text = f"t = {record.times[row]:g} is outside the run: {span}"
                 place = record.place(row, TIME)
                 where = "" if place else f"{record.name}: row {row + 1}: "
-                faults.append(Problem("bad-data", where + text, place, hint))
+                faults.append(Problem(BAD_DATA, where + text, place, hint))
     if faults:
         raise InputError(faults)

@@ -16,6 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import (
+    BAD_DATA,
+    CHANGES_NOTHING,
+    NOT_DIFFERENTIABLE,
+    NOT_IDENTIFIABLE,
+    RESIDUAL_PATTERN,
+    USAGE,
+)
 from lagsim.errors import (
     InputError,
     LagsimError,
@@ -296,7 +304,7 @@ class Fit:
                 text = f"{one.label} cannot vary: the data take all of the run, "
                 text += f"t = {span_text}"
                 hint = "make the run longer, or leave out rows at the ends of the data"
-                raise unusable("usage", text, hint=hint)
+                raise unusable(USAGE, text, hint=hint)
         else:
             value = free.value_of(one.name)
             scale = difference_scale(self.model, one.name, value)
@@ -609,7 +617,7 @@ class Fit:
         for one, largest in zip(self.names, change.tolist(), strict=True):
             if largest <= NO_CHANGE and one.label not in lost:
                 text = f"`{one.label}` changes no column of the data"
-                faults.add("changes-nothing", text)
+                faults.add(CHANGES_NOTHING, text)
         faults.refuse()
 
     def _refuse_early(self) -> None:
@@ -622,7 +630,7 @@ class Fit:
                 text += f"at t = {run.centre.end:g} ({run.centre.outcome})"
                 if run.centre.reason:
                     text += f": {run.centre.reason}"
-                faults.append(Problem("bad-data", text, record.place(row, TIME)))
+                faults.append(Problem(BAD_DATA, text, record.place(row, TIME)))
         raise InputError(faults)
 
     def _from_all(
@@ -776,7 +784,7 @@ class Fit:
         outcome = CONVERGED if ended else SPENT
         cautions = [
             Caution(
-                "not-differentiable",
+                NOT_DIFFERENTIABLE,
                 f"the motion is not differentiable by `{name}` in "
                 f"{counted(count, 'row')} of the data: these count in the residuals, "
                 "not in the standard errors",
@@ -787,12 +795,12 @@ class Fit:
             parts = ", ".join(f"{name} by {part:+.3g}" for name, part in one.items())
             text = f"the data do not determine {' and '.join(one)}: relative changes "
             text += f"in the ratio of {parts} leave all columns as they are"
-            cautions.append(Caution("not-identifiable", text))
+            cautions.append(Caution(NOT_IDENTIFIABLE, text))
         for column in self._patterns(x):
             text = f"successive residuals of `{column}` are correlated: the model does "
             text += f"not explain the data with these values, to which {starts[1]} of "
             text += f"{counted(starts[0], 'start')} lead"
-            cautions.append(Caution("residual-pattern", text))
+            cautions.append(Caution(RESIDUAL_PATTERN, text))
         if self._progress is not None:
             self._progress(1.0)
         return Found(x, raw, noise, outcome, found, active, *starts, cautions)

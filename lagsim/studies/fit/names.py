@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.codes.known import USAGE
 from lagsim.errors import Problems, counted
 
 if TYPE_CHECKING:
@@ -83,9 +84,7 @@ def own_values(
             if clock is not None:
                 values[-1][CLOCK] = _clock(clock)
                 if not math.isfinite(values[-1][CLOCK]):
-                    faults.add(
-                        "usage", f"--set {CLOCK}@K={clock}: a number is expected"
-                    )
+                    faults.add(USAGE, f"--set {CLOCK}@K={clock}: a number is expected")
     faults.refuse()
     return values
 
@@ -105,7 +104,7 @@ def _known(label: str, number: str, records: int, faults: Problems) -> bool:
     message = f"{label}: there is no data file {number or '``'}"
     hint = f"there {'is' if records == 1 else 'are'} "
     hint += f"{counted(records, 'data file')}, counted from 1"
-    faults.add("usage", message, hint=hint)
+    faults.add(USAGE, message, hint=hint)
     return False
 
 
@@ -130,21 +129,21 @@ def parse_names(texts: Sequence[str], own: Sequence[Collection[str]]) -> list[Va
         low, high = _bounds(after) if equals else (-math.inf, math.inf)
         if not name or not low < high:
             message = f"--vary {text}: a name, and bounds if any, are expected"
-            faults.add("usage", message, hint="such as --vary k, or --vary k=1:10")
+            faults.add(USAGE, message, hint="such as --vary k, or --vary k=1:10")
             continue
         if at and not _known(f"--vary {label}", number, len(own), faults):
             continue
         record = int(number) - 1 if at else -1
         label = f"{name}@{record + 1}" if at else name
         if any(label == one.label for one in found):
-            faults.add("usage", f"--vary {label} is given twice")
+            faults.add(USAGE, f"--vary {label} is given twice")
         found.append(Varied(label, name, record, low, high))
     if not texts:
-        faults.add("usage", "no name is varied", hint="such as --vary k")
+        faults.add(USAGE, "no name is varied", hint="such as --vary k")
     for one in found:
         if not concerned(one, found, own):
             text = f"--vary {one.name}: each data file has a value of its own"
-            faults.add("usage", text, hint="leave out the name without a number")
+            faults.add(USAGE, text, hint="leave out the name without a number")
     faults.refuse()
     return found
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import Problems, did_you_mean, unusable
 from lagsim.language.names import member_hint, rate_of, rated
 from lagsim.model.reader.runs import FROM
@@ -149,16 +150,16 @@ def grid_of(
         with problems.gathered():
             axes.append(Axis.of(model, name, texts))
         if not texts:
-            problems.add("usage", f"{name} has no values", hint=EXAMPLE)
+            problems.add(USAGE, f"{name} has no values", hint=EXAMPLE)
         if name in (OUTCOME, COMPLETE, ERROR, REASON):
             text = f"`{name}` cannot be swept: sweep.csv has a column of that name"
-            problems.add("usage", text, hint="give it another name")
+            problems.add(USAGE, text, hint="give it another name")
     problems.refuse()
     grid = Grid(tuple(axes), together)
     if together and len({*grid.shape}) > 1:
         text = f"the names have {', '.join(map(str, grid.shape))} values"
         hint = "points have as many values of each name"
-        raise unusable("usage", text, hint=hint)
+        raise unusable(USAGE, text, hint=hint)
     refuse_many(grid.runs)
     return grid
 
@@ -167,7 +168,7 @@ def refuse_many(runs: int) -> None:
     """Raise an InputError for a sweep of more than MOST_RUNS runs."""
     if runs > MOST_RUNS:
         text = f"these are {runs} runs, more than {MOST_RUNS}"
-        raise unusable("usage", text, hint="sweep them in parts")
+        raise unusable(USAGE, text, hint="sweep them in parts")
 
 
 def parse_axes(model: Model, arguments: Iterable[str]) -> Grid:
@@ -184,9 +185,9 @@ def parse_axes(model: Model, arguments: Iterable[str]) -> Grid:
         name, equals, values = (part.strip() for part in argument.partition("="))
         if not (name and equals and values):
             text = f"{argument}: a name and its values are expected"
-            problems.add("usage", text, hint=EXAMPLE)
+            problems.add(USAGE, text, hint=EXAMPLE)
         elif name in given:
-            problems.add("usage", f"{name} is given twice")
+            problems.add(USAGE, f"{name} is given twice")
         else:
             with problems.gathered():
                 given[name] = _values(model, name, values)
@@ -202,7 +203,7 @@ def _values(model: Model, name: str, text: str) -> list[str]:
     last, _, many = rest.rpartition(":")
     if not (many.strip().isdecimal() and int(many) >= 2 and last and ":" not in last):
         found = f"{name}={text}: two ends and how many values, 2 or more, are expected"
-        raise unusable("usage", found, hint=EXAMPLE)
+        raise unusable(USAGE, found, hint=EXAMPLE)
     refuse_many(int(many))
     a, b = Axis.of(model, name, (first, last)).values
     steps = int(many) - 1  # between round ends they are round
@@ -218,7 +219,7 @@ def _check_start(model: Model, name: str) -> None:
         hint = member_hint(name, among) or did_you_mean(name, among)
         hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
         text = f"`{name}` is no parameter of {model.name}, and has no start value"
-        raise unusable("unknown-name", text, hint=hint)
+        raise unusable(UNKNOWN_NAME, text, hint=hint)
 
 
 NOTHING = np.empty((3, 0))

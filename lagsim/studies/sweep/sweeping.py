@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim import files
+from lagsim.codes.known import ANOTHER_SWEEP, BAD_POINTS, USAGE
 from lagsim.errors import InputError, Problem, Problems, unusable
 from lagsim.model.reader.sheets import read_sheet
 from lagsim.native.elementary import log
@@ -91,7 +92,7 @@ class Journal:
         other = [key for key, x in self._identity.items() if there.get(key) != x]
         if other:
             text = f"{self.path} cannot be resumed: it has another {other[0]}"
-            raise unusable("another-sweep", text)
+            raise unusable(ANOTHER_SWEEP, text)
         self._replace(content)
         rows = {}
         for number, values, *known, numbers, form in map(json.loads, lines):
@@ -307,7 +308,7 @@ def of_file(model: Model, path: Path) -> Grid:
         text = files.content(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", "") or "it is no text in UTF-8"
-        raise unusable("bad-points", f"{path}: {why}") from None
+        raise unusable(BAD_POINTS, f"{path}: {why}") from None
     sheet = read_sheet(text)
     names, rows = sheet.header, sheet.rows[1:]
     first = sheet.rows[0].number if sheet.rows else 1
@@ -330,7 +331,7 @@ def of_file(model: Model, path: Path) -> Grid:
         ]
     if faults:
         raise InputError(
-            [Problem("bad-points", f"{path}:{line}: {text}") for line, text in faults]
+            [Problem(BAD_POINTS, f"{path}:{line}: {text}") for line, text in faults]
         )
     refuse_many(len(rows))
     given = dict(zip(names, zip(*points, strict=True), strict=True))
@@ -358,7 +359,7 @@ def sampled(
     refuse_many(runs)
     for place, (name, text) in enumerate(given):
         if name in values:
-            problems.add("usage", f"{name} is given twice", hint=EXAMPLE)
+            problems.add(USAGE, f"{name} is given twice", hint=EXAMPLE)
         distributions[name] = text
         with problems.gathered():
             uniform = _uniform(seed, place, runs)
@@ -383,12 +384,12 @@ def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
     found = _DRAWN.fullmatch(text)
     if found is None:
         wrong = f"{name}={text}: normal(mean, deviation) or uniform(low, high) expected"
-        raise unusable("usage", wrong, hint=EXAMPLE)
+        raise unusable(USAGE, wrong, hint=EXAMPLE)
     a, b = Axis.of(model, name, [part.strip() for part in found.groups()[1:]]).values
     normal = found[1] == "normal"
     if not (b > 0.0 if normal else a < b):
         rule = "the deviation is more than 0" if normal else "low is less than high"
-        raise unusable("usage", f"{name}={text}: {rule}", hint=EXAMPLE)
+        raise unusable(USAGE, f"{name}={text}: {rule}", hint=EXAMPLE)
     return a + b * _normal(uniform) if normal else a + (b - a) * uniform
 
 
