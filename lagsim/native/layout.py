@@ -47,12 +47,16 @@ BLOCK: Final = "Block"
 
 
 class Field:
-    """Declaration of a name in a memory; a descriptor for its value, array or slice.
+    """Declaration of a name in a memory; a descriptor for its array, slice or size.
+
+    These never change: a memory keeps the object in its `__dict__`, where Python finds
+    it from the second access on without a call of this descriptor.
 
     Attributes
     ----------
     kind : str
         NUMBER, SIZE, ARRAY or BLOCK.
+    name : str
     word : int
         Index of its first word in the flat array. The second word of an array is its
         length, of a block its end.
@@ -72,6 +76,7 @@ class Field:
         within: Callable[[Memory], int] | None = None,
     ) -> None:
         self.kind = kind
+        self.name = ""
         self.word = 0
         self.value = value
         self.length = length
@@ -80,27 +85,24 @@ class Field:
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
             return self
-        word = self.word
-        if self.kind == NUMBER:
-            return memory.numbers[word]
-        if self.kind == SIZE:
-            return int(memory.numbers[word])
-        view = memory.views.get(word)
-        if view is None:
-            begin, end = map(int, memory.numbers[word : word + 2])
+        view: Any = int(memory.numbers[self.word])
+        if self.kind != SIZE:
+            begin, end = view, int(memory.numbers[self.word + 1])
             view = slice(begin, end)
             if self.kind == ARRAY:
                 view = memory.flat[begin : begin + end]
-            memory.views[word] = view
+        memory.__dict__[self.name] = view
         return view
 
-    def __set__(self, memory: Memory, value: float) -> None:
-        if self.kind != NUMBER:
-            raise AttributeError("only numbers are stored; all else stays")
-        memory.numbers[self.word] = value
+
+class Number(Field):
+    """Declaration of a number in a memory; a descriptor for its present value."""
+
+    def __get__(self, memory: Memory | None, _owner: type) -> Any:
+        return self if memory is None else memory.numbers[self.word]
 
 
-class Option(Field):
+class Option(Number):
     """A number that a user may choose: default, least and largest value, description.
 
     Parameters
@@ -176,8 +178,6 @@ class Memory:
         The declarations, in the order of their words.
     numbers : memoryview
         View of `flat` for single numbers, several times faster than numpy.
-    views : dict
-        Arrays and slices that have been accessed, by their words.
     address : int
         Address of `flat`, for native code.
 
@@ -198,25 +198,38 @@ class Memory:
     fields: ClassVar[dict[str, Field]] = {}
     words: ClassVar[int] = 0  # of all fields
 
+    if TYPE_CHECKING:
+        flat: Floats
+        numbers: Any
+        address: int
+
     def __init__(self, flat: Floats) -> None:
-        self.flat = flat
-        self.numbers: Any = flat.data
-        self.views: dict[int, Any] = {}
-        self.address = address(flat)
+        own = {"flat": flat, "numbers": flat.data, "address": address(flat)}
+        self.__dict__.update(own)
+
+    def __setattr__(self, name: str, value: float) -> None:
+        """Store a number; all else of a memory is fixed."""
+        field = self.fields.get(name)
+        if field is None or field.kind != NUMBER:
+            raise AttributeError("only numbers are stored; all else stays")
+        self.numbers[field.word] = value
 
     def __init_subclass__(cls) -> None:
         """Assign each annotated name its word."""
         cls.fields = dict(cls.fields)
         for name, kind in inspect.get_annotations(cls).items():
             given = cls.__dict__.get(name, 0.0)
-            field = given if isinstance(given, Field) else Field(str(kind), given)
+            if isinstance(given, Field):
+                field = given
+            else:
+                field = (Number if str(kind) == NUMBER else Field)(str(kind), given)
             if field.kind not in (NUMBER, SIZE) and field is not given:
                 raise TypeError(f"{name}: float, int, or an array with its length")
             before = cls.fields.get(name)
             field.word = before.word if before else cls.words
             if before is None:
                 cls.words += 2 if field.kind in (ARRAY, BLOCK) else 1
-            cls.fields[name] = field
+            cls.fields[name], field.name = field, name
             setattr(cls, name, field)
 
     @classmethod
