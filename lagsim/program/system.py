@@ -17,6 +17,7 @@ import numpy as np
 from lagsim.language import tables
 from lagsim.language.columns import IMPULSE
 from lagsim.language.sparse import joined
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.methods import method, moreau
 from lagsim.methods.parts import crossings, driver, truth
@@ -45,7 +46,7 @@ from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods.parts.driver import State
     from lagsim.model.model import Model
@@ -511,6 +512,16 @@ class System:
         moving = frozenset(self.equations.moving)
         found = self.equations.graph.degrees(self.columns.sections, moving)
         return all(x is not None and x.most <= 1 for x in found)
+
+    @cached_property
+    def has_gaps(self) -> Flags:
+        """Mask (L,) of the laws whose event function is a gap; else it is a rate."""
+        return np.array([law.kind is Kind.CONTACT for law in self.laws])
+
+    @cached_property
+    def has_times(self) -> bool:
+        """Whether a law is in force at times only, by its condition `when`."""
+        return any(law.when is not None for law in self.laws)
 
     def held_together(self) -> list[int]:
         """Return, for each coordinate, the least index of one that rows couple to it.

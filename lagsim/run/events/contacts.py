@@ -57,7 +57,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Floats, Ints
     from lagsim.mechanics.contact import Impact, RowModes
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
@@ -286,8 +286,7 @@ class Contacts(Source):
                 for k, law in enumerate(self.laws)
                 if law.kind is Kind.FREEWHEEL and here.in_force[k]
             }  # the impact may engage a freewheel
-            self._strike(here, sorted(free.union(some)), ends, found)
-            here = here.at(found.y)
+            here = self._strike(here, sorted(free.union(some)), ends, found)
         if any(law.slider for law in self.laws):
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
@@ -422,8 +421,8 @@ class Contacts(Source):
         some: list[int],
         ends: dict[int, float],
         found: StateAfter,
-    ) -> None:
-        """Compute and apply the impulses of some laws.
+    ) -> Kinematics:
+        """Compute and apply the impulses of some laws; return the laws after them.
 
         Parameters
         ----------
@@ -458,9 +457,12 @@ class Contacts(Source):
         if deep:
             y[arc.state.positions] -= lift(deep, here.gaps[deep])
         y[arc.velocities] += response @ result.impulses
+        there = here.at(y)
         if deep:
             left = rates + problem.D @ result.impulses
-            y[arc.velocities] -= _moving_again(here, y, some, left)
+            there = _kept_at_rest(
+                there, np.array(some)[np.abs(left) <= here.still[some]]
+            )
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
         self._store(arc, before, y, some, result.impulses)
         met = [k for k in struck if k in self.contacts]
@@ -490,6 +492,7 @@ class Contacts(Source):
         elif not result.impulses.any():
             found.rows = None  # the closing rates were rounding of their body's others
         self._warn(here, some, result, found, ending=bool(stopped))
+        return there
 
     def _store(
         self, arc: Arc, before: Floats, y: Floats, some: list[int], impulses: Floats
@@ -684,23 +687,18 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
     return y
 
 
-def _moving_again(here: Kinematics, y: Floats, some: list[int], left: Floats) -> Floats:
-    """Return the correction (n,) of velocities that keeps stopped laws at rest at y.
+def _kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
+    """Return the laws with the velocities of `here.y` corrected, in place.
 
-    Parameters
-    ----------
-    here : Kinematics
-    y : ndarray, shape (size,)
-        State after the impact, with corrected gaps.
-    some : list of int, length r
-        Numbers of the laws.
-    left : ndarray, shape (r,)
-        Their rates after the impact; a law whose rate is 0 to rounding is stopped.
+    Corrections of gaps may have changed the rates of stopped laws, which become 0.
+
+    stopped : ndarray of int, shape (r,), the numbers of these laws.
     """
-    there, rows = here.at(y), np.array(some)[np.abs(left) <= here.still[some]]
-    if not (np.abs(there.rates[rows]) > there.still[rows]).any():
-        return np.zeros(here.arc.system.n)
-    return here.shape.lift(rows, there.rates[rows])
+    rates = here.rates[stopped]
+    if not (np.abs(rates) > here.still[stopped]).any():
+        return here
+    here.y[here.arc.velocities] -= here.shape.lift(stopped.tolist(), rates)
+    return here.at(here.y)
 
 
 # --- Mode selection: which laws hold from a state on, by the accelerations

@@ -67,6 +67,10 @@ class MassAndRows:
         rates : ndarray, shape (r,)
             The changes of the residuals or rates of these laws.
         """
+        if len(some) == 1:
+            [k] = some
+            own = self.reply.D[k, k]
+            return self.reply.response[:, k] * (rates[0] / own if own > 0.0 else 0.0)
         D = self.reply.D[np.ix_(some, some)]
         found = solved_regular(D, rates)
         if found is None:
@@ -136,14 +140,25 @@ class Kinematics:
         The depths of contacts whose gap turns back below 0 without an impact.
     reach : tuple of two ndarray, shape (L,)
         The ranges of the residual and of the rate of each law in the motion so far.
+    fastest : ndarray, shape (L,)
+        The largest magnitude of the terms of each rate by the velocities so far.
     shape : MassAndRows
         The mass matrix and all rows.
     rows : ndarray, shape (L, n)
         The rows of the laws.
     """
 
-    def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
-        """Evaluate the laws at the state y (size,) and the time t (default: now)."""
+    def __init__(
+        self,
+        arc: Arc,
+        y: Floats,
+        t: float | None = None,
+        near: Kinematics | None = None,
+    ) -> None:
+        """Evaluate the laws at the state y (size,) and the time t (default: now).
+
+        near : the laws at another state of the same instant, with equal ranges.
+        """
         system, n, m = arc.system, arc.system.n, arc.system.m
         self.arc, self.y, self.laws = arc, y, system.laws
         self.t = t = arc.t if t is None else t
@@ -153,17 +168,20 @@ class Kinematics:
         self.rows = self.shape.rows
         values = found[size:].reshape(4, m)[:, m - self.count :]
         self.residuals, self.rates, gap_scales, rate_scales = values
-        gapped = system.p.law_kind == kept.CONTACT
-        self.gaps = np.where(gapped, self.residuals, self.rates)
+        self.gaps = np.where(system.has_gaps, self.residuals, self.rates)
         self.in_force: list[bool] = [True] * self.count
-        if any(law.when is not None for law in self.laws):
+        if system.has_times:
             conditions = arc.runner.function("conditions", self.count)(t, y)
             self.in_force = (conditions != 0.0).tolist()
-        slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
+        slopes = self.shape.slopes
         places, speeds = self.levels = arc.state.positions, arc.state.velocities
-        self.seen = seen
-        self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
-        sizes = np.maximum(rate_scales, slopes @ seen[speeds])
+        if near is not None and near.shape is self.shape:
+            self.seen, self.reach, self.fastest = near.seen, near.reach, near.fastest
+        else:
+            self.seen, ranges = arc.seen, arc.ranges
+            self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
+            self.fastest = slopes @ self.seen[speeds]
+        seen, sizes = self.seen, np.maximum(rate_scales, self.fastest)
         v = y[speeds]
         # A coordinate that has not moved yet has the size that it will have soon.
         soon = seen[:n] + arc.settings.output_step * np.abs(v)
@@ -171,7 +189,7 @@ class Kinematics:
         # Within the rounding of the time a gap changes by its rate and by terms of t.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
         self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
-        self.grazing: dict[int, float] = {}
+        self.grazing: dict[int, float] = {} if near is None else near.grazing
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
@@ -182,9 +200,7 @@ class Kinematics:
 
     def at(self, y: Floats, t: float | None = None) -> Kinematics:
         """Evaluate the laws at the state y (size,), with the grazing contacts."""
-        there = Kinematics(self.arc, y, t)
-        there.grazing = self.grazing
-        return there
+        return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
         """Compute the laws' accelerations (L,) without forces of laws, and terms.
