@@ -176,7 +176,9 @@ class Kinematics:
         slopes = self.shape.slopes
         places, speeds = self.levels = arc.state.positions, arc.state.velocities
         if near is not None and near.shape is self.shape:
-            self.seen, self.reach, self.fastest = near.seen, near.reach, near.fastest
+            self.seen: Floats = near.seen
+            self.reach: tuple[Floats, Floats] = near.reach
+            self.fastest: Floats = near.fastest
         else:
             self.seen, ranges = arc.seen, arc.ranges
             self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
