@@ -122,7 +122,7 @@ class Kinks:
         ]
 
     def share(self, k: int) -> str:
-        """Return the name of the variable that is the share of side k."""
+        """Return the variable for the share of the upper side of surface k, by name."""
         return f"share.{k}"
 
     def ends(self, k: int, level: float) -> tuple[float, float]:
@@ -132,7 +132,10 @@ class Kinks:
     def frozen(
         self, sides: Mapping[int, float], pins: Mapping[int, Pin]
     ) -> Callable[[Sequence[int]], list[int]]:
-        """Return a function that freezes nodes on sides, and mixes them at pins.
+        """Return a function from nodes to nodes without switches at the given surfaces.
+
+        A surface on a side has the branch of that side. At a pin a node is the mean of
+        both branches, weighted by the share of the upper side.
 
         Parameters
         ----------
@@ -166,7 +169,7 @@ class Kinks:
         sides: Mapping[int, float],
         pins: Mapping[int, Pin],
     ) -> list[Row]:
-        """Return rows on the given sides, mixed at pins.
+        """Return rows with each surface on a fixed side, or held at its level.
 
         sides, pins : see `frozen`.
         """
@@ -178,7 +181,7 @@ class Kinks:
         ]
 
     def on(self, sides: Mapping[int, float], pins: Mapping[int, Pin]) -> Equations:
-        """Return the equations on the given sides, mixed at pins.
+        """Return the equations with each surface on a fixed side, or held at its level.
 
         sides, pins : see `frozen`.
         """

@@ -532,7 +532,7 @@ class _Walk:
         self.on_ridge, self.tried = False, set[object]()
 
     def found(self) -> _Balance | None:
-        """Return the rest to which the walk leads, or None."""
+        """Walk from surface to surface; return the balance at the end, or None."""
         for _ in range(MOST_MET if self.kinks.sides else 0):
             mode = _mode(self.levels, self.sides)
             if mode in self.tried:
@@ -555,7 +555,7 @@ class _Walk:
         return None
 
     def _decided(self, rest: Rest, x: Floats, *, first: bool) -> _Balance | None:
-        """Return the balance x (k,) if it lasts; else leave a surface.
+        """Return the balance x (k,) if forces hold it there; else leave a surface.
 
         first : whether no surface was met or left before.
         """
@@ -592,7 +592,10 @@ class _Walk:
         return None
 
     def _pins(self, shares: Mapping[int, float] | None = None) -> dict[int, Pin]:
-        """Return the pins with their shares as variables, or with the given shares."""
+        """Return the pin of each surface that holds the state, by the surface's number.
+
+        Shares are variables of the graph, or constants where values are given.
+        """
         g, kinks = self.guess.g, self.kinks
         return {
             k: Pin(
@@ -623,7 +626,7 @@ class _Walk:
         return [float(w) for w in x[first : first + len(rest.shares)]]
 
     def _meet_in_a_point(self, rest: Rest, x: Floats) -> bool:
-        """Whether surfaces on which the state is held depend on each other."""
+        """Whether gradients of the rows and surfaces in force are linearly dependent."""
         J = rest(x)[1][: rest.relations] / np.sqrt(np.diag(rest.metric))
         lengths = np.linalg.norm(J, axis=1)
         J /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
@@ -663,7 +666,9 @@ class _Walk:
         return found if rest.hold(found, STATE_ROUNDOFF * np.abs(found)) else x
 
     def _meets(self, ways: Iterable[Point], *, beyond: bool) -> bool:
-        """Hold the state on the first surface on a way; return whether there is one.
+        """Move the state to the first surface on one of the ways, and hold it there.
+
+        Return whether a surface was met.
 
         Parameters
         ----------
@@ -688,7 +693,10 @@ class _Walk:
         return False
 
     def _unbalanced(self, rest: Rest) -> Iterator[Point]:
-        """Generate a state along the forces that no displacement balances, if any."""
+        """Yield the state displaced along the part of the forces that stays unbalanced.
+
+        No displacement balances this part. Without such a part no state is yielded.
+        """
         n, m = self.here.n, rest.relations
         r, J = rest(rest.x0)
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
@@ -706,21 +714,21 @@ class _Walk:
             yield self._moved(rest, left[m : m + n], left[m + n :])
 
     def _driven(self, rest: Rest) -> Iterator[Point]:
-        """Generate a state along the acceleration on the present surfaces."""
+        """Yield the state displaced along its acceleration on the present surfaces."""
         rows = [*rest.rows[len(self.here.e.rows) :]]
         rows += [self.kinks.row(k, x, self.sides) for k, x in self.levels.items()]
         a, rates = drift(rest.at(rest.x0), rows)
         yield self._moved(rest, a, rates[rest.states])
 
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
-        """Return the state displaced by a (n,), and its states by their rates."""
+        """Return the state with q displaced by a (n,), and first-order states by rates."""
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
         s[rest.states] += rates
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key of the mode after a surface has been left."""
+        """Return the key (see `_mode`) of the walk once surface k has been left."""
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}
         return _mode(levels, {**self.sides, k: end})
@@ -735,7 +743,10 @@ class _Walk:
         self.sides[k] = self.kinks.ends(k, self.levels.pop(k))[above]
 
     def _balance(self, rest: Rest, x: Floats, shares: Mapping[int, float]) -> _Balance:
-        """Return a balance, with the equations as written away from surfaces."""
+        """Return the record of a balance x (k,) with its state and its corner.
+
+        Away from surfaces the equations of the state are those of the model.
+        """
         there, corner = rest.at(x).of(self.guess.e), None
         there.multipliers = dict(zip(rest.shares, shares.values(), strict=True))
         if shares:
@@ -756,7 +767,7 @@ class _Walk:
 
 
 def _mode(levels: Mapping[int, float], sides: Mapping[int, float]) -> object:
-    """Return a key of the surfaces on which a state is held, and its other sides."""
+    """Return a hashable key of the levels that hold a state and of its other sides."""
     return frozenset(levels.items()), frozenset(sides.items())
 
 

@@ -167,7 +167,10 @@ class Elements:
 
     @cached_property
     def filled(self) -> list[int]:
-        """Places of the vector of sums at which slots add up, in order."""
+        """Indices, ascending, of components of the vector that some member adds to.
+
+        Of outputs whose place a slot determines.
+        """
         slots = (self.slots[o.slot] for o in self.outputs if o.slot >= 0)
         return sorted({k for slot in slots for k in slot.places.tolist()})
 
@@ -186,9 +189,9 @@ class Elements:
     def _with(
         self, outputs: Iterable[ElementOutput], size: int, more: Sequence[Slot] = ()
     ) -> Elements:
-        """Return elements of the same members, with the slots that `outputs` use.
+        """Return elements with other outputs of the members, and the slots these use.
 
-        more : further slots, whose arguments follow read of these elements.
+        more : further slots, whose arguments follow the arguments of these elements.
         """
         outputs = list(outputs)
         slots = [*self.slots, *more]
@@ -210,14 +213,18 @@ class Elements:
         )
 
     def _beside(self, word: str, slot: Slot) -> Slot:
-        """Return a slot for a quantity of each argument of `slot`, which follow all."""
+        """Return a slot for a further argument for each argument that `slot` reads.
+
+        word : the quantity, such as `rate`. The further arguments follow all others, in
+        the same order.
+        """
         name = f"{self.graph.payload(slot.node)}.{word}"
         return slot._replace(
             node=self.graph.variable(name), places=self.count + slot.places
         )
 
     def reads(self, slot: Slot, some: Collection[int]) -> bool:
-        """Whether a slot reads one of the arguments `some`."""
+        """Whether a slot reads one of the arguments with the indices `some`."""
         return not set(slot.places.tolist()).isdisjoint(some)
 
     # Elements derived from these
@@ -229,16 +236,20 @@ class Elements:
         return self._derived[method, how]
 
     def slopes(self, some: Collection[int]) -> Elements:
-        """Return the derivatives of a total by the arguments `some`."""
+        """Return elements for the derivatives of a total with respect to arguments.
+
+        some : indices of these arguments.
+        """
         assert self.size == 1
         return self._with(
             self._slopes([o.node for o in self.outputs], some), self.count
         )
 
     def pulled(self, some: Collection[int]) -> Elements:
-        """Return the derivatives of a weighted sum of results by arguments `some`.
+        """Return elements for the derivatives of a weighted sum of the results.
 
-        The weights of all results are further arguments.
+        some : indices of the arguments of differentiation. The weights of all results
+        are further arguments.
         """
         g, more, terms = self.graph, list[Slot](), []
         for o in self.outputs:
@@ -263,9 +274,9 @@ class Elements:
         return [ElementOutput(node, k) for node, k in pairs if node != g.zero]
 
     def pushed(self, some: Collection[int]) -> Elements:
-        """Return the rates of the results; rates of arguments are further arguments.
+        """Return elements for the time derivatives of the results.
 
-        some : the arguments that have a rate.
+        some : indices of the arguments that vary; their rates are further arguments.
         """
         g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
         more = [self._beside("rate", slot) for slot in read]
@@ -275,7 +286,7 @@ class Elements:
         return self._with([o for o in outputs if o.node != g.zero], self.size, more)
 
     def bounded(self, moving: Collection[int], state: Collection[int]) -> Elements:
-        """Return bounds of the roundoff of the results, in units of the roundoff.
+        """Return elements for roundoff bounds of the results, in units of the roundoff.
 
         Bounds of the arguments' own errors are further arguments.
 
@@ -298,7 +309,7 @@ class Elements:
         return self._with(outputs, self.size, more)
 
     def magnitudes(self) -> Elements:
-        """Return the sums of magnitudes of the terms of the results."""
+        """Return elements for the sums of magnitudes of the terms of the results."""
         g, outputs = self.graph, []
         for o in self.outputs:
             node = g.sum(g.call("abs", n) for n in addends(g, o.node))
@@ -306,7 +317,7 @@ class Elements:
         return self._with(outputs, self.size)
 
     def listed(self, node: int) -> Elements:
-        """Return the values (members,) of an expression of the term."""
+        """Return elements for the value of an expression in each member, (members,)."""
         return self._with([ElementOutput(node, EACH)], self.members)
 
     def without_value(self, arguments: Sequence[float]) -> int | None:
@@ -325,7 +336,10 @@ class Elements:
     # On the graph of a model
 
     def written(self, g: Graph, arguments: Sequence[int], member: int) -> int:
-        """Return the term of a member, written with the arguments, as a node."""
+        """Return the node, in the graph g, of the term of one member.
+
+        arguments : nodes of the arguments.
+        """
         found: dict[int, int] = {}
         for slot in self.slots:
             k = 0 if slot.column == SHARED else int(self.table[member, slot.column])
@@ -347,7 +361,9 @@ class Elements:
     def pull(
         self, g: Graph, vector: int, weights: dict[int, int], active: Collection[int]
     ) -> list[tuple[int, int]]:
-        """Return pairs (argument, share of its adjoint) of a vector of these sums.
+        """Return the contributions of a vector of sums to adjoints of its arguments.
+
+        Pairs of nodes: an argument, and the contribution (reverse differentiation).
 
         weights : adjoint of each number of the vector. active : nodes that vary.
         """
@@ -368,7 +384,7 @@ class Elements:
         return [(args[k], part(g, found, k)) for k in made.filled if k in some]
 
     def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
-        """Return the rate of a vector of these sums.
+        """Return the node of the time derivative of a vector of these sums.
 
         rates : node -> rate of an argument.
         """
@@ -384,7 +400,7 @@ class Elements:
         state: Collection[int],
         errors: Mapping[int, int],
     ) -> int:
-        """Return the bounds of the roundoff of a vector of these sums: a node.
+        """Return the node of the roundoff bounds of a vector of these sums.
 
         varying, state : nodes that vary, and variables whose own roundoff is accounted
         for elsewhere. errors : node -> bound of an argument's error.
@@ -396,7 +412,7 @@ class Elements:
     # Values
 
     def targets(self, output: ElementOutput) -> Ints:
-        """Return the place (members,) of each member's share of an output."""
+        """Return the index of the component to which each member adds, (members,)."""
         if output.slot == EACH:
             return np.arange(self.members)
         if output.slot == TOTAL:
@@ -480,13 +496,13 @@ def value_of(op: str, args: Sequence[Any]) -> Any:
 
 
 def payload(g: Graph, node: int) -> Elements:
-    """Return the elements of a node `elements.sums`."""
+    """Return the elements that a node `elements.sums` evaluates."""
     found: Elements = g.payload(g.args[node][0])
     return found
 
 
 def sums(g: Graph, elements: Elements, arguments: Sequence[int]) -> int:
-    """Return the vector of the sums of `elements`: a node.
+    """Return the node of the vector of the sums of `elements`.
 
     arguments : at least as many as the elements read.
     """
@@ -494,12 +510,12 @@ def sums(g: Graph, elements: Elements, arguments: Sequence[int]) -> int:
 
 
 def part(g: Graph, vector: int, k: int) -> int:
-    """Return number k of a vector of sums: a node."""
+    """Return the node of component k of a vector of sums."""
     return g.kept(PART, (vector, g.constant(float(k))))
 
 
 def gathered(g: Graph) -> bool:
-    """Whether a graph has elements."""
+    """Whether a graph contains a node `elements.sums`."""
     return bool(g.of((ELEMENTS,)))
 
 
@@ -513,7 +529,7 @@ def _each(g: Graph, keys: Iterable[int], known: Mapping[int, int]) -> list[int]:
 
 
 def sizes(g: Graph, node: int) -> int:
-    """Return the size of the terms of a part of a vector of sums: a node."""
+    """Return the node of the sum of magnitudes of the terms of a component."""
     vector, k = g.args[node]
     made = payload(g, vector).derived("magnitudes")
     return part(g, sums(g, made, g.args[vector][1:]), int(g.value(k) or 0.0))

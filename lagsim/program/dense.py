@@ -481,7 +481,7 @@ def join(p: Parameters, label: Floats) -> None:
 
 
 def join_row(p: Parameters, k: int, label: Floats) -> int:
-    """Reduce labels of the coordinates in row k of A to the lowest; return how many."""
+    """Set labels of the coordinates in row k of A to the lowest; return changes."""
     row = p.A[k * p.n :]
     least = inf
     for e in range(mass.first_range(p, k), mass.first_range(p, k + 1)):
@@ -507,7 +507,7 @@ def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
 
 
 def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
-    """Reduce labels of coordinates with row_j != 0 to `least`; return their number."""
+    """Set labels above `least` to it where row_j != 0; return the number of changes."""
     changed = 0
     for j in range(begin, end):
         if row[j] != 0.0 and label[j] > least:

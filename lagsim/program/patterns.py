@@ -143,7 +143,10 @@ def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
 
 
 def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
-    """Return for each row the rows, ascending, that share a column of n with it."""
+    """Return for each row the indices, ascending, of rows that share a column with it.
+
+    n : number of columns.
+    """
     holders: list[list[int]] = [[] for _ in range(n)]
     for k, own in enumerate(reach):
         for j in own:

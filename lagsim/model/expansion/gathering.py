@@ -99,12 +99,12 @@ def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -
 
 
 def has(tree: Tree, *ops: str) -> bool:
-    """Whether a tree contains one of the operations `ops`."""
+    """Whether a tree contains an operation with one of the names `ops`."""
     return tree.op in ops or any(has(a, *ops) for a in tree.args)
 
 
 def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
-    """Return the tree of elements for a sum, and the number of terms that it has.
+    """Return a sum as a tree with elements, and the number of its terms.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
 
 
 def _sums(tree: Tree) -> list[Sum]:
-    """Return the sums whose total is `tree`."""
+    """Split a tree into sums over ranges whose total it is."""
     if tree.op == OVER:
         first, last, term = tree.args
         own = Range(str(tree.value), first, last)
@@ -188,7 +188,7 @@ def _unrolled(tree: Tree) -> Tree:
 
 
 def _with(tree: Tree, word: str, value: Tree) -> Tree:
-    """Return a tree with the number `value` for an index."""
+    """Return a tree with an index replaced by a number, the tree `value`."""
     if tree.op == INDEX and tree.value == word:
         return value
     return tree._replace(args=tuple(_with(a, word, value) for a in tree.args))
@@ -200,7 +200,10 @@ def _with(tree: Tree, word: str, value: Tree) -> Tree:
 def _extended(
     columns: Columns, members: int, part: Range, known: Lookup
 ) -> tuple[Columns, int]:
-    """Return the columns of the indices, with that of a further range."""
+    """Return the columns of the indices extended by a further range, and their length.
+
+    columns : values (members,) of each outer index.
+    """
     first, last = (_wholes(x, columns, members, known) for x in (part.first, part.last))
     counts = np.maximum(last - first + 1, 0)
     total = int(counts.sum())
@@ -364,10 +367,15 @@ class _Writer:
     def _column(
         self, subscripts: tuple[Tree, ...]
     ) -> tuple[int, Ints, list[tuple[int, ...]]]:
-        """Return the column of some subscripts.
+        """Return the column of the table for subscripts that contain indices.
 
-        That is its number, the position (members,) of each member, and the subscripts
-        at each position.
+        Returns
+        -------
+        number : int
+        positions : ndarray, shape (members,)
+            Of each member, an index of `values`.
+        values : list of tuple of int
+            The different values of the subscripts.
         """
         key = tuple(x._replace(offset=0) for x in subscripts)
         if key not in self.table:
@@ -387,7 +395,7 @@ class _Writer:
         return self.table[key]
 
     def _example(self, tree: Tree) -> Tree:
-        """Return the term of the first member, written out."""
+        """Return a tree of the term with the indices of the first member."""
         if tree.op == INDEX:
             return trees.number(float(self.group.columns[str(tree.value)][0]))
         if tree.op == REFERENCE:

@@ -582,7 +582,10 @@ def _of(family: Family, name: str, member: Member, offset: int) -> Value:
 
 
 def _referred(family: Family, token: Token, args: list[Value]) -> Value:
-    """Return a member, or a tuple of its components, whose subscripts have indices."""
+    """Return the tree of a member whose subscripts contain indices of a long sum.
+
+    Of a family of vectors: a tuple with the tree of each component.
+    """
     subscripts = [x for x in args if isinstance(x, Tree)]
     if not family.indexed or len(subscripts) < len(args):
         raise gathering.UnlikeError

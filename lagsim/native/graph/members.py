@@ -144,12 +144,12 @@ class MembersFunction(Lines):
         return name
 
     def _whole(self, table: str, k: str) -> str:
-        """Write code for number k of a table of whole numbers."""
+        """Write code that loads number k of a table of integers; return its name."""
         place = self.line(f"getelementptr i32, ptr {table}, i64 {k}")
         return self.line(f"load i32, ptr {place}")
 
     def _row(self, column: MemberColumn, k: str) -> str:
-        """Write code for the address of a row."""
+        """Write code for the address of row k of a column; return its name."""
         start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
         if column.length == 1:
             return self.line(start)

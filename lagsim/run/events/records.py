@@ -73,8 +73,9 @@ class ActsAt(NamedTuple):
     rounds : tuple of Round
         The rounds since the state has jumped by anything but impulses of events.
     visits : tuple of Round
-        The rounds that acts, impacts and modes have led to, one for each phase `acts`,
-        since one that cannot recur; of models with impulses only.
+        The rounds at the beginning of each phase `acts`, since the last round that
+        cannot recur; a repeated one shows that acts and impacts form a cycle. Empty
+        in models without impulses.
     is_over : bool
         Whether `until` has come true.
     """

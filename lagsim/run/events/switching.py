@@ -149,7 +149,10 @@ class Switching(Source):
         return Decision(events=tuple(events))
 
     def _reached(self, arc: Arc, k: int) -> Decision:
-        """Return the decision to settle at surface k, with its distance before acts."""
+        """Return the decision to settle at the instant at which surface k is reached.
+
+        The decision has the distance of the surface from its level, before any act.
+        """
         modes, off = self.modes, 0.0
         modes.arc = arc
         if k not in modes.carried:  # a carried surface has another value above

@@ -124,7 +124,7 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
 
 
 def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
-    """Return the error of energy - work that errors of the state in a row explain.
+    """Return the error of energy - work that the error bar of the state implies.
 
     inf if unknown.
     """

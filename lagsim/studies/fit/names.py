@@ -98,7 +98,7 @@ def _clock(text: str) -> float:
 
 
 def _known(label: str, number: str, records: int, faults: Problems) -> bool:
-    """Whether there is a record of a number, from 1; else add a fault."""
+    """Whether a record with this number, from 1, exists; add a fault if not."""
     if number.isdecimal() and 1 <= int(number) <= records:
         return True
     message = f"{label}: there is no data file {number or '``'}"
