@@ -96,14 +96,14 @@ DERIVING_SECONDS = 20.0
 
 
 def without(hint: str) -> str:
-    """Return the hint of a message on a limit that `lifted` removes, which adds so."""
+    """Return a hint on a limit of files, with the option that removes the limit."""
     option = "for a file of your own `lagsim run --no-limits` removes this limit"
     return f"{hint}; {option}" if hint else option
 
 
 @contextmanager
 def lifted(*, really: bool = True) -> Iterator[None]:
-    """Remove the limits on members, terms and operations of files read within."""
+    """Context manager: read files without limits on members, terms and operations."""
     names = ("MEMBERS", "TERMS", "GRAPH_NODES", "WORK", "INERTIAS")
     given = {name: globals()[name] for name in names}
     if really:

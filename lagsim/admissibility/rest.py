@@ -423,7 +423,11 @@ class RestCorner(NamedTuple):
 
 
 class _Balance(NamedTuple):
-    """Solved equations of a rest: residuals, unknowns (k,), state, corner or ridge."""
+    """Balance of forces: the equations, their solution x (k,), and the state.
+
+    `corner` is set where surfaces hold the state; `on_ridge` where forces of a side
+    drive it away from a surface.
+    """
 
     rest: Rest
     x: Floats
@@ -626,7 +630,7 @@ class _Walk:
         return [float(w) for w in x[first : first + len(rest.shares)]]
 
     def _meet_in_a_point(self, rest: Rest, x: Floats) -> bool:
-        """Whether gradients of the rows and surfaces in force are linearly dependent."""
+        """Whether gradients of the surfaces and relations are linearly dependent."""
         J = rest(x)[1][: rest.relations] / np.sqrt(np.diag(rest.metric))
         lengths = np.linalg.norm(J, axis=1)
         J /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
@@ -721,7 +725,7 @@ class _Walk:
         yield self._moved(rest, a, rates[rest.states])
 
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
-        """Return the state with q displaced by a (n,), and first-order states by rates."""
+        """Return the state with q displaced by a (n,), first-order states by rates."""
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
         s[rest.states] += rates

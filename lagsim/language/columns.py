@@ -146,7 +146,7 @@ def parsed(name: str) -> tuple[ColumnKind, str] | None:
 
 
 def made(name: str, *kinds: ColumnKind) -> bool:
-    """Whether a column is of one of the kinds given."""
+    """Whether the column `name` is of one of the given kinds."""
     found = parsed(name)
     return found is not None and found[0] in kinds
 

@@ -146,9 +146,10 @@ class _Reverse:
     def _shares(
         self, n: int, weight: int, of_sums: Gradient
     ) -> Iterable[tuple[int, int]]:
-        """Return pairs (argument, share of its adjoint) of node n.
+        """Return the contributions of node n to the adjoints of its arguments.
 
-        weight : its adjoint; of_sums : that of each number of a vector of sums.
+        Pairs of nodes: an argument, and the contribution. weight : the adjoint of n.
+        of_sums : the adjoint of each component of a vector of sums.
         """
         g = self.g
         if g.ops[n] == ELEMENTS:

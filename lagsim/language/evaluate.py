@@ -34,7 +34,10 @@ BY_ARRAYS, BOUNDED = 1000, 4
 
 
 def _of_vectors(g: Graph, cone: Sequence[int]) -> float:
-    """Return the work of the sums over tables in a cone, in operations created."""
+    """Return the cost of evaluating the sums over tables in a cone.
+
+    In units of the cost of creating a node.
+    """
     vectors = g.of((ELEMENTS,))
     some = set(vectors).intersection(cone) if vectors else ()
     return sum(float(g.payload(g.args[n][0]).cost) for n in some) / BY_ARRAYS
@@ -234,7 +237,7 @@ def roundings(
 
 
 def _less_shift(g: Graph, error: int, linear: int | None) -> int:
-    """Return the error of a x + b without that of the rounding of x, a bound node.
+    """Return the error bound of a x + b less the part that the rounding of x causes.
 
     linear : a x, if the expression has this form.
     """

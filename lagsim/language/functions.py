@@ -127,7 +127,10 @@ class Function(NamedTuple):
 
     @property
     def rounds(self) -> bool:
-        """Whether the value is rounded, as it is unless it is an argument or whole."""
+        """Whether the value of the function is rounded.
+
+        It is exact where it equals an argument or is a whole number.
+        """
         return not (self.exact or self.step or self.branches or self.condition)
 
 

@@ -254,7 +254,7 @@ class Graph:
         return self.kept(TRUTH, payload=bool(x))
 
     def data(self, numbers: Data | Members) -> int:
-        """Return the node of an array, or of a table of members, for operations."""
+        """Return the leaf node of an array or of a table of members."""
         return self.kept(DATA, payload=numbers)
 
     def variable(self, name: str) -> int:

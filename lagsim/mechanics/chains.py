@@ -567,7 +567,7 @@ class Composite(Factorisation):
 
 
 class Composites(Composite):
-    """Rows of M: also the momenta of these rigid bodies, by the velocities inward.
+    """Composite rigid bodies whose momenta, in terms of velocities, are rows of M.
 
     Attributes
     ----------
@@ -592,7 +592,7 @@ class Composites(Composite):
         return super()._eliminate(k)
 
     def _in_velocities(self, row: Mapping[int, int]) -> Vector:
-        """Return a linear form in which the sums are substituted, outer ones first."""
+        """Substitute the sums of velocities in a linear form, outer sums first."""
         g, left = self.g, dict(row)
         queue = [-i for i in left if i in self.sums]
         heapify(queue)

@@ -134,7 +134,10 @@ def tree_of_frames(model: Model, flow: Flow) -> TreeOfFrames | None:
 
 
 def _with_negative(g: Graph, node: int, rate: int) -> dict[int, int]:
-    """Return an entry with its rate, and its negative where that is a difference."""
+    """Map a node to its rate, and its negative too where this is another node.
+
+    The negative of a difference a - b is the difference b - a.
+    """
     found, negative = {node: rate}, g.call("neg", node)
     if g.ops[negative] != "neg" and g.args[negative]:
         found[negative] = g.call("neg", rate)

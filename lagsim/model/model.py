@@ -495,7 +495,7 @@ class Stated(Protocol):
         """
 
     def places(self) -> NumberPlaces:
-        """Return where the file has the numbers of its names."""
+        """Return the places of the numbers of names in the text of the file."""
 
     def formulas(self) -> Mapping[str, Parsed]:
         """Return the expressions of parameters, start values and settings, by name.

@@ -142,7 +142,7 @@ class Views:
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:
-        """Return the data units per inch `scale` with a margin around the scene.
+        """Return a scale, in data units per inch, with a margin around the scene.
 
         It is positive also for a scene at rest.
         """

@@ -248,7 +248,10 @@ def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
 
 
 def _lengths(point: Point) -> Floats:
-    """Return lengths (m,): 0 where they are roundoff, nan where M is not finite."""
+    """Return the lengths (m,) of the rows of A in the metric of M at a point.
+
+    0 where a length is roundoff, nan where M is not finite.
+    """
     names = point.e.state
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
     return row_lengths(point.at(errors=dict(zip(names, errors, strict=False))))

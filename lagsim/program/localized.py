@@ -192,9 +192,9 @@ class _Search:
         return list(found)
 
     def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of node n, for its arguments in the set `those`.
+        """Return the indicators of node n, for its arguments in a set of nodes.
 
-        those : nodes that depend on the variables of the search.
+        those : the nodes that depend on the variables of the search.
         """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):

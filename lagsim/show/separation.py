@@ -197,10 +197,11 @@ class Separation:
     def _carry(
         self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
     ) -> Found:
-        """Propagate the gradient by a word to the variables in the word.
+        """Propagate the derivative by a definition to the variables in the definition.
 
-        node : the gradient, which gets a name if it is an operation. found : gradients
-        so far, updated. Return the definition of the name, or nothing.
+        n : the node of the definition. node : the derivative, which gets a name if it
+        is an operation. found : derivatives so far, updated. Return the definition of
+        the name by name; empty without one.
         """
         g, word = self._g, self._words[n]
         made: Found = {}

@@ -625,7 +625,7 @@ def _alone(found: Sequence[Special]) -> list[Special]:
 
 
 def _described(special: Special) -> dict[str, Any]:
-    """Return the document entries of a special point: its kind and its contact, if any."""
+    """Return the entries of a special point in documents: kind, contact if any."""
     found = {"kind": special.kind}
     return found | ({"constraint": special.law.constraint} if special.law else {})
 

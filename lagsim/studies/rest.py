@@ -531,7 +531,10 @@ class Search:
         return steady_rest(self.setting, found._replace(undetermined=free))
 
     def _nearest_held(self, steady: Steady) -> Steady:
-        """Return the nearest rest of the continuum that friction holds, if it does."""
+        """Return the rest nearest to the start among all rests that friction holds.
+
+        Without friction that sticks, it is the rest itself.
+        """
         if not steady.sticks or self.distance(steady.state.q) <= SAME_RESULT:
             return steady
         forces = {

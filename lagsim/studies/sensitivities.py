@@ -373,9 +373,10 @@ class Sensitivities:
     def by_each(
         self, names: Sequence[str], progress: Callable[[float], None] | None = None
     ) -> list[Derivative]:
-        """Return the derivatives by each name, of MOST_RUNS runs for a name on average.
+        """Return the derivatives of the rows by each name.
 
-        Runs that a name does not need serve the name with the largest error. After an
+        There are MOST_RUNS runs for a name on average: runs that a name does not need
+        serve the name with the largest error. After an
         interrupt the derivatives by some of the names are left out.
 
         progress : called with the fraction that is done.

@@ -365,7 +365,7 @@ def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -
 
 
 def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return the value of signal k of least distance that is possible between points.
+    """Return a bound of the distance of signal k from its feature between two points.
 
     Arguments: see `closest`.
     """

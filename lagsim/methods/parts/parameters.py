@@ -61,7 +61,7 @@ def each_row(p: Parameters) -> int:
 
 
 def each_grouped(p: Parameters) -> int:
-    """Return the length of an array by rows where laws group them, else 0."""
+    """Return the length of an array with an entry for each row; 0 without laws."""
     return p.m if p.laws else 0
 
 

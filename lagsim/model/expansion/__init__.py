@@ -192,9 +192,9 @@ class Expansion:
     def made(
         self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
     ) -> Entry:
-        """Entry that is not in the file, with its expression; `at` is its place.
+        """Return an entry, with a parsed expression, that is not in the file.
 
-        `text`: the text of its value, where it is not that of `at`.
+        at : its place in messages. text : the text of its value, by default of `at`.
         """
         reading = HiddenReading(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)

@@ -187,7 +187,7 @@ class Scope:
 
     @contextmanager
     def gathering(self, *, wanted: bool = True) -> Iterator[None]:
-        """Context manager: sums of the expressions that are read may be elements."""
+        """Context manager: read long sums of expressions as elements if `wanted`."""
         self.gathers = wanted and self.may_gather
         try:
             yield

@@ -446,13 +446,13 @@ class File:
         return found
 
     def places(self) -> NumberPlaces:
-        """Return where the file has the numbers of its names, see `Stated`."""
+        """Return the places of the numbers in the text of the file, see `Stated`."""
         from lagsim.model.reader.rewriting import places
 
         return places(self.node)
 
     def compiled(self, text: str, option: str) -> int:
-        """Return the node of an expression of a row's quantities, see `Stated`."""
+        """Return the node of an expression of columns of the table, see `Stated`."""
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.known)
         found = x.compile(argument(option, text), "the expression", Level.OUTPUT)
@@ -473,7 +473,7 @@ class File:
         return again.read(model.sha256)
 
     def _gathering(self, *, wanted: bool = True) -> AbstractContextManager[None]:
-        """Context manager: sums of the expressions that are read may be elements."""
+        """Context manager: read long sums of expressions as elements if `wanted`."""
         if self.expansion is None:
             return nullcontext()
         return self.expansion.scope.gathering(wanted=wanted)

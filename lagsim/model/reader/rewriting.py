@@ -54,7 +54,7 @@ def rewritten(root: Node, values: MappingType[str, float]) -> Iterator[str]:
 
 
 def places(root: Node) -> NumberPlaces:
-    """Return where a file has the numbers of its names.
+    """Return the places of the numbers of names in the text of a file.
 
     Parameters
     ----------

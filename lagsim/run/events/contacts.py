@@ -132,7 +132,7 @@ class StateAfter:
     state: LawState | None = None
 
     def decision(self, arc: Arc) -> Decision:
-        """Return the decision with these results.
+        """Return the decision of the run that follows from this record.
 
         Raises
         ------

@@ -104,7 +104,10 @@ def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
 
 @lru_cache(maxsize=4)
 def _probes(size: int) -> Floats:
-    """Return relative changes (size,) of components by `PROBE`, which cannot cancel."""
+    """Return relative changes (size,), about `PROBE`, that differ by component.
+
+    Effects of different changes cannot cancel each other.
+    """
     return np.array([PROBE * (0.5 + scattered(i, 0)) for i in range(size)])
 
 

@@ -337,7 +337,7 @@ class ConstrainedStart:
 
 
 def _beyond(expected: Floats, moved: Floats) -> bool:
-    """Whether a place moved otherwise than its derivatives say, by half as much."""
+    """Whether a displacement is off its linear prediction by more than half of it."""
     off = np.linalg.norm(moved - expected)
     return bool(off > np.linalg.norm(expected) / 2.0)
 

@@ -453,7 +453,10 @@ class Explorer:
         return ["t", *session.equations.state]
 
     def ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
-        """Return the ends of the sliders by name, those of start values by a motion."""
+        """Return the ends of the sliders by name.
+
+        The ends of a start value follow from the motion with the values of the file.
+        """
         if not self._around:
             angles = _angles(session)
             for x in self._limits.sliders():
@@ -500,7 +503,7 @@ class _Limits(threading.Thread):
         return self._given
 
     def run(self) -> None:
-        """Find the ends."""
+        """Find the ends of the sliders of whole numbers, in a thread."""
         # Members of families among these are directions or choices, and may be many.
         counts = {x.name for x in self._given if x.whole and "." not in x.name}
         if counts:

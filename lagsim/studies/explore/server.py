@@ -176,7 +176,7 @@ class Server(ThreadingHTTPServer):
 
 
 class _Reader(io.RawIOBase):
-    """What arrives on a connection until a time.
+    """Stream of the bytes that arrive on a connection until a given time.
 
     The timeout of a socket counts from each byte anew: a sender of a byte now and then
     would never end.
@@ -195,11 +195,11 @@ class _Reader(io.RawIOBase):
         self._connection, self.until = connection, math.inf
 
     def readable(self) -> bool:
-        """Whether it can be read: always."""
+        """Return True: the stream can be read."""
         return True
 
     def readinto(self, room: Any) -> int:
-        """Read some bytes, and return their number."""
+        """Read bytes into a buffer, and return their number."""
         left = self.until - time.monotonic()
         if left <= 0.0:
             raise TimeoutError

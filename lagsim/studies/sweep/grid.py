@@ -277,7 +277,7 @@ class SweepRow(NamedTuple):
     reason : str
         The reason of an incomplete run.
     numbers : ndarray, shape (3, columns)
-        Values of each column: a row for each of `SweepInput.parts`; no columns if there was
+        Values of each column: a row for each of `SweepInput.parts`; no columns if
         no run.
     form : int
         A number shared by runs with equal compiled functions; 0 if there was no run.
