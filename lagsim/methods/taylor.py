@@ -30,7 +30,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import LOCAL, series
+from lagsim.methods.parts.state import LOCAL, bend, series, slope
 from lagsim.native.elementary import BIAS, ONE_POWER
 from lagsim.native.kernels.words import bits, from_bits, fused
 from lagsim.native.layout import array
@@ -102,6 +102,7 @@ def start(s: Taylor, p: Parameters) -> None:
         before = s.h
         lead(s.size, c, before, s.new)
         control.set_tolerances(s, p, s.t, s.new, rates, before)
+        set_fineness(s)
         s.h = min(before, chosen_step(s, c, s.t))
         if s.h > SETTLED * before:
             break
@@ -164,7 +165,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
         control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
-    sum_rates(size, 0 if CONSTRAINED else s.n, c, h, s.rates)
+    slope(h, c, s.rates)
     return 1 if constraints.is_finite(size, s.new) else 0
 
 
@@ -180,13 +181,13 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
     control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
-    if not CONSTRAINED:
-        set_rates_of_positions(s, c, h)
-    error = misfit(s, c[0], following[1 + size :], s.rates, h)
+    set_fineness(s)
+    error = misfit(s, c[0], following[1 + size :], h)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
     while doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
-        error = misfit(s, c[0], following[1 + size :], s.rates, h)
+        set_fineness(s)
+        error = misfit(s, c[0], following[1 + size :], h)
         doubtful = error > PASSED
     return constraints.passable(s, error) if CONSTRAINED else error
 
@@ -221,6 +222,7 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
         # Perhaps it is rounding that the last coefficients consist of.
         control.bound_roundoff(s, p, s.t, y, rates, 1.0, h, 1)
         control.set_tolerances(s, p, s.t, y, rates, h)
+        set_fineness(s)
         s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
 
@@ -234,7 +236,7 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x: the rates that follow q' in y'."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
-    sum_rates(s.size, s.n, before, x * s.step_h, out)
+    slope(x * s.step_h, before, out)
 
 
 # --- power series c = [order, y_0 (size,), ..., y_order] ------------------------------
@@ -266,6 +268,7 @@ class Taylor(State):
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array("size")
     rates: Floats = array("size")  # the series' own at the new state
+    fineness: Floats = array("size")  # 1/tolerance, 0 of those not controlled
     # The compensation at the start of the last step, and its rate.
     carried: Floats = array("size")
     drift: Floats = array("size")
@@ -287,7 +290,7 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
     the last bit, so that both are on one side of a switch.
     """
     size, remainder = s.size, s.remainder
-    sum_bend(size, c, h, remainder)
+    bend(h, c, remainder)
     if s.rtol < control.TIGHT:
         control.add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
         control.add_drift(s, s.drift, h)
@@ -303,7 +306,7 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
         remainder[i] = (before - (after - moved)) + (change - moved)
 
 
-def chosen_step(s: State, c: Floats, t: float) -> float:
+def chosen_step(s: Taylor, c: Floats, t: float) -> float:
     """Return a step from t at which truncation errors are within the tolerance.
 
     If each of the last four terms is within its bound, and they decrease by e^2 from
@@ -319,13 +322,12 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     third = 0.0
     fourth = 0.0
     for i in range(size):
-        if s.tolerances[i] > 0.0:
-            part = 1.0 / max(LEAST_NUMBER, s.tolerances[i])
-            k = 1 + order * size + i
-            last = max(last, abs(c[k]) * part)
-            second = max(second, abs(c[k - size]) * part)
-            third = max(third, abs(c[k - 2 * size]) * part)
-            fourth = max(fourth, abs(c[k - 3 * size]) * part)
+        part = s.fineness[i]
+        k = 1 + order * size + i
+        last = max(last, abs(c[k]) * part)
+        second = max(second, abs(c[k - size]) * part)
+        third = max(third, abs(c[k - 2 * size]) * part)
+        fourth = max(fourth, abs(c[k - 3 * size]) * part)
     if not max(last, second, third, fourth) < OVERFLOW:
         return 0.0
     logarithm = min(
@@ -381,66 +383,6 @@ def rough_power_of_two(x: float) -> float:
     return power * (1.0 + (part - part * (1.0 - part) * bend))
 
 
-def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute sum_k y_k h^k over k >= 2, by even and odd powers in parallel.
-
-    c : order and coefficients of the series. out : (size,).
-    """
-    order = int(c[0])
-    square = h * h
-    for i in range(size):
-        high = c[1 + order * size + i]
-        low = c[1 + (order - 1) * size + i]
-        for back in range(1, (order - 1) // 2):
-            k = order - 2 * back
-            high = fused(high, square, c[1 + k * size + i])
-            low = fused(low, square, c[1 + (k - 1) * size + i])
-        if order % 2 == 0:
-            low = fused(low, h, c[1 + 2 * size + i])
-            high = fused(high, square, low)
-        else:
-            high = fused(high, h, low)
-        out[i] = high * square
-
-
-def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute sum_k k y_k h^(k - 1), the derivative of the series, at h.
-
-    Of the components from `first` on; c and out as in `sum_bend`.
-    """
-    order = int(c[0])
-    square = h * h
-    for i in range(first, size):
-        times = c[0]
-        place = 1 + order * size + i
-        high = times * c[place]
-        low = (times - 1.0) * c[place - size]
-        for _ in range(1, order // 2):
-            times -= 2.0
-            place -= 2 * size
-            high = fused(high, square, times * c[place])
-            low = fused(low, square, (times - 1.0) * c[place - size])
-        high = fused(high, h, low)
-        if order % 2 == 1:
-            high = fused(high, h, c[1 + size + i])
-        out[i] = high
-
-
-def set_rates_of_positions(s: Taylor, c: Floats, h: float) -> None:
-    """Store the rates of positions by the series c at h, in `rates` (n,).
-
-    Their series is that of the velocities, which no projection has changed, without its
-    last term.
-    """
-    order = int(c[0])
-    place = 1 + order * s.size + s.n
-    power = 1.0
-    for _ in range(order):
-        power *= h
-    for i in range(s.n):
-        s.rates[i] = s.new[s.n + i] - c[place + i] * power
-
-
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
     """Compute y_0 + sum_k |y_k| h^k (size,), a bound of the motion in a step h."""
     order = int(c[0])
@@ -451,16 +393,24 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = c[1 + i] + far
 
 
-def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> float:
-    """Return a step's error in tolerances, from y' (size,) at its end and the series.
+def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
+    """Return a step's error in tolerances, from y' (size,) at its end and `rates`.
 
-    The square of a finite error is finite.
+    The square of a finite error is finite. OVERFLOW if a difference is not finite.
     """
     part = h / (order + 1.0)
     worst = 0.0
+    whole = 0.0
     for i in range(s.size):
-        if s.tolerances[i] > 0.0:
-            off = abs(slope[i] - rates[i]) * part
-            found = min(SQUARABLE, off / max(LEAST_NUMBER, s.tolerances[i]))
-            worst = max(worst, found if off < OVERFLOW else OVERFLOW)
-    return worst
+        off = abs(rates[i] - s.rates[i]) * part * s.fineness[i]
+        worst = max(worst, min(SQUARABLE, off))
+        whole += off
+    return worst if whole < OVERFLOW else OVERFLOW
+
+
+def set_fineness(s: Taylor) -> None:
+    """Store 1/tolerance of each component; 0 for those that are not controlled."""
+    for i in range(s.size):
+        tolerance = s.tolerances[i]
+        part = 1.0 / max(LEAST_NUMBER, tolerance)
+        s.fineness[i] = part if tolerance > 0.0 else 0.0

@@ -19,11 +19,11 @@ from lagsim.language.columns import IMPULSE
 from lagsim.language.sparse import joined
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.motion_series import motion_series
-from lagsim.methods import method, moreau
+from lagsim.methods import method, moreau, taylor
 from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.methods.parts.search import POINTS
-from lagsim.native.graph import keys
+from lagsim.native.graph import keys, polynomials
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
 from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runtime
@@ -120,6 +120,12 @@ def kernels(system: System) -> Iterator[ProgramPart]:
         yield kernel_part([*motion, *ends], statics)
     if system.model.tables:
         yield kernel_part(tables.KERNELS)
+
+
+def values_part(size: int, order: int) -> ProgramPart:
+    """Return the part that evaluates series of `order`, of `size` components."""
+    made_from = polynomials.digest(size, order)
+    return graph_part(made_from, lambda: (polynomials.series_values(size, order), 0))
 
 
 MANNER = Manner(
@@ -245,6 +251,10 @@ class System:
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.program = [written, *kernels(self)]
+        if AFTER_FREEZING in needs:
+            self.program.append(
+                values_part(self.size, taylor.order_for(plan.rtol or 0.0))
+            )
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Generate the code of all functions, if the cache does not have it."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 from lagsim.methods.parts import driver
 from lagsim.program.system import FUNCTION
 from tests.kernels import bind
@@ -51,7 +53,16 @@ def linked(runner):
         names.append("located")
     if runner.system.inertias:
         names.append("inertias")
-    return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
+    found = {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
+    if "series" in names:
+        found |= {name: _value(runner, name) for name in ("bend", "slope")}
+    return found
+
+
+def _value(runner, name):
+    kind = (None, [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p])
+    call = runner.engine.function(name, *kind)
+    return lambda h, c, out: call(h, c.ctypes.data, out.ctypes.data)
 
 
 def _through(call):

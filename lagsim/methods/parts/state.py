@@ -170,6 +170,16 @@ signals = of_model("signals")
 
 
 @external
+def bend(h: float, c: Floats, out: Floats) -> None:
+    """Compute sum_k y_k h^k over k >= 2 (size,) of a series c."""
+
+
+@external
+def slope(h: float, c: Floats, out: Floats) -> None:
+    """Compute sum_k k y_k h^(k - 1) (size,), the derivative of a series c, at h."""
+
+
+@external
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     """Project a state (size,) onto the surfaces that the motion slides along."""
 
