@@ -110,6 +110,16 @@ ELSEWHERE = {
 }
 
 
+@pytest.mark.parametrize("method", ["dopri5", "taylor"])
+def test_a_pole_of_the_relation_beyond_the_corner_has_no_effect(method):
+    # Beyond x = 0 the side of x > 0 has a pole at x = -1/k, which a step passes before
+    # the corner is located in it: its rates there are no magnitudes of the motion.
+    text = wire("y/(1 + k*abs(x)) = 1", y=1.5)
+    found = simulated(text, method=method)
+    assert found.complete
+    assert found["x"] == pytest.approx(bead(found.t, 0.5, 1.0), abs=1e-9)
+
+
 @pytest.mark.parametrize("where", ELSEWHERE)
 def test_elsewhere(where):
     c = {"length": 1.0, "time": 1.0, "X": 0.0} | ELSEWHERE[where]

@@ -270,6 +270,8 @@ def has_missed(s: State, p: Parameters) -> int:
         x = search.missed_feature(s, p)
     if x == 0.0:
         x = missed.find_defect(s, p)
+        if s.defect_found > 0.0:
+            search.expect(s, p, x)
     if x == 0.0:
         return 0
     missed.reject_step(s, p, x)

@@ -93,6 +93,7 @@ class SearchTable(Rank):
     sampled: int  # the signals depend on no component of the state from this one on
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
     defect_row: float  # the row at which the last defect was found
+    defect_found: float  # 1 if it was found in the last step, at no earlier one's row
     most_step: float  # no step is longer until one has been made; 0: no such limit
     # Of each signal: its kind, the power that goes with it, the farthest it has been
     # since it was close.
@@ -428,6 +429,7 @@ EXPECTED = 1e-2
 
 def find_defect(s: SearchTable, p: Parameters) -> float:
     """Return the fraction of the last step at a row with a defect, or 0."""
+    s.defect_found = 0.0
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
         return 0.0
@@ -441,7 +443,7 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
         x = place(s, k)
         if is_off(s, p, x):
             s.defect_row = k
-            expect(s)
+            s.defect_found = 1.0
             return x
         k += APART
     return 0.0

@@ -808,11 +808,24 @@ def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
             if inside or (high == 1.0 and s.t >= missed.next_end(s, p)):
                 found = missed_about(s, p, k, x)
                 if found > 0.0:
-                    missed.expect(s)
+                    expect(s, p, found)
                     return found
                 s.farthest[own] = value_at(SIGNAL, s, p, k, x)
         s.farthest[own] = max(s.farthest[own], missed.away(s, k, s.ends))
     return 0.0
+
+
+def expect(s: Events, p: Parameters, x: float) -> None:
+    """Raise sizes by the defect at the fraction x, unless a mode ends before it.
+
+    Past the end of a mode the step is no motion, and its rates may have any magnitude.
+    """
+    if SWITCHES:
+        rows_at(EVENT, s, p, x)
+        for k in range(s.surfaces):
+            if s.values[k] < least_allowed(s, p, k):
+                return
+    missed.expect(s)
 
 
 def missed_about(s: Events, p: Parameters, k: int, x: float) -> float:
