@@ -11,15 +11,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.columns import (
-    ACTION,
     DEVIATION,
-    FORCE,
-    GAUSS,
     IMPULSE,
+    KINDS,
     MULTIPLIER,
     REACTION,
     RESIDUAL,
     SENSITIVITY,
+    Owner,
     halves,
 )
 from lagsim.language.columns import parsed as parsed_column
@@ -287,10 +286,15 @@ def _owners(
 ) -> Iterator[tuple[ColumnKind, str, int | None, Level]]:
     """Yield kind, name, node of the owner, and level of its rows, of columns.
 
-    Of constraint forces, multipliers, impulses, friction, reactions, and of the run.
+    Of the kinds that coordinates or the run own, then of reactions, multipliers,
+    impulses and friction.
     """
-    for q in equations.q:
-        yield FORCE, FORCE.of(q), equations.graph.variable(q), Level.POSITION
+    for kind in KINDS:
+        if kind.owner is Owner.RUN:
+            yield kind, kind.of(), None, Level.POSITION
+        elif kind.owner is Owner.COORDINATE:
+            for q in equations.q:
+                yield kind, kind.of(q), equations.graph.variable(q), Level.POSITION
     defined = {d.name: d.node for d in equations.model.definitions}
     for name in equations.model.output.reactions:
         yield REACTION, REACTION.of(name), defined[name], Level.POSITION
@@ -302,5 +306,3 @@ def _owners(
         yield kind, name, row.residual, level
         if kind is MULTIPLIER:
             yield IMPULSE, IMPULSE.of(owner), row.residual, level
-    for kind in (ACTION, GAUSS):
-        yield kind, kind.of(), None, Level.POSITION

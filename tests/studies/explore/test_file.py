@@ -12,12 +12,13 @@ import pytest
 import lagsim
 from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
+from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.outputs.animation import stage
 from lagsim.studies.explore.explorer import Explorer
 from lagsim.studies.explore.file import page_in_a_file
 from tests.outputs.browser import RefusedError, Tab, needs_browser
 from tests.studies.explore.test_explorer import OSCILLATOR, ROD, unpacked
-from tests.support import MODELS
+from tests.support import MODELS, ROOT
 
 # The shipped models with one set of equations for the whole run.
 HELD = (
@@ -34,6 +35,21 @@ HELD = (
 POINTS = "[[0, 0], [1, 2], [9, 3]], interpolation: cubic"
 EVENT = "modes: {on: 1}\nevents: {off: {at: x <= 0, set: {on: 0}}}\nforces: {x: on}\n"
 OTHERS = sorted({x.stem for x in MODELS.glob("*.yaml")} - {*HELD})
+
+
+def test_the_page_has_every_function_of_the_language():
+    """JavaScript evaluates start values, and has each function a second time."""
+    script = ROOT / "lagsim" / "outputs" / "animation" / "numbers.js"
+    text = script.read_text(encoding="utf-8")
+    table = text.partition("const FUNCTIONS = {")[2].partition("\n};")[0]
+    entry = re.compile(r'(?:^|[,{])\s*"?([a-z][\w.]*)"?(?=\s*[:,])', re.MULTILINE)
+    data = {name for name in OPERATIONS if name.startswith(("table.", "elements."))}
+    assert {*FUNCTIONS, *OPERATIONS} - data <= {*entry.findall(table)}
+    block = text.partition("const ARITY")[2].partition("\n]);")[0]
+    groups = re.findall(r'"([\w ]+)"\.split\(" "\)\.map\(\(x\) => \[x, (\d)', block)
+    groups += re.findall(r'\["(\w+)", (\d)\]', block)
+    read = {name: int(count) for names, count in groups for name in names.split()}
+    assert read == {name: row.arity for name, row in FUNCTIONS.items()}
 
 
 def explorer_of(path, vary=(), **overrides):
