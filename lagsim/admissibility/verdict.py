@@ -35,9 +35,11 @@ from lagsim.language.names import rate_of
 from lagsim.language.sparse import joined
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind, constraint_row
-from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
+from lagsim.mechanics.impacts import impact
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import at_limit
+from lagsim.mechanics.row_modes import modes
+from lagsim.mechanics.rows import Closed, Mode, RowTable, delassus
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
 
@@ -659,15 +661,17 @@ class _LawValues:
         rounding = CAUTION * point.rounding(nodes)
         self.rounding = np.maximum(rounding, CONVERGED * np.array(bodies))
         self.R = point.jacobian(self.rows)
-        self.answer = delassus(point.mass_matrix, point.gradients, self.R)
+        self.answer = answer = delassus(point.mass_matrix, point.gradients, self.R)
         g = point.g
         bounces = [
             g.constant(x.restitution) if x.bounce is None else x.bounce for x in laws
         ]
         limits = ([x.bound for x in laws], [x.static for x in laws])
         bounds, statics = (np.maximum(point.array(x), 0.0) for x in limits)
-        known = bounds, statics, point.array(bounces)
-        self.closed = Closed.of(point.e.laws, chosen, self.answer, *known)
+        self.closed = Closed(
+            RowTable.of(point.e.laws).part(chosen), answer.D, bounds, statics,
+            point.array(bounces), answer.factor,
+        )  # fmt: skip
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
         """Return accelerations (r,) without these laws' forces, rates, rounding."""

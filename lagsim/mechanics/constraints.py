@@ -249,9 +249,8 @@ class Kind(Enum):
         The number of the role in kernels.
     low, high : float
         The bounds of the multiplier, as multiples of the bound of the law.
-    strikes : bool
-        The row transmits impulses in an impact. A bounded multiplier has no impulse in
-        an instant, but that of friction is bounded by the impulse of its contact.
+    gapped : bool
+        The row has a gap that closes, and bounces.
     words : tuple of str
         The words shown to users for a row that holds, and for one that does not.
     one_sided, bounded : bool
@@ -259,16 +258,16 @@ class Kind(Enum):
     """
 
     CONTACT = (kept.CONTACT, 0.0, inf, True, ("closed", "open"))
-    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, True, ("engaged", "free"))
-    SLIP = (kept.SLIP, -1.0, 1.0, True, ("sticks", "slides"))
+    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, False, ("engaged", "free"))
+    SLIP = (kept.SLIP, -1.0, 1.0, False, ("sticks", "slides"))
     LIMITED = (kept.LIMITED, -1.0, 1.0, False, ("sticks", "slides"))
-    TIMED = (kept.TIMED, -inf, inf, True, ("closed", "open"))
+    TIMED = (kept.TIMED, -inf, inf, False, ("closed", "open"))
     SLIDER = (kept.SLIDER, -1.0, 1.0, False, ("sticks", "slides"))
 
     def __init__(
-        self, code: float, low: float, high: float, strikes: bool, words: Words
+        self, code: float, low: float, high: float, gapped: bool, words: Words
     ) -> None:
-        self.code, self.low, self.high, self.strikes = code, low, high, strikes
+        self.code, self.low, self.high, self.gapped = code, low, high, gapped
         self.words = words
         self.one_sided, self.bounded = low == 0.0, high < inf
 

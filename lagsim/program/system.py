@@ -17,8 +17,8 @@ import numpy as np
 from lagsim.language import tables
 from lagsim.language.columns import IMPULSE
 from lagsim.language.sparse import joined
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.motion_series import motion_series
+from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
 from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
@@ -46,7 +46,7 @@ from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods.parts.driver import State
     from lagsim.model.model import Model
@@ -524,9 +524,16 @@ class System:
         return all(x is not None and x.most <= 1 for x in found)
 
     @cached_property
-    def has_gaps(self) -> Flags:
-        """Mask (L,) of the laws whose event function is a gap; else it is a rate."""
-        return np.array([law.kind is Kind.CONTACT for law in self.laws])
+    def law_table(self) -> RowTable:
+        """The constant columns of the laws."""
+        return RowTable.of(self.laws)
+
+    @cached_property
+    def restitutions(self) -> Floats | None:
+        """The constant coefficients of restitution (L,); None with expressions."""
+        if any(law.bounce is not None for law in self.laws):
+            return None
+        return np.array([law.restitution for law in self.laws])
 
     @cached_property
     def has_times(self) -> bool:

@@ -344,7 +344,7 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the modes of all laws by the accelerations, in one problem.
 
     Laws beside surfaces whose sides the forces decide have their modes from the problem
-    of these sides. Tied rows are decided by rates (`mechanics.contact.modes`).
+    of these sides. Tied rows are decided by rates (`mechanics.row_modes.modes`).
     """
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now

@@ -9,9 +9,8 @@ the rest time of a ball with ever smaller bounces is the limit of a geometric se
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,19 +22,26 @@ from lagsim.codes.known import (
     SHARED_FRICTION,
 )
 from lagsim.errors import InputError, Problem
-from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import impact, modes
-from lagsim.mechanics.pieces import MARK, whole
+from lagsim.mechanics.impacts import impact
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.conditions import count_closed
+from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
+from lagsim.run.events.law_modes import (
+    Chosen,
+    changes,
+    chosen_modes,
+    put_modes,
+    set_floors,
+    set_slack,
+    that_could_act,
+)
 from lagsim.run.events.records import LawsAt, LawState
 from lagsim.run.events.sequence import Flights, SwitchSequence
-from lagsim.run.events.sliders import at_edge, select_sliding
-from lagsim.run.events.slips import begin_slips
+from lagsim.run.events.sliders import select_sliding
 from lagsim.run.trajectory import (
     Decision,
     Ending,
@@ -46,31 +52,21 @@ from lagsim.run.trajectory import (
     quoted,
 )
 from lagsim.tolerances import (
-    CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
     LEAST_CLOSING,
     SATISFIED,
     SOLUTION_ROUNDOFF,
-    SUM_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
+    from collections.abc import Collection
 
-    from lagsim.language.arrays import Floats, Ints
-    from lagsim.mechanics.contact import Impact, RowModes
+    from lagsim.codes.known import WarningCode
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.impacts import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
 
-    Ahead = Callable[[Floats], tuple[Floats, Floats]]
-    from lagsim.codes.known import WarningCode
-
-FORCING = (kept.HELD, kept.SLIDING)
-HOLDING = (kept.HELD, kept.REDUNDANT)
-# Kinds of laws that share loads, unless they have friction.
-SHARING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.LIMITED)
-# Ratio of successive times ahead at which the change of forces is evaluated.
-LATER = 10.0
 # A contact with more impacts than this comes to rest by a series, not by one impact.
 SERIES = 3
 # Largest gap of a closed contact, in tolerances of the distance it has moved; the
@@ -168,12 +164,15 @@ class Contacts(Source):
     """
 
     def __init__(self, arc: Arc) -> None:
-        self.laws = arc.system.laws
+        self.laws, table = arc.system.laws, arc.system.law_table
         self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
         self.bounces = [0] * len(self.laws)
         self.flights = [Flights() for _ in self.laws]
-        laws = enumerate(self.laws)
-        self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
+        self.contacts: list[int] = np.flatnonzero(table.gapped).tolist()
+        self.striking: list[int] = np.flatnonzero(table.strikes).tolist()
+        engaging = table.one_sided & ~table.gapped
+        self.freewheels: list[int] = np.flatnonzero(engaging).tolist()
+        self.sliders = [k for k, law in enumerate(self.laws) if law.slider]
         self.modes_at_start = arc.modes
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
@@ -189,11 +188,7 @@ class Contacts(Source):
     def approach(self, arc: Arc) -> bool:
         """Whether a closed law approaches at the state reached."""
         here = Kinematics(arc, arc.y)
-        closed = here.is_closed()
-        return any(
-            closed[k] and law.kind.strikes and here.strikes(k)
-            for k, law in enumerate(self.laws)
-        )
+        return any(here.closed[k] and here.strikes(k) for k in self.striking)
 
     def located(self, arc: Arc, laws: LawsAt, k: int) -> LawsAt:
         """Store that the mode of law k has ended, and return the laws at the instant.
@@ -255,39 +250,35 @@ class Contacts(Source):
             Whether all sides are decided on which the bounds of laws may depend.
         """
         here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy(), laws)
-        corrected = _corrected_state(here, met)
+        corrected = corrected_state(here, met)
         if corrected is not None:
             found.y, here = corrected, Kinematics(arc, corrected.copy())
         arc.system.p.law_opens[:] = 0.0
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
         closed = here.is_closed(laws.closed)
-        here.grazing = _grazing(here, closed, flown)
-        if here.grazing:
-            found.laws = laws = laws._replace(
-                closed=laws.closed.difference(here.grazing)
-            )
+        if grazing := _grazing(here, closed, flown):
+            here.graze(grazing)
+            found.laws = laws = laws._replace(closed=laws.closed.difference(grazing))
             closed = here.is_closed(laws.closed)
         ends = self._ends(here, closed)
-        judged = self._is_examined(arc)
-        for k, law in enumerate(self.laws):
-            if closed[k] and not judged and self._jumps(here, k):
-                found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.name)
-                return found
-        some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
+        if not self._is_examined(arc) and (names := self._jumping(here, closed)):
+            found.ending = Ending(Outcome.CONSTRAINT_JUMPS, names[0])
+            return found
+        some = [k for k, on in enumerate(closed) if on]
+        if self.sliders:
+            some = sorted({*some, *self.sliders})
         # Whether the bound of a law falls depends on sides that are decided later.
         if wrong := here.out_of_range(some, laws.closed if decided else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
-        some = [k for k in some if closed[k] and self.laws[k].kind.strikes]
-        if any(here.strikes(k) for k in some):
-            free = {
-                k
-                for k, law in enumerate(self.laws)
-                if law.kind is Kind.FREEWHEEL and here.in_force[k]
-            }  # the impact may engage a freewheel
-            here = self._strike(here, sorted(free.union(some)), ends, found)
-        if any(law.slider for law in self.laws):
+        some = [k for k in self.striking if closed[k]]
+        if struck := [k for k in some if here.strikes(k)]:
+            # The impact may engage a freewheel.
+            free = [k for k in self.freewheels if here.in_force[k]]
+            reached = here.reached({*struck, *ends}, {*some, *free})
+            here = self._strike(here, reached, ends, found)
+        if self.sliders:
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
             found.laws = found.laws._replace(shared=None)
@@ -308,29 +299,27 @@ class Contacts(Source):
         found = StateAfter(arc.y, laws, moved=False)
         p, slid = arc.system.p, laws.slid
         if laws.shared is None or here.grazing:
-            chosen = _chosen(here, that_could_act(here, laws.closed), laws.left)
+            chosen = chosen_modes(here, that_could_act(here, laws.closed), laws.left)
         else:
             chosen = Chosen.of(here, *laws.shared)
         put_modes(arc, chosen)
-        _set_floors(here, chosen, slid)
-        _set_slack(here, chosen)
+        set_floors(here, chosen, slid)
+        set_slack(here, chosen)
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
         if not slid.isdisjoint(held):
             found.y, found.moved = self._stopped(here, held, slid), True
-        events = _changes(here, laws.mode) if arc.steps else ()
+        events = changes(here, laws.mode) if arc.steps else ()
         found.laws = laws._replace(mode=p.law_mode.copy(), shared=None)
         found.events += [e for e in events if e.constraint not in laws.rested]
         if chosen.paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         # The friction of a body that rests on two points is never determined.
         redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
-        kinds = {self.laws[k].kind for k in redundant}
-        shares = any(kind.one_sided for kind in kinds)
+        shares = any(here.table.is_one_sided[k] for k in redundant)
         p.law_shared[:] = p.law_shares = 0.0
         if redundant:
-            rubs = {law.normal for law in self.laws if law.kind is Kind.SLIP}
-            bear = [k for k in held if k not in rubs and self.laws[k].kind in SHARING]
+            bear = [k for k in held if self._bears(here, k)]
             p.law_shared[redundant] = here.are_spanned(redundant, bear)
             p.law_shares = p.law_shared.max()
         if shares or chosen.open:
@@ -350,7 +339,7 @@ class Contacts(Source):
         if any(stopped):  # the remaining speed of a slip that stops is removed
             asked = np.where(stopped, here.rates[held], 0.0)
             y[velocities] -= here.shape.lift(held, asked)
-        _stop(here, y, [k for k in held if k in slid])
+        stop(here, y, [k for k in held if k in slid])
         return y
 
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
@@ -379,16 +368,23 @@ class Contacts(Source):
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start
 
-    def _jumps(self, here: Kinematics, k: int) -> bool:
-        """Whether the residual of a law now in force exceeds the location tolerance.
+    def _bears(self, here: Kinematics, k: int) -> bool:
+        """Whether law k shares loads: all do but slips, their contacts, equalities."""
+        table = here.table
+        rubs = any(table.slips[i] for i in (k, *table.beside[k]))
+        return not (rubs or table.equal[k] or self.laws[k].slider)
 
-        Then its function jumps there, or it was closed in flight, and no motion can
+    def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
+        """Return the laws whose residuals exceed the location tolerance, by name.
+
+        The function of such a law jumps, or it was closed in flight, and no motion can
         continue. The energy of other bodies does not enter the tolerance.
         """
-        kind, rtol, part = self.laws[k].kind, here.arc.plan.rtol, SATISFIED
-        if kind is Kind.CONTACT and rtol is not None:
-            part = CLOSING * max(rtol, LEAST_CLOSING)
-        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, part)
+        rtol, table = here.arc.plan.rtol, here.table
+        part = SATISFIED if rtol is None else CLOSING * max(rtol, LEAST_CLOSING)
+        parts = np.where(table.gapped, part, SATISFIED)
+        off = (table.gapped | table.equal) & closed & here.is_off(parts)
+        return [self.laws[k].name for k in np.flatnonzero(off).tolist()]
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Return the end time of each series of bounces that ends with this impact.
@@ -403,12 +399,12 @@ class Contacts(Source):
         for k in struck:
             self.flights[k].add(t, abs(float(here.rates[k])))
         ends: dict[int, float] = {}
-        for k in self.contacts:
-            least = here.least(k)
-            if here.in_force[k] and abs(here.gaps[k]) <= least:
-                end = self.flights[k].end(t, abs(float(here.rates[k])), least)
-                if end is not None:
-                    ends[k] = end
+        near = here.table.gapped & (np.abs(here.gaps) <= here.least) & here.in_force
+        for k in np.flatnonzero(near).tolist():
+            least = float(here.least[k])
+            end = self.flights[k].end(t, abs(float(here.rates[k])), least)
+            if end is not None:
+                ends[k] = end
         if struck.isdisjoint(ends):
             return {}
         for k in struck.intersection(ends):
@@ -448,8 +444,8 @@ class Contacts(Source):
         if stopped:
             # A contact whose series ends is held as an equality; a slip has the
             # friction of the impulses that remain in its series.
-            kinds = [Kind.TIMED if k in ends else self.laws[k].kind for k in some]
-            problem = replace(problem, kinds=tuple(kinds))
+            held = [i for i, k in enumerate(some) if k in ends]
+            problem = replace(problem, table=problem.table.held(held))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins below the ground by rounding would end deeper by as much.
@@ -460,7 +456,7 @@ class Contacts(Source):
         there = here.at(y)
         if deep:
             left = rates + problem.D @ result.impulses
-            there = _kept_at_rest(
+            there = kept_at_rest(
                 there, np.array(some)[np.abs(left) <= here.still[some]]
             )
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
@@ -472,8 +468,8 @@ class Contacts(Source):
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):
-            kind, name = self.laws[k].kind, self.laws[k].name
-            if kind is Kind.SLIP or sizes[i] <= SOLUTION_ROUNDOFF * largest:
+            name = self.laws[k].name
+            if here.table.slips[k] or sizes[i] <= SOLUTION_ROUNDOFF * largest:
                 continue
             event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
@@ -541,16 +537,15 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
         Duration of the flight so far.
     """
     system = here.arc.system
-    struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
+    struck = {k for k, on in enumerate(closed) if on and here.strikes(k)}
     if not struck or (system.p.slack[: system.surfaces] > 0.0).any():
         return {}
     depths = {k: here.depth(k) for k in struck}
-    part = min(CLOSING * here.arc.plan.tolerance, SATISFIED)
+    least = here.largest_rise(min(CLOSING * here.arc.plan.tolerance, SATISFIED))
     found = {
         k: depth
         for k, depth in depths.items()
-        if depth <= here.least(k, part)
-        and -here.rates[k] <= TURNING * flown * here.present[k]
+        if depth <= least[k] and -here.rates[k] <= TURNING * flown * here.present[k]
     }
     others = struck.difference(found)
     return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
@@ -560,14 +555,6 @@ def laws_at(arc: Arc) -> LawsAt:
     """Return the laws at an instant, by the modes of the arc that has ended."""
     mode = arc.system.p.law_mode.copy()
     return LawsAt(mode, frozenset(np.flatnonzero(mode == kept.SLIDING).tolist()))
-
-
-def put_modes(arc: Arc, chosen: Chosen) -> None:
-    """Store selected modes in the parameters that the kernels read."""
-    p = arc.system.p
-    own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
-    p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
-    p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 
 
 def rest_soon(arc: Arc, within: float) -> None:
@@ -589,389 +576,8 @@ def rest_soon(arc: Arc, within: float) -> None:
     p.law_still[discs] = np.maximum(p.law_still[discs], slow)
 
 
-def _corrected_state(here: Kinematics, met: int) -> Floats | None:
-    """Return the state (size,) corrected for errors of the step that just ended.
-
-    None where there is nothing to correct. met : the index of the law whose mode has
-    ended, or -1.
-    """
-    if here.arc.system.p.law_opens.any():
-        return _raised_state(here)
-    if met >= 0 and _is_stopping(here, met):
-        return _straightened_state(here, met)
-    return None
-
-
-def _raised_state(here: Kinematics) -> Floats:
-    """Return the state (size,) in which contacts just opened have gap and rate >= 0.
-
-    Errors of a step may leave such contacts below ground, or approaching.
-    """
-    state, p = here.arc.state, here.arc.system.p
-    y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
-    levels = (state.positions, here.residuals), (state.velocities, here.rates)
-    for level, values in levels:
-        low = np.flatnonzero((p.law_opens > 0.0) & (values < 0.0))
-        if len(low):
-            asked = np.append(values[low], np.zeros(len(held)))
-            y[level] -= here.shape.lift([*low, *held], asked)
-    return y
-
-
-def _stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
-    """Set the velocities in y that laws hold from now on to their exact values.
-
-    These are velocities that a single law determines: a switch at 0 of such a velocity
-    is decided by 0, and not by the rounding of the time at which it stopped.
-
-    Parameters
-    ----------
-    here : Kinematics
-    y : ndarray, shape (size,)
-    stopped : collection of int
-        Laws that slid until now and hold from now on.
-    """
-    v = y[here.arc.velocities]
-    for k in stopped:
-        row, rate = here.rows[k], here.rates[k]
-        [*places] = np.flatnonzero(row)
-        if len(places) == 1 and abs(rate) <= here.still[k]:
-            [j] = places
-            moves = rate != row[j] * v[j]  # the surface on which it rests moves
-            v[j] = v[j] - rate / row[j] if moves else 0.0
-    y[here.arc.velocities] = v
-
-
 def comes_to_rest(arc: Arc) -> bool:
     """Whether the rate of a law that slides is 0 at this instant, but for rounding."""
     here = Kinematics(arc, arc.y)
-    return any(
-        closed and law.kind in (Kind.SLIP, Kind.LIMITED) and abs(rate) <= still
-        for closed, law, rate, still in zip(
-            here.is_closed(), here.laws, here.rates, here.still, strict=True
-        )
-    )
-
-
-def _is_stopping(here: Kinematics, k: int) -> bool:
-    """Whether the slip of law k stops before a position changes by more than rounding.
-
-    k : the index of a slip on a disc whose mode has ended.
-    """
-    pair, p = [k, here.laws[k].pair], here.arc.system.p
-    if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
-        return False
-    speed = float(np.linalg.norm(here.rates[pair]))
-    places = here.shape.slopes[pair] @ here.seen[here.arc.state.positions]
-    back = float(np.linalg.norm(here.present[pair]))
-    short = speed**2 <= 2.0 * back * SUM_ROUNDOFF * float(places.max())
-    return short and speed > p.law_still[k]
-
-
-def _straightened_state(here: Kinematics, k: int) -> Floats:
-    """Return the state (size,) with a slip on a disc turned to its last direction.
-
-    In the step that ends at the stop of a slip, rounding turns the last directions of
-    its friction, and thus the slip.
-
-    Parameters
-    ----------
-    here : Kinematics
-    k : int
-        The number of one of the two laws of the slip.
-    """
-    y, pair = here.y.copy(), [k, here.laws[k].pair]
-    along = here.arc.system.p.law_direction[pair]
-    across = here.rates[pair] - along * (along @ here.rates[pair])
-    y[here.arc.velocities] -= here.shape.lift(pair, across)
-    return y
-
-
-def _kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
-    """Return the laws with the velocities of `here.y` corrected, in place.
-
-    Corrections of gaps may have changed the rates of stopped laws, which become 0.
-
-    stopped : ndarray of int, shape (r,), the numbers of these laws.
-    """
-    rates = here.rates[stopped]
-    if not (np.abs(rates) > here.still[stopped]).any():
-        return here
-    here.y[here.arc.velocities] -= here.shape.lift(stopped.tolist(), rates)
-    return here.at(here.y)
-
-
-# --- Mode selection: which laws hold from a state on, by the accelerations
-
-
-def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
-    """Return the state (size,) a short time later, to second order.
-
-    p : ndarray, shape (r,), the multipliers of the laws `some`. moment : the time.
-    """
-    rates = here.free.copy()
-    rates[here.arc.velocities] += here.answer.response[:, some] @ p
-    return here.arc.later(here.y, rates, moment)
-
-
-def ahead_of(
-    here: Kinematics, some: list[int],
-    others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
-) -> Ahead:  # fmt: skip
-    """Return a function that maps multipliers (r,) to d/dt of accelerations.
-
-    The function returns these rates (k + r,) of `others` and of laws, and the rounding
-    bounds (r,) of those of laws. Each bounded multiplier keeps its ratio to its bound.
-
-    Parameters
-    ----------
-    here : Kinematics
-    some : list of int, length r
-        Numbers of the laws.
-    others : callable
-        Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
-        which returns the rates (k,) of other rows. They come first in the result.
-    """
-    moment = here.arc.moment
-
-    def change(p: Floats) -> tuple[Floats, Floats]:
-        y = _state_after(here, some, p, moment)
-        later = here.at(y, here.t + moment)
-        w = []
-        for x in here, later:
-            part, known = np.ones(len(some)), here.bounds[some] > 0.0
-            part[known] = x.bounds[some][known] / here.bounds[some][known]
-            D, response = x.answer.D[np.ix_(some, some)], x.answer.response[:, some]
-            more = others(x, response @ (part * p))
-            w.append(np.append(more, x.accelerations[some] + D @ (part * p)))
-        return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
-
-    return change
-
-
-def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
-    """Return the indices of the laws that are closed and do not separate.
-
-    Laws of `also` count as closed whatever their gaps are. A slip could act only where
-    its contact could.
-    """
-    closed, some = here.is_closed(also), list[int]()
-    for k, law in enumerate(here.laws):
-        leaves = law.kind.one_sided and here.rates[k] > here.still[k]
-        if law.kind is Kind.SLIP:
-            leaves = law.normal not in some
-        if closed[k] and not leaves:
-            some.append(k)
-    return some
-
-
-class Chosen(NamedTuple):
-    """Selected modes of all laws, with the multipliers that justify them.
-
-    Attributes
-    ----------
-    mode, direction : ndarray, shape (L,)
-        Mode of each law, and the direction of its friction or limit.
-    some : list of int, length r
-        Numbers of the laws that could act.
-    multipliers, D : ndarray, shape (r,)
-        Their multipliers, and the diagonal of their matrix D, accelerations per
-        multiplier.
-    paradox, open : bool
-        Whether there is a paradox of Painlevé's (see `mechanics.contact.RowModes`);
-        whether the motion is not unique.
-    """
-
-    mode: Floats
-    direction: Floats
-    some: list[int]
-    multipliers: Floats
-    D: Floats
-    paradox: bool
-    open: bool = False
-
-    @classmethod
-    def of(cls, here: Kinematics, some: list[int], found: RowModes) -> Chosen:
-        """Return the modes of all laws from the modes of the laws `some`.
-
-        Others are off.
-
-        found : its first rows belong to the laws `some`.
-        """
-        mode, direction = np.zeros((2, here.count))
-        r = len(some)
-        mode[some] = [float(x) for x in found.mode[:r]]
-        direction[some] = found.direction[:r]
-        D = here.answer.D.diagonal()[some]
-        return cls(
-            mode, direction, some, found.multipliers[:r], D, found.paradox, found.open
-        )
-
-
-def _chosen(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
-    """Select the modes by the accelerations of the laws `some`, which could act.
-
-    `left`: how often each law has reached the limit of its multiplier at this time.
-    """
-    if not some:
-        none = np.empty(0)
-        mode, direction = np.zeros((2, here.count))
-        return Chosen(mode, direction, some, none, none, paradox=False)
-    laws, asked = here.acting(some, left), here.accelerations[some]
-    asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
-    found = modes(
-        laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
-        ahead_of(here, some), laws.left,
-    )  # fmt: skip
-    return Chosen.of(here, some, found)
-
-
-def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
-    """Store the speeds at which slips on a disc count as begun, and as stopped.
-
-    A slower slip has no direction but rounding, and friction would turn it into the
-    direction of its force at once, for which explicit steps are too long. Up to
-    `laws.BEGUN` times the least speed a slip keeps its first direction. The error of
-    its path is the power 3/2 of the relative speed, compared with the path in the time
-    in which forces change. Friction on a slower slip would make a fixed step unstable,
-    whose stability bound is 2.
-
-    Parameters
-    ----------
-    here : Kinematics
-    found : Chosen
-        The modes selected.
-    slid : collection of int
-        Laws that slid until this time.
-    """
-    arc, p = here.arc, here.arc.system.p
-    floors, stills = np.zeros(here.count), np.zeros(here.count)
-    begun, steady = [], math.inf
-    rtol = float(arc.plan.tolerance)
-    for k, law in enumerate(here.laws):
-        pair = [k, law.pair]
-        if law.pair < k:
-            continue
-        if kept.SLIDING not in found.mode[pair]:
-            if k in slid or law.pair in slid:  # stops; selection may be repeated
-                stills[pair] = p.law_still[k]
-            continue
-        speed = float(np.linalg.norm(here.rates[pair]))
-        if k in slid or law.pair in slid:
-            # The regularized beginning of a slip ends at any other event.
-            floors[pair] = p.law_floor[k] if math.isinf(p.law_lasts[k]) else 0.0
-            stills[pair] = p.law_still[k]
-            continue
-        places = [found.some.index(j) for j in pair]
-        rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
-        if rubs == 0.0:
-            continue
-        changes = _steady(here, found, pair, rubs)
-        scale = rubs * changes
-        # A slower slip would turn and stop in fewer roundings of t than steps need.
-        rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
-        floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * max(here.still[k], rounded))
-        floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
-        floor = max(floor, rubs * (arc.plan.step or 0.0) / 2.0)
-        stills[pair] = max(rtol * scale, rounded)
-        if speed < floor:
-            floors[pair] = floor
-            begun.append(pair)
-            steady = min(steady, changes)
-    p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
-    p.law_turn[:] = 0.0
-    if begun and here.t < arc.settings.end:
-        places = [found.some.index(k) for pair in begun for k in pair]
-        friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
-        begin_slips(here, np.array(begun), friction, steady)
-
-
-def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
-    """Return the time in which the forces on a slip change by as much as its friction.
-
-    Evaluated at ever later times, since a force may begin to change at a rate of 0.
-
-    Parameters
-    ----------
-    here : Kinematics
-    found : Chosen
-        The modes selected.
-    pair : list of int, length 2
-        The two laws of the slip on a disc.
-    rubs : float
-        Deceleration of the slip by its friction.
-    """
-    moment, steady = here.arc.moment, here.arc.settings.end - here.t
-    while moment < steady:
-        y = _state_after(here, found.some, found.multipliers, moment)
-        later = here.at(y, here.t + moment)
-        bends = later.accelerations - here.accelerations
-        change = float(np.linalg.norm(bends[pair])) / moment
-        if not math.isfinite(change):  # the forces are undefined so far ahead
-            return moment
-        steady = min(steady, rubs / change) if change > 0.0 else steady
-        moment *= LATER
-    return steady
-
-
-def _set_slack(here: Kinematics, found: Chosen) -> None:
-    """Store the slacks and bands of laws, so that rounding ends no mode."""
-    arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
-    slack = p.slack[K:]
-    slack[:] = 0.0
-    size, band, rounding = np.zeros((3, here.count))
-    push = dict(zip(found.some, found.D, strict=True))
-    for k, mode in enumerate(found.mode.tolist()):
-        law = here.laws[k]
-        if mode == kept.HELD and push[k] > 0.0:
-            size[k] = band[k] = here.roundoff[k] / push[k]
-        elif law.slider:
-            speed = here.seen[arc.velocities][law.slider.coordinate]
-            size[k] = band[k] = SUM_ROUNDOFF * speed
-            if p.law_direction[k] == 0.0:  # lossless: it may return to its limit
-                size[k], band[k] = (
-                    np.array([SUM_ROUNDOFF, at_edge(arc)]) * here.bounds[k]
-                )
-        elif mode == kept.SLIDING:
-            size[k] = here.still[k]
-            band[k] = 0.5 * p.law_floor[k]  # its direction is kept so far back
-        elif mode == kept.OFF and law.kind.one_sided:
-            position = law.kind is Kind.CONTACT
-            rounding[k] = here.slack[k] if position else here.still[k]
-            if here.gaps[k] <= rounding[k]:  # a gap that has not opened yet has a slack
-                size[k] = max(rounding[k], math.ulp(0.0))
-            size[k] += 2.0 * here.grazing.get(k, 0.0)
-            if not here.in_force[k]:  # `when` is constant in an arc
-                size[k] = math.inf
-    event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
-    slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)
-    p.band[K:], p.law_rounding[:] = band, rounding
-
-
-def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
-    """Return events of constraints that now hold and did not before, or the reverse.
-
-    `before`, shape (L,): the modes before.
-    """
-    t, now = here.arc.t, here.arc.system.p.law_mode
-    if (now == before).all():
-        return
-    was_on, is_on = (
-        {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
-        for x in (before, now)
-    )
-    told = was_on & is_on  # possibly on another piece of the gap
-    for k, law in enumerate(here.laws):
-        name = law.name
-        if law.kind.bounded:
-            was, holds = before[k] in HOLDING, now[k] in HOLDING
-            if 0 <= law.pair < k:
-                continue
-            if was and now[k] == kept.SLIDING:
-                yield Event(t, "slip", name)
-            elif before[k] == kept.SLIDING and holds:
-                yield Event(t, "stick", name)
-        elif (before[k] == kept.OFF) != (now[k] == kept.OFF):
-            if MARK not in law.row.name or name not in told:
-                yield Event(t, "contact" if now[k] != kept.OFF else "release", name)
-            told.add(name)
+    slow = here.table.bounded & (np.abs(here.rates) <= here.still)
+    return bool((slow & here.closed).any())  # sliders without mass are not closed

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
-from lagsim.run.events.contacts import Chosen, ahead_of, put_modes, that_could_act
 from lagsim.run.events.filippov import (
     ABOVE,
     BELOW,
@@ -41,6 +40,7 @@ from lagsim.run.events.filippov import (
     FilippovCone,
 )
 from lagsim.run.events.kinematics import Kinematics
+from lagsim.run.events.law_modes import Chosen, ahead_of, put_modes, that_could_act
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import RowModes
+    from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.events.filippov import Rows, SurfaceModes
     from lagsim.run.events.kinematics import Acting
     from lagsim.run.events.records import LawsAt

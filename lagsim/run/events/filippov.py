@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.contact import Mode, modes
+from lagsim.mechanics.row_modes import modes
+from lagsim.mechanics.rows import Mode
 from lagsim.methods.parts import parameters as kept
 from lagsim.program.functions import on_rates
 from lagsim.run.events.kinematics import NO_LAWS
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Flags, Floats, Ints
-    from lagsim.mechanics.contact import RowModes
+    from lagsim.mechanics.row_modes import RowModes
     from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Acting
@@ -270,9 +271,10 @@ class FilippovCone:
     def _is_inside(self, sides: Corner, trial: SideSolution) -> bool:
         """Whether all multipliers of held laws are inside their bounds, clearly."""
         closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
-        for k, kind in enumerate(closed.kinds):
-            if kind.bounded and trial.modes.mode[k] in HOLDING:
-                n, pair = closed.normals[k], closed.pairs[k]
+        table = closed.table
+        for k in np.flatnonzero(table.bounded).tolist():
+            if trial.modes.mode[k] in HOLDING:
+                n, pair = table.normals[k], table.pairs[k]
                 size = math.hypot(p[k], p[pair] if pair >= 0 else 0.0)
                 limit = closed.statics[k] * (p[n] if n >= 0 else 1.0)
                 if not size < (1.0 - HALF_OF_DIGITS) * limit:

@@ -14,8 +14,7 @@ import numpy as np
 
 from lagsim.mechanics.algebra import Span, least_squares
 from lagsim.mechanics.complementarity import solved_regular
-from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import Closed, Delassus, delassus
+from lagsim.mechanics.rows import Closed, Delassus, RowTable, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.control import scattered
 from lagsim.tolerances import (
@@ -29,9 +28,9 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats, Ints
+    from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.run.arc import Arc
 
 # Relative change of a state from which the effect of its rounding is computed.
@@ -46,6 +45,7 @@ class MassAndRows:
         self.M, rows = numbers[: n * n].reshape(n, n), numbers[n * n :].reshape(-1, n)
         self.equalities, self.rows = np.split(rows, [len(rows) - laws])
         self.slopes = np.abs(self.rows)
+        self._links: dict[int, list[int]] = {}
 
     def is_of(self, n: int, laws: int, numbers: Floats) -> bool:
         """Whether the arguments of the constructor are those of this object."""
@@ -76,6 +76,13 @@ class MassAndRows:
         if found is None:
             found = least_squares(D, rates, None)
         return self.reply.response[:, some] @ found
+
+    def linked(self, k: int) -> list[int]:
+        """Return the laws whose rates an impulse of law k changes; memoized."""
+        found = self._links.get(k)
+        if found is None:
+            found = self._links[k] = np.flatnonzero(self.reply.D[k]).tolist()
+        return found
 
     @cached_property
     def coupling(self) -> Floats:
@@ -171,7 +178,8 @@ class Kinematics:
         self.rows = self.shape.rows
         values = found[size:].reshape(4, m)[:, m - self.count :]
         self.residuals, self.rates, gap_scales, rate_scales = values
-        self.gaps = np.where(system.has_gaps, self.residuals, self.rates)
+        self.table = table = system.law_table
+        self.gaps = np.where(table.gapped, self.residuals, self.rates)
         self.in_force: list[bool] = [True] * self.count
         if system.has_times:
             conditions = arc.runner.function("conditions", self.count)(t, y)
@@ -195,7 +203,7 @@ class Kinematics:
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
         self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {} if near is None else near.grazing
-        self.near = (self.gaps <= self.slack).tolist()
+        self.closed = self._closed()
         self.scales = held, sizes
         self._let_go()
         # Rounding errors of balanced forces have changed rates during the last step;
@@ -223,8 +231,8 @@ class Kinematics:
         self.forces = self.shape.slopes @ pushed + np.abs(b)
         self.pushes: Floats = self.forces
         self.moves: Floats = np.zeros(n)
-        if any(closed := self.is_closed()):
-            most = self._most(closed)
+        if any(self.closed):
+            most = self._most(self.closed)
             self.pushes = self.forces + self.shape.coupling @ most
             self.moves = np.abs(self.shape.reply.response) @ most
 
@@ -232,15 +240,13 @@ class Kinematics:
         """Estimate the largest multiplier (L,) of each closed law; 0 of all others."""
         # Laws are few: numpy would take twice as long.
         own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
-        kinds, forces = self.arc.system.p.law_kind.tolist(), self.forces.tolist()
-        most = [0.0] * self.count
-        for k in range(self.count):
+        table, forces = self.table, self.forces.tolist()
+        bounded, most = table.bounded.tolist(), [0.0] * self.count
+        for k, n in enumerate(table.normal_of):
             if not closed[k]:
                 continue
-            if kinds[k] == kept.SLIP:
-                most[k] = statics[k] * most[self.laws[k].normal]
-            elif kinds[k] == kept.LIMITED:
-                most[k] = statics[k]
+            if bounded[k]:
+                most[k] = statics[k] * most[n] if n >= 0 else statics[k]
             elif own[k] > 0.0:
                 most[k] = forces[k] / own[k]
         return np.array(most)
@@ -260,9 +266,11 @@ class Kinematics:
     @cached_property
     def restitutions(self) -> Floats:
         """The coefficients of restitution (L,) of the laws at this state."""
-        if all(law.bounce is None for law in self.laws):
-            return np.array([law.restitution for law in self.laws])
-        return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
+        known = self.arc.system.restitutions
+        if known is None:
+            evaluate = self.arc.runner.function("restitutions", self.count)
+            known = evaluate(self.t, self.y)
+        return known
 
     def out_of_range(self, closed: Collection[int], met: Collection[int]) -> str:
         """Return a message about a coefficient out of its range, or an empty string.
@@ -277,17 +285,17 @@ class Kinematics:
         met
             The laws whose event functions were located at this time.
         """
-        e, mu = self.restitutions.tolist(), self.bounds.tolist()
+        table, e, mu = self.table, self.restitutions, self.bounds
         for k in closed:
-            name, kind = f"`{self.laws[k].name}`", self.laws[k].kind
-            if kind.bounded and mu[k] <= 0.0 and self._goes_below(k, met):
-                what = "friction" if kind is Kind.SLIP else "limit"
+            name = f"`{self.laws[k].name}`"
+            what = "friction" if table.slips[k] else "limit"
+            bounded = table.bounded[k]
+            if bounded and mu[k] <= 0.0 and self._goes_below(k, met):
                 return f"the {what} of {name} is {mu[k]:.6g}, which is negative,"
-            if kind.bounded and self._is_weaker_at_rest(k, met):
-                what = "friction" if kind is Kind.SLIP else "limit"
+            if bounded and self._is_weaker_at_rest(k, met):
                 least = f"{self.statics[k]:.6g}, not more than the dynamic one,"
                 return f"the static {what} of {name} falls to {least}"
-            if kind is Kind.CONTACT and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
+            if table.gapped[k] and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
                 return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
         return ""
 
@@ -397,44 +405,79 @@ class Kinematics:
         _, J = self.arc.surface_rows(self.t, self.y)
         return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
 
+    def _closed(self) -> list[bool]:
+        """Return which of the L laws are closed; a slip is closed with its contact."""
+        mode, table = self.arc.system.p.law_mode.tolist(), self.table
+        near, in_force = (self.gaps <= self.slack).tolist(), self.in_force
+        closed: list[bool] = []
+        for k, n in enumerate(table.normal_of):
+            if n >= 0:
+                closed.append(closed[n])
+            elif table.is_one_sided[k]:
+                holds = near[k] or mode[k] in (kept.HELD, kept.REDUNDANT)
+                closed.append(holds and in_force[k] and k not in self.grazing)
+            else:
+                closed.append(in_force[k] and self.laws[k].slider is None)
+        return closed
+
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
-        """Return which of the L laws are closed; a slip is closed with its contact.
+        """Return which of the L laws are closed.
 
         also : the numbers of laws that count as closed at any gap.
         """
-        p = self.arc.system.p
-        mode, kinds = p.law_mode.tolist(), p.law_kind.tolist()
-        in_force, near, grazing = self.in_force, self.near, self.grazing
-        closed: list[bool] = []
-        for k, kind in enumerate(kinds):
-            if kind == kept.SLIP:
-                closed.append(closed[self.laws[k].normal])
-            elif kind > kept.FREEWHEEL:  # not one-sided
-                closed.append(in_force[k] and kind != kept.SLIDER)
-            else:
-                holds = near[k] or mode[k] in (kept.HELD, kept.REDUNDANT) or k in also
-                closed.append(holds and in_force[k] and k not in grazing)
+        if not also:
+            return self.closed
+        closed, table = self.closed.copy(), self.table
+        for k in also:
+            if table.is_one_sided[k] and self.in_force[k] and k not in self.grazing:
+                closed[k] = True
+                for i in table.beside[k]:
+                    closed[i] = True
         return closed
+
+    def graze(self, depths: dict[int, float]) -> None:
+        """Store the depths of contacts that graze, which are not closed."""
+        self.grazing = depths
+        self.closed = self._closed()
 
     def strikes(self, k: int) -> bool:
         """Whether the rate of closed law k must jump."""
-        kind = self.laws[k].kind
         rate, still = self._rates_and_still[0][k], self._rates_and_still[1][k]
-        if kind is Kind.TIMED:
-            return abs(rate) > still
-        return kind is not Kind.SLIP and rate < -still
+        if self.table.is_one_sided[k]:
+            return rate < -still
+        return bool(self.table.equal[k]) and abs(rate) > still
+
+    def reached(self, struck: Iterable[int], some: Collection[int]) -> list[int]:
+        """Return the laws of `some` that impulses of `struck` act on, ascending.
+
+        Impulses act through the mass matrix, and through other laws of `some`.
+        """
+        left, found = set(some), list[int]()
+        queue = [k for k in struck if k in left]
+        left.difference_update(queue)
+        while queue:
+            k = queue.pop()
+            found.append(k)
+            for j in (*self.shape.linked(k), *self.table.beside[k]):
+                if j in left:
+                    left.remove(j)
+                    queue.append(j)
+        return sorted(found)
 
     @cached_property
     def _rates_and_still(self) -> tuple[list[float], list[float]]:
         """`rates` and `still` as lists, whose elements are read faster."""
         return self.rates.tolist(), self.still.tolist()
 
-    def is_off(self, k: int, part: float) -> bool:
-        """Whether the residual of law k exceeds a part of its range, and rounding."""
+    def is_off(self, parts: Floats) -> Flags:
+        """Return a mask (L,) of residuals beyond a part of their ranges and rounding.
+
+        parts : ndarray, shape (L,)
+        """
         # Rounding of positions: that of the displacement by forces in the last step.
-        rounded = SUM_ROUNDOFF * self.forces[k] * self.arc.state.step_h**2
-        least = part * self.reach[0][k] + self.slack[k] + rounded
-        return bool(abs(self.residuals[k]) > least)
+        rounded = SUM_ROUNDOFF * self.forces * self.arc.state.step_h**2
+        least = parts * self.reach[0] + self.slack + rounded
+        return np.asarray(np.abs(self.residuals) > least)
 
     def depth(self, k: int) -> float:
         """Return the depth below 0 that the gap of contact k reaches in flight.
@@ -443,7 +486,7 @@ class Kinematics:
         """
         flies = self.arc.system.p.law_mode[k] == kept.OFF
         back = self.present[k]
-        if self.laws[k].kind is not Kind.CONTACT or not (flies and back > 0.0):
+        if not self.table.gapped[k] or not (flies and back > 0.0):
             return math.inf
         return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
 
@@ -456,20 +499,24 @@ class Kinematics:
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):
             return None
-        if speed * speed / (2.0 * fall) > self.least(k):
+        if speed * speed / (2.0 * fall) > self.least[k]:
             return None
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
-    def least(self, k: int, part: float | None = None) -> float:
-        """Return the largest height of a negligible flight of contact k.
+    @cached_property
+    def least(self) -> Floats:
+        """The largest height (L,) of a negligible flight of each contact."""
+        return self.largest_rise(self.arc.plan.tolerance)
 
-        This is `part` of the range of its gap (default: the tolerance of the run), or
-        the rounding of the gap and of the time.
+    def largest_rise(self, part: float) -> Floats:
+        """Return a part of the range (L,) of each gap, or more for its rounding.
+
+        This is the rounding of the gap and of the time.
         """
-        values = (part or self.arc.plan.tolerance) * self.reach[0][k]
-        rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
-        return float(max(values, CLEAR_OF_ROUNDING * rounded))
+        rounded = self.slack + math.ulp(self.t) * self.reach[1]
+        least = np.maximum(part * self.reach[0], CLEAR_OF_ROUNDING * rounded)
+        return np.asarray(least)
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of other laws change the rate of law k."""
@@ -506,16 +553,21 @@ class Kinematics:
             The accelerations of all laws per unit multiplier.
         """
         # All laws, the usual case, need no copies.
-        at = slice(None) if len(some) == self.count else np.array(some, dtype=int)
-        own = Delassus(reply.D[at][:, at], reply.response[:, at], reply.factor[:, at])
-        limits = self.bounds[at], self.statics[at]
-        return Closed.of(self.laws, some, own, *limits, restitutions), own.response
+        if len(some) == self.count:
+            D, response, factor = reply
+            own, limits = self.table, (self.bounds, self.statics)
+        else:
+            at = np.array(some, dtype=int)
+            D, factor = reply.D[at[:, None], at], reply.factor[:, at]
+            response, own = reply.response[:, at], self.table.part(some)
+            limits = self.bounds[at], self.statics[at]
+        return Closed(own, D, *limits, restitutions, factor), response
 
     def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
         """Return some laws as the rows of the problem that selects their modes.
 
         left : for some laws the number of times at this instant at which they reached
-        the end of their mode (`mechanics.contact.modes`).
+        the end of their mode (`mechanics.row_modes.modes`).
         """
         closed, response = self.problem(some, np.zeros(len(some)), self.answer)
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
@@ -526,7 +578,7 @@ class Kinematics:
 
 
 class Acting(NamedTuple):
-    """The r laws that could act at a state: the arguments of `mechanics.contact.modes`.
+    """The r laws that could act at a state, as arguments of `row_modes.modes`.
 
     Attributes
     ----------
@@ -553,6 +605,6 @@ class Acting(NamedTuple):
 
 _NONE = np.zeros(0)
 NO_LAWS = Acting(
-    Closed(np.zeros((0, 0)), (), (), (), _NONE, _NONE, _NONE, _NONE),
+    Closed(RowTable.of(()), np.zeros((0, 0)), _NONE, _NONE, _NONE, _NONE),
     _NONE, _NONE, _NONE, _NONE.astype(int), _NONE,
 )  # fmt: skip

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact import RowModes
+    from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.events.kinematics import Kinematics
 
     # The names of the located events that acted in one round, the modes of the file

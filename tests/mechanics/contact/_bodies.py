@@ -3,10 +3,11 @@
 import numpy as np
 
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import Closed, delassus
+from lagsim.mechanics.rows import Closed, RowTable, delassus
 
 CONTACT, SLIP = Kind.CONTACT, Kind.SLIP
 G = 9.81
+COLUMNS = "low", "high", "gapped"
 
 
 def closed(
@@ -20,9 +21,12 @@ def closed(
     normals, pairs = normals or [-1] * r, pairs or [-1] * r
     numbers = (mu, mu if static is None else static, e)
     each = (np.zeros(r) + np.asarray(x, float) for x in numbers)
-    return Closed(
-        answer.D, tuple(kinds), tuple(normals), tuple(pairs), *each, answer.factor
-    )
+    columns = (np.array([getattr(kind, x) for kind in kinds]) for x in COLUMNS)
+    low, high, gapped = columns
+    normals, pairs = np.array(normals, dtype=int), np.array(pairs, dtype=int)
+    newton = np.zeros(r, dtype=bool)
+    table = RowTable(low, high, normals, pairs, gapped, newton)
+    return Closed(table, answer.D, *each, answer.factor)
 
 
 def touching(masses, rows, slips=0, *, kind=CONTACT, **numbers):
@@ -47,7 +51,8 @@ def broken(body, p, w, slack, mu=None):
     """
     mu = body.bounds if mu is None else mu
     found = []
-    for k, (n, pair) in enumerate(zip(body.normals, body.pairs, strict=True)):
+    normals, pairs = body.table.normals.tolist(), body.table.pairs.tolist()
+    for k, (n, pair) in enumerate(zip(normals, pairs, strict=True)):
         if n < 0:
             wrong = abs(min(p[k], w[k])) > slack
         else:

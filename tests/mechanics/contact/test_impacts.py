@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import impact
+from lagsim.mechanics.impacts import impact
 from tests.mechanics.contact._bodies import broken, none, touching
 
 # A few operations on numbers near 1; Newton's steps end within a few roundings.
@@ -100,9 +100,9 @@ def every_solution(body, c):
     its friction up or down, and the slips that are held.
     """
     unit, each = np.eye(len(c)), []
-    for n in (k for k, normal in enumerate(body.normals) if normal < 0):
+    for n in (k for k, normal in enumerate(body.table.normals) if normal < 0):
         states = [[], [(n, unit[n])]]
-        if n + 1 in range(len(c)) and body.normals[n + 1] == n:
+        if n + 1 in range(len(c)) and body.table.normals[n + 1] == n:
             slip, bound = unit[n + 1], body.bounds[n + 1]
             states[1].append((n + 1, slip))
             states += [[(n, unit[n] + sign * bound * slip)] for sign in (1, -1)]

@@ -5,7 +5,8 @@ import pytest
 
 from lagsim.mechanics.complementarity import ComplementarityProblem, solve
 from lagsim.mechanics.constraints import Kind
-from lagsim.mechanics.contact import Mode, modes
+from lagsim.mechanics.row_modes import modes
+from lagsim.mechanics.rows import Mode
 from tests.mechanics.contact._bodies import G, broken, closed, none, touching
 
 OFF, HELD, SLIDING, REDUNDANT = Mode
@@ -102,7 +103,7 @@ def test_a_box_rests_on_four_legs(pull):
     assert (np.hypot(p[:, 1], p[:, 2]) <= 0.5 * p[:, 0] + 1e-12).all()
     for k, mode in enumerate(found.mode):
         if mode is REDUNDANT:
-            n = body.normals[k]
+            n = body.table.normals[k]
             bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
             assert found.multipliers[k] == pytest.approx(found.direction[k] * bound)
 
@@ -114,7 +115,7 @@ def misplaced(body, found, w, rates, slack):
     """Give the rows that do not what their modes say."""
     rows = []
     for k, (mode, p, n) in enumerate(
-        zip(found.mode, found.multipliers, body.normals, strict=True)
+        zip(found.mode, found.multipliers, body.table.normals, strict=True)
     ):
         turns = found.direction[k]
         if mode is OFF:

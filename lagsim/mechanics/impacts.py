@@ -1,0 +1,196 @@
+"""Impacts of the rows that may be in force: impulses, and rates after them.
+
+Impacts obey Newton's law of restitution and Coulomb's law of friction: the rate of each
+contact after the impact is at least -e times the rate before, with equality where the
+contact has an impulse. By Poisson's law, an impact without restitution ends the
+approach; a second one adds e times its impulse, or more where a contact would close.
+All contacts that touch share one simultaneous impact; where they are coupled, another
+order of impacts would end in other rates. Where a series of impacts is computed as a
+single impact, a contact may need a negative impulse: the series ends with the contact
+at rest, and the impulse of the forces that press it down meanwhile (its weight) is part
+of no impact. Friction is proportional to that impulse, of either sign, so that a slip
+of constant direction loses the momentum due to the impulses of the series and of the
+weight.
+
+Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.mechanics.complementarity import Solution, solve
+from lagsim.tolerances import SOLUTION_ROUNDOFF, SOLVED_LAWS
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.rows import Closed
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """Result of an impact on r rows.
+
+    Attributes
+    ----------
+    impulses : ndarray, shape (r,)
+    after : ndarray, shape (r,)
+        The rates of the rows after the impact.
+    open : bool
+        Another order of the impacts would end in other rates: the result is a
+        convention of the impact law.
+    energy : float
+        The change of the kinetic energy in the frame of the struck bodies: the sum of
+        impulse times mean rate over the rows.
+    found : bool
+        False where the laws have no common solution (a body that is crushed).
+    """
+
+    impulses: Floats
+    after: Floats
+    open: bool
+    energy: float
+    found: bool = True
+
+
+def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
+    """Compute the simultaneous impact of all rows.
+
+    Where the rates after the impact by Newton's law contradict each other, the impact
+    is inelastic. The rate of an equality becomes 0 by an impulse of either sign.
+
+    Parameters
+    ----------
+    closed : Closed
+    rates : ndarray, shape (r,)
+        The rates of the rows before the impact.
+    roundoff : ndarray, shape (r,)
+        Rates up to this size count as 0.
+    """
+    if len(rates) == 1 and closed.table.one_sided[0]:
+        return _of_one(closed, float(rates[0]), float(roundoff[0]))
+    before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
+    bounces = closed.table.gapped
+    of_impulses = bounces & closed.table.poisson
+    newton = bounces & ~of_impulses & (before < 0.0)
+    target = np.where(newton, -closed.restitutions * before, 0.0)
+    rests = _at_rest(closed, before)
+    solution = _impulses(closed, before - target, rests)
+    locked = not solution.found and bool(target.any())
+    if locked:
+        target = np.zeros(len(before))
+        solution = _impulses(closed, before, rests)
+    p = solution.p
+    if of_impulses.any() and solution.found:
+        more = np.where(of_impulses, closed.restitutions * p, 0.0)
+        p = p + more
+        solution = _impulses(closed, solution.w + closed.D @ more, rests, more)
+        p = p + solution.p
+    after = solution.w + target
+    is_open = locked or _is_open(closed, before, p)
+    energy = float(p @ (before + after)) / 2.0
+    return Impact(p, after, is_open, energy, solution.found)
+
+
+def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
+    """Compute the impact of a single one-sided row."""
+    own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
+    before = 0.0 if abs(rate) <= roundoff else rate
+    bounces = closed.table.gapped[0] and before < 0.0
+    target = -e * before if bounces else 0.0
+    p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
+    after = before + own * p
+    asked, missed = abs(before - target), max(target - after, 0.0)
+    energy = p * (before + after) / 2.0
+    found = asked == 0.0 or missed < SOLVED_LAWS * asked
+    return Impact(np.array([p]), np.array([after]), False, energy, found)
+
+
+def _at_rest(closed: Closed, rates: Floats) -> Flags:
+    """Mark the slips at rest whose static friction coefficient is not the dynamic one.
+
+    Returns a mask (r,).
+    """
+    pairs = closed.table.pairs
+    still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
+    return np.asarray(closed.table.slips & still & (closed.statics != closed.bounds))
+
+
+def _impulses(
+    closed: Closed, c: Floats, rests: Flags, given: Floats | None = None
+) -> Solution:
+    """Solve for the impulses that bring the rates c to 0 as far as the laws permit.
+
+    Limited rows have no impulse. Slips of contacts that are held as equalities slide on
+    in their direction, or are held where friction would reverse it.
+
+    Parameters
+    ----------
+    closed : Closed
+    c : ndarray, shape (r,)
+        The rates, less the rates to be reached.
+    rests : ndarray of bool, shape (r,)
+        The slips with the static friction coefficient.
+    given : ndarray, shape (r,), optional
+        Impulses of contacts that bound friction in addition to the solved ones.
+    """
+    table, goes_on, directions = closed.table, np.zeros(len(c), bool), 0.0 * c
+    sizes = np.where(rests, closed.statics, closed.bounds)
+    sizes = np.where(table.slips, sizes, 0.0)
+    sliding: list[list[int]] = []
+    held = list[int]()
+    for k in np.flatnonzero(table.slips & table.equal[table.normals]).tolist():
+        pair = table.pairs.item(k)
+        if pair > k:
+            continue
+        rows = [k] if pair < 0 else [pair, k]
+        speed = float(np.linalg.norm(c[rows]))
+        if speed > 0.0:
+            goes_on[rows], directions[rows] = True, -c[rows] / speed
+            sliding.append(rows)
+        else:
+            held += rows
+    while True:
+        some = replace(closed, table=table.held(held)) if held else closed
+        problem = some.problem(c, sizes, directions, given=goes_on)
+        if given is not None:
+            known = np.where(problem.normals >= 0, given[problem.normals], 0.0)
+            for bound in (problem.low, problem.high):
+                bound[0] += bound[1] * known
+        solution = solve(problem)
+        turned = [rows for rows in sliding if solution.w[rows] @ directions[rows] > 0.0]
+        if not turned:
+            return solution
+        for rows in turned:
+            sliding.remove(rows)
+            goes_on[rows] = False
+            held += rows
+
+
+def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
+    """Whether the rates after the impact depend on the order of single impacts.
+
+    They do where two contacts that are struck are coupled, except for contacts without
+    restitution and friction whose impulses lower each other's rates.
+    """
+    pushed = np.abs(p) > SOLUTION_ROUNDOFF * np.abs(p).max(initial=0.0)
+    struck = np.flatnonzero(closed.table.gapped & (pushed | (before < 0.0))).tolist()
+    groups = {k: [k] for k in struck}
+    for i in np.flatnonzero(closed.table.slips & pushed).tolist():
+        if (k := closed.table.normals.item(i)) in groups:
+            groups[k].append(i)
+    scale = np.sqrt(closed.D.diagonal())
+    for (i, rows), (j, others) in combinations(groups.items(), 2):
+        D = closed.D[np.ix_(rows, others)]
+        if not (
+            np.abs(D) > SOLUTION_ROUNDOFF * np.outer(scale[rows], scale[others])
+        ).any():
+            continue
+        plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
+        if closed.restitutions[i] or closed.restitutions[j] or not plain:
+            return True
+    return False

@@ -1,0 +1,565 @@
+"""Modes of the rows that may be in force, by their accelerations.
+
+The modes of the rows follow from their accelerations at known rates. The friction of a
+sliding row has a known direction. A row at rest holds where a multiplier within its
+bound suffices, and otherwise begins to slide against that multiplier. Rows whose
+multipliers are at their bounds with acceleration 0 are tied: their rates decide. Where
+the choice of multipliers is not unique, see `sharing`.
+
+Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.complementarity import (
+    RATES_ROUNDOFF,
+    Solution,
+    rates_at,
+    solved_regular,
+)
+from lagsim.mechanics.rows import Mode
+from lagsim.mechanics.sharing import (
+    ContactRows,
+    Independent,
+    eased,
+    solved_rows,
+    supported,
+)
+from lagsim.tolerances import (
+    ACCELERATION_ROUNDOFF,
+    DEPENDENT_SQUARE,
+    HALF_OF_DIGITS,
+    SETTLED_IMPULSE,
+    SOLVED_LAWS,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.language.arrays import Flags, Floats, Ints
+    from lagsim.mechanics.rows import Closed
+
+
+@dataclass(frozen=True, slots=True)
+class RowModes:
+    """Modes and multipliers of r rows.
+
+    Attributes
+    ----------
+    mode : tuple of Mode, length r
+        Held rows are linearly independent.
+    direction : ndarray, shape (r,)
+        Of a sliding row: its multiplier divided by its bound (with two slips: a
+        component of a unit vector). Of a redundant row with a multiplier: the
+        multiplier divided by the static bound. Of other rows: 0.
+    multipliers : ndarray, shape (r,)
+    paradox : bool
+        Painlevé's paradox: no solution, or a sliding contact under pressure whose
+        effective mass is not positive. A contact that may separate instead is
+        released, without a paradox.
+    open : bool
+        A multiplier that is not unique bounds sliding friction: the motion is not
+        unique.
+    """
+
+    mode: tuple[Mode, ...]
+    direction: Floats
+    multipliers: Floats
+    paradox: bool
+    open: bool = False
+
+
+def modes(
+    closed: Closed,
+    accelerations: Floats,
+    rates: Floats,
+    roundoff: Floats,
+    slip_noise: Floats,
+    ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
+    left: Ints | None = None,
+) -> RowModes:
+    """Determine the modes of the rows and their multipliers.
+
+    Parameters
+    ----------
+    closed : Closed
+    accelerations : ndarray, shape (r,)
+        The accelerations of the rows at multipliers 0.
+    rates : ndarray, shape (r,)
+        The rates of the rows. Bounded rows with larger rates than `slip_noise` slide.
+    roundoff : ndarray, shape (r,)
+        Accelerations up to this size count as 0.
+    slip_noise : ndarray, shape (r,)
+        Rates of bounded rows up to this size count as 0.
+    ahead : callable, optional
+        Maps multipliers (r,) to the rates of the accelerations (r,) with multipliers
+        at fixed parts of their bounds, and to the rounding errors of these rates (r,).
+        The rates decide ties: contacts without force and acceleration, and rows at
+        rest with the multiplier at its bound. Without `ahead` tied rows hold.
+    left : ndarray of int, shape (r,), optional
+        How often each row has already reached the end of its held mode at this time.
+        A row with a positive number does not hold where the rates decide no tie.
+    """
+    if not len(closed):
+        return RowModes((), accelerations, accelerations, paradox=False)
+    left = np.zeros(len(rates), dtype=int) if left is None else left
+    begun = np.zeros(len(rates), dtype=bool)
+    given, directions = _sliding(closed, rates, slip_noise)
+    while True:
+        sizes = np.where(given | begun, closed.bounds, closed.statics)
+        problem = closed.problem(accelerations, sizes, directions, given=given)
+        rows = ContactRows(closed, problem, sizes, given, directions, roundoff)
+        solution = solved_rows(rows)
+        if not solution.found:
+            nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
+            return RowModes(off, nothing, nothing, paradox=True)
+        if problem.discs:
+            solution = eased(rows, supported(rows, solution))
+        found, directions_found = _Edges(rows, ahead, left).edges(solution)
+        begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
+        begins &= ~given & (closed.bounds != sizes)
+        if begins.any():
+            begun |= begins
+            continue
+        decided = _decided(rows, found, directions_found)
+        return _farther(rows, decided, directions_found) if problem.discs else decided
+
+
+def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
+    """Return the mask (r,) of rows that slide, and the directions (r,) of friction."""
+    bounded, pairs = closed.table.bounded, closed.table.pairs
+    if not bounded.any():
+        return bounded, np.zeros(len(rates))
+    slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
+    noise = np.where(pairs >= 0, np.maximum(slip_noise, slip_noise[pairs]), slip_noise)
+    given: Flags = bounded & (slips > noise)
+    return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
+
+
+# Where a row reaches the end of its mode again at the same time, multipliers in
+# problems with discs count as being at their bounds within this part.
+EDGE = 1e-8
+# At the bound, the force of a disc is known to the square root of rounding only: it
+# counts as being along a direction within this angle.
+ALONG = 1e-3
+
+
+class _Edges(NamedTuple):
+    """Rows with a solution of their problem: which are at their bounds, and ties.
+
+    Attributes
+    ----------
+    rows : ContactRows
+    ahead, left
+        As in `modes`.
+    """
+
+    rows: ContactRows
+    ahead: Callable[[Floats], tuple[Floats, Floats]] | None
+    left: Ints
+
+    @property
+    def closed(self) -> Closed:
+        """The rows."""
+        return self.rows.closed
+
+    def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:
+        """Return the modes (r,) and directions (r,) of all rows, with ties decided.
+
+        A row whose multiplier is strictly between its bounds is held; a row with an
+        acceleration is at a bound; any other row is tied. Held rows are independent.
+        """
+        p, own = solution.p, self.closed.D.diagonal()
+        problem = self.rows.problem
+        limits = problem.limits(p)
+        rounding = self.rows.rounding(p, limits)
+        small = rounding / np.where(own > 0.0, own, 1.0)
+        if problem.discs:  # all forces are known to this part only
+            close = EDGE if self.left.max() > 1 else SETTLED_IMPULSE
+            small = np.maximum(small, close * limits)
+        for disc in problem.discs:  # both of its rows are on its edge, or neither
+            small[[*disc]] = small[[*disc]].max()
+        modes, directions = [Mode.OFF] * len(p), self.rows.directions.copy()
+        held: list[int] = np.flatnonzero(self.closed.table.equal).tolist()
+        tied: list[int] = []
+        for k in self.rows.one_sided:
+            if solution.w[k] <= rounding[k]:
+                (held if p[k] > small[k] else tied).append(k)
+        touches = {*held, *tied}
+        bounded, ways = self._bounded(solution, rounding, limits, small)
+        for k, mode in bounded.items():
+            n = self.closed.table.normals.item(k)
+            if n >= 0 and n not in touches:
+                directions[k] = 0.0
+            elif mode is Mode.SLIDING:
+                modes[k], directions[k] = mode, ways[k]
+            else:
+                (held if mode is Mode.HELD else tied).append(k)
+        self._hold(p, held, tied, modes, directions, limits, limits > small)
+        return modes, directions
+
+    def _bounded(
+        self, solution: Solution, rounding: Floats, limits: Floats, small: Floats
+    ) -> tuple[dict[int, Mode], Floats]:
+        """Return the modes of bounded rows by their indices, and directions (r,).
+
+        OFF for tied rows; directions as in `RowModes`, of rows that slide.
+
+        Parameters
+        ----------
+        solution : Solution
+        rounding : ndarray, shape (r,)
+            Roundoff bounds of accelerations.
+        limits, small : ndarray, shape (r,)
+            Bounds of the multipliers' sizes; sizes up to `small` count as 0.
+        """
+        p, w = solution.p, solution.w
+        force, slip, least = np.abs(p), np.abs(w), rounding.copy()
+        for k, pair in enumerate(self.closed.table.pairs.tolist()):
+            if pair > k:
+                disc = [k, pair]
+                force[disc] = np.linalg.norm(p[disc])
+                slip[disc] = np.linalg.norm(w[disc])
+                least[disc] = rounding[disc].max()
+        inside = ~(force >= limits - small)
+        slides = (slip > least) | self.rows.given
+        at_bound = ~inside & (limits > small)
+        known = np.where(at_bound, force, slip)
+        ways = np.where(at_bound, p, -w) / np.where(known > 0.0, known, 1.0)
+        ways = np.where(self.rows.given, self.rows.directions, ways)
+        chosen = np.where(slides, Mode.SLIDING, np.where(inside, Mode.HELD, Mode.OFF))
+        modes = chosen.tolist()
+        bounded = np.flatnonzero(self.closed.table.bounded).tolist()
+        return {k: Mode(modes[k]) for k in bounded}, ways
+
+    def _hold(
+        self,
+        p: Floats,
+        held: list[int],
+        tied: list[int],
+        modes: list[Mode],
+        directions: Floats,
+        limits: Floats,
+        pressed: Flags,
+    ) -> None:
+        """Set the modes of held and tied rows, and directions of rows not held.
+
+        A row that depends on held rows is redundant. Slips of contacts without force
+        are off. `modes` and `directions` are changed in place.
+
+        Parameters
+        ----------
+        p, limits : ndarray, shape (r,)
+            Multipliers, and their largest sizes.
+        held, tied : list of int
+            Indices of rows.
+        pressed : ndarray of bool, shape (r,)
+            The rows whose limit is larger than rounding.
+        """
+        normals = self.closed.table.normals.tolist()
+        span = Independent(self.closed.columns, regular=self.rows.regular)
+        turn = self._turned(p, tied, pressed)
+        x, rate = self._rates(p, held, tied, pressed, turn)
+        none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
+        apart = [
+            k
+            for k in tied
+            for disc in [self.rows.disc(k)]
+            if rate[disc].any() or (self.left[disc].any() and none[disc[-1]])
+        ]
+        ranked = sorted(tied, key=lambda k: -abs(turn[k] @ x))
+        rests = [k for k in (*held, *ranked) if k not in apart]
+        firm = [k for k in rests if k in held or not none[k]]
+        apart = self._movable(firm, rests, apart, turn)
+        for k in (*held, *ranked):
+            n = normals[k]
+            if n >= 0 and modes[n] is not Mode.HELD:
+                continue
+            if k in apart:
+                modes[k] = Mode.SLIDING if limits[k] else Mode.OFF
+            else:
+                modes[k] = Mode.HELD if span.takes(k) else Mode.REDUNDANT
+            if modes[k] is not Mode.HELD and limits[k]:
+                directions[k] = p[k] / limits[k]
+        for k, n in enumerate(normals):
+            if n >= 0 and modes[n] is Mode.OFF:
+                modes[k], directions[k] = Mode.OFF, 0.0
+
+    def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats:
+        """Return a rotation (r, r) of the rows to the axes of the forces of tied discs.
+
+        The two rows of each tied disc become one across and one along its force; other
+        rows are unchanged.
+        """
+        turn = np.eye(len(p))
+        for i, k in self.rows.problem.discs:
+            if k in tied and pressed[k]:
+                c, s = p[[i, k]] / np.linalg.norm(p[[i, k]])
+                turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
+        return turn
+
+    def _movable(
+        self, firm: list[int], rests: list[int], apart: list[int], turn: Floats
+    ) -> list[int]:
+        """Return the rows of `apart` that can slip, independently of rows that hold.
+
+        A single bounded row that depends on `firm` rows cannot. A disc can slip along
+        its force only: it cannot where that direction depends on rows at rest and on
+        the directions across the forces of discs at their bounds.
+
+        Parameters
+        ----------
+        firm, rests, apart : list of int
+            Indices of rows that hold firmly, of all rows at rest, and of tied rows
+            that would not hold.
+        turn : ndarray, shape (r, r)
+            See `_turned`.
+        """
+        if not apart:
+            return apart
+        Y = self.closed.factor @ turn
+        span = Independent(Y)
+        for k in firm:
+            span.takes(k)
+        single = self.closed.table.bounded & (self.closed.table.pairs < 0)
+        apart = [k for k in apart if not single[k] or span.adds(k)]
+        discs = [disc for disc in self.rows.problem.discs if disc[1] in apart]
+        if not discs:
+            return apart
+        for k in rests:
+            span.takes(k)
+        for i, k in discs:
+            across, along = (np.linalg.norm(span.outside(Y[:, j])) for j in (i, k))
+            if across > ALONG * along:
+                span.takes(i)
+        locked = [disc for disc in discs if not span.adds(disc[1])]
+        return [k for k in apart if self.rows.disc(k) not in locked]
+
+    def _rates(
+        self,
+        p: Floats,
+        held: list[int],
+        tied: list[int],
+        pressed: Flags,
+        turn: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Return d/dt of multipliers less bounds (r,), and d/dt of accelerations (r,).
+
+        Both are in the axes `turn`, and decide ties; they solve a complementarity
+        problem. The rate of the multiplier of a held row is free; that of a tied row
+        leads inside its bounds, or along the boundary of its disc; a row that slides
+        keeps its part of its bound. Both are 0 without ties or `ahead`.
+        """
+        r = len(p)
+        x, w = np.zeros((2, r))
+        if self.ahead is None or not tied:
+            return x, w
+        span = Independent(self.closed.columns, turn, regular=self.rows.regular)
+        edges = [i for i, k in self.rows.problem.discs if k in tied and pressed[k]]
+        # Rows that are not coupled with tied ones decide nothing.
+        some = sorted(
+            k for rows in self.rows.groups if not rows.isdisjoint(tied) for k in rows
+        )
+        place = {k: i for i, k in enumerate(some)}
+        free = [place[k] for k in (*held, *edges) if k in place and span.takes(k)]
+        unit, S = np.eye(len(some)), np.eye(len(some))  # p' = S turn x
+        for k in some:
+            n = self.closed.table.normals[k]
+            if n >= 0 and p[n] > 0.0:
+                S[place[k], place[n]] = p[k] / p[n]
+        ways = [unit[place[k]] for k in tied if k in self.rows.one_sided]
+        inside = [k for k in tied if pressed[k] and k not in edges]
+        ways += [-(p @ turn[:, k]) * unit[place[k]] for k in inside]
+        both = np.ix_(some, some)
+        own = turn[both]
+        D, (change, noise) = own.T @ self.closed.D[both] @ S @ own, self.ahead(p)
+        c, rounding = own.T @ change[some], np.abs(own.T) @ noise[some]
+        x[some], w[some] = rates_at(
+            D, c, rounding, free, np.array(ways).reshape(-1, len(some))
+        )
+        return x, w
+
+
+def _expressed(
+    rows: ContactRows, modes: list[Mode], directions: Floats
+) -> tuple[Floats, Floats]:
+    """Return E (r, r) and p0 (r,) of p = E x + p0 for the multipliers p of all rows.
+
+    x : the multipliers of the held rows. The other multipliers are at their bounds, in
+    the given directions (r,).
+    """
+    r = len(modes)
+    E, p0 = np.zeros((r, r)), np.zeros(r)
+    for k, mode in enumerate(modes):
+        n, part = rows.closed.table.normals[k], directions[k] * rows.sizes[k]
+        if mode is Mode.HELD:
+            E[k, k] = 1.0
+        elif mode is not Mode.OFF and n < 0:
+            p0[k] = part
+        elif mode is not Mode.OFF and modes[n] is Mode.HELD:
+            E[k, n] = part
+    return E, p0
+
+
+def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowModes:
+    """Solve for the multipliers of the held rows, and return all modes."""
+    closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
+    # Returned directions are parts of the bounds in force, not of the problem's.
+    redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
+    known = np.where(redundant, closed.statics, closed.bounds)
+    other = (known > 0.0) & (known != sizes)
+    parts = np.where(other, sizes, 1.0) / np.where(other, known, 1.0)
+    E, p0 = _expressed(rows, modes, directions)
+    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    if not held:
+        return RowModes(tuple(modes), directions * parts, p0, paradox=False)
+    slides = Mode.SLIDING in modes
+    h, own = c + closed.D @ p0, closed.D.diagonal()
+    p, jams = p0.copy(), slides and _jams(rows, E, held)
+    alone = [k for k in held if k in rows.alone]
+    p[alone] = -h[alone] / own[alone]
+    for group in rows.groups:
+        some = sorted(group.intersection(held)) if len(group) > 1 else []
+        if some:
+            x, ratio = _solved_together(rows, E, h, some)
+            p += E[:, some] @ x
+            jams |= slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
+    least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
+    for k in rows.one_sided:
+        if least < p[k] < 0.0:
+            p[k] = 0.0
+    is_open = (
+        slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
+    )
+    return RowModes(tuple(modes), directions * parts, p, jams, is_open)
+
+
+def _solved_together(
+    rows: ContactRows, E: Floats, h: Floats, some: list[int]
+) -> tuple[Floats, float]:
+    """Solve for the multipliers (k,) of k held rows that are coupled.
+
+    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
+    Y_H = Q R, so that nearly dependent rows lose no more digits than their condition
+    number requires.
+
+    Parameters
+    ----------
+    rows : ContactRows
+    E : ndarray, shape (r, r)
+        As returned by `_expressed`.
+    h : ndarray, shape (r,)
+        Accelerations of all rows with the multipliers p0.
+    some : list of int, length k
+        Indices of the held rows.
+
+    Returns
+    -------
+    x : ndarray, shape (k,)
+    ratio : float
+        The determinant of B relative to that without friction, det(R)^2.
+    """
+    closed = rows.closed
+    rubs = np.count_nonzero(E[:, some]) > len(some)
+    if closed.pushes is None and not rubs:
+        found = solved_regular(closed.D[np.ix_(some, some)], -h[some])
+        if found is not None:
+            return found, 1.0
+    Q, R = np.linalg.qr(closed.factor[:, some])
+    forces = Q.T @ (closed.columns @ E[:, some])
+    B, x = closed.D[some] @ E[:, some], np.zeros(len(some))
+    for _ in range(2):
+        right = np.linalg.solve(R.T, B @ x + h[some])
+        x -= least_squares(forces, right, DEPENDENT_SQUARE)
+    sign, size = np.linalg.slogdet(forces)
+    other, plain = np.linalg.slogdet(R)
+    return x, float(sign * other * np.exp(size - plain))
+
+
+# Part of their reserves that redundant rows take over at most, so that the other rows
+# do not reach their bounds at the last moment, where forces have no clear direction;
+# number of halvings of these loads.
+TAKEN = 0.9
+TAKEN_OVER = 5
+
+
+def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowModes:
+    """Return modes in which redundant limited rows have multipliers at their bounds.
+
+    Their loads are constant in a mode, so that those of the rows that hold change. The
+    less these bear at first, the later they reach their bounds: where all loads grow
+    alike, when no multipliers suffice any more.
+
+    Parameters
+    ----------
+    rows : ContactRows
+    decided : RowModes
+        The modes with loads in the least parts of the bounds.
+    directions : ndarray, shape (r,)
+        As given to `_decided`.
+    """
+    own = rows.closed.table.bounded & (rows.closed.table.normals < 0)
+    spare, held = (
+        [k for k, mode in enumerate(decided.mode) if mode is wanted and own[k]]
+        for wanted in (Mode.REDUNDANT, Mode.HELD)
+    )
+    most = max((np.linalg.norm(directions[rows.disc(k)]) for k in spare), default=0.0)
+    if not (0.0 < most < 1.0 - HALF_OF_DIGITS and held):
+        return decided
+    more = TAKEN * (1.0 / most - 1.0)
+    for _ in range(TAKEN_OVER):
+        larger = directions.copy()
+        larger[spare] *= 1.0 + more
+        found = _decided(rows, list(decided.mode), larger)
+        limits = most * rows.problem.limits(found.multipliers)
+        sizes = [np.linalg.norm(found.multipliers[rows.disc(k)]) for k in held]
+        if all(x < limits[k] for x, k in zip(sizes, held, strict=True)):
+            return found
+        more *= 0.5
+    return decided
+
+
+def _rubs_openly(rows: ContactRows, modes: list[Mode], directions: Floats) -> bool:
+    """Whether the motion is not unique because non-unique multipliers bound friction.
+
+    This is so where a combination of multipliers of held and redundant rows, with their
+    friction, accelerates none of these rows and is not 0 as a force.
+    """
+    bears = ~rows.closed.table.bounded | (rows.sizes > 0.0)
+    both: list[Mode] = [
+        Mode.HELD if mode is Mode.REDUNDANT and bears[k] else mode
+        for k, mode in enumerate(modes)
+    ]
+    rest = [k for k, mode in enumerate(both) if mode is Mode.HELD]
+    E, _ = _expressed(rows, both, directions)
+    Y = rows.closed.factor
+    lengths = np.linalg.norm(Y[:, rest], axis=0)
+    units = np.where(lengths > 0.0, lengths, 1.0)
+    F = (rows.closed.columns @ E)[:, rest] / units
+    _, s, V = np.linalg.svd(Y[:, rest].T @ F / units[:, None])
+    free = V[s <= DEPENDENT_SQUARE * s[0]]
+    return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
+
+
+def _jams(rows: ContactRows, E: Floats, held: list[int]) -> bool:
+    """Whether a held contact with sliding friction has no positive effective mass.
+
+    A force on such a contact does not separate it. Each contact is tested alone; the
+    rows that are coupled are tested by the sign of their determinant with friction.
+    """
+    D = rows.closed.D
+    free = np.flatnonzero(rows.closed.table.equal)
+    masses = np.einsum("ij,ji->i", D, E)
+    if len(free):
+        by_free, G = D @ E[:, free], D[free] @ E
+        X = np.linalg.lstsq(G[:, free], G, rcond=None)[0]
+        masses = masses - np.einsum("ij,ji->i", by_free, X)
+    signed = [k for k in held if k in rows.one_sided]
+    least = ACCELERATION_ROUNDOFF * D.diagonal()[signed]
+    return bool((masses[signed] <= least).any())

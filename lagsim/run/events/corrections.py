@@ -1,0 +1,121 @@
+"""Corrections of the state at an instant for errors of the step that has ended.
+
+Errors of a step leave an opened contact below its ground, turn the direction of a slip
+that stops, or leave a rate that a law has held at 0 at its rounding.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.methods.parts import parameters as kept
+from lagsim.tolerances import SUM_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from lagsim.language.arrays import Floats, Ints
+    from lagsim.run.events.kinematics import Kinematics
+
+
+def corrected_state(here: Kinematics, met: int) -> Floats | None:
+    """Return the state (size,) corrected for errors of the step that just ended.
+
+    None where there is nothing to correct. met : the index of the law whose mode has
+    ended, or -1.
+    """
+    if here.arc.system.p.law_opens.any():
+        return _raised_state(here)
+    if met >= 0 and _is_stopping(here, met):
+        return _straightened_state(here, met)
+    return None
+
+
+def _raised_state(here: Kinematics) -> Floats:
+    """Return the state (size,) in which contacts just opened have gap and rate >= 0.
+
+    Errors of a step may leave such contacts below ground, or approaching.
+    """
+    state, p = here.arc.state, here.arc.system.p
+    y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
+    levels = (state.positions, here.residuals), (state.velocities, here.rates)
+    for level, values in levels:
+        low = np.flatnonzero((p.law_opens > 0.0) & (values < 0.0))
+        if len(low):
+            asked = np.append(values[low], np.zeros(len(held)))
+            y[level] -= here.shape.lift([*low, *held], asked)
+    return y
+
+
+def _is_stopping(here: Kinematics, k: int) -> bool:
+    """Whether the slip of law k stops before a position changes by more than rounding.
+
+    k : the index of a slip on a disc whose mode has ended.
+    """
+    pair, p = [k, here.laws[k].pair], here.arc.system.p
+    if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
+        return False
+    speed = float(np.linalg.norm(here.rates[pair]))
+    places = here.shape.slopes[pair] @ here.seen[here.arc.state.positions]
+    back = float(np.linalg.norm(here.present[pair]))
+    short = speed**2 <= 2.0 * back * SUM_ROUNDOFF * float(places.max())
+    return short and speed > p.law_still[k]
+
+
+def _straightened_state(here: Kinematics, k: int) -> Floats:
+    """Return the state (size,) with a slip on a disc turned to its last direction.
+
+    In the step that ends at the stop of a slip, rounding turns the last directions of
+    its friction, and thus the slip.
+
+    Parameters
+    ----------
+    here : Kinematics
+    k : int
+        The number of one of the two laws of the slip.
+    """
+    y, pair = here.y.copy(), [k, here.laws[k].pair]
+    along = here.arc.system.p.law_direction[pair]
+    across = here.rates[pair] - along * (along @ here.rates[pair])
+    y[here.arc.velocities] -= here.shape.lift(pair, across)
+    return y
+
+
+def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
+    """Return the laws with the velocities of `here.y` corrected, in place.
+
+    Corrections of gaps may have changed the rates of stopped laws, which become 0.
+
+    stopped : ndarray of int, shape (r,), the numbers of these laws.
+    """
+    rates = here.rates[stopped]
+    if not (np.abs(rates) > here.still[stopped]).any():
+        return here
+    here.y[here.arc.velocities] -= here.shape.lift(stopped.tolist(), rates)
+    return here.at(here.y)
+
+
+def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
+    """Set the velocities in y that laws hold from now on to their exact values.
+
+    These are velocities that a single law determines: a switch at 0 of such a velocity
+    is decided by 0, and not by the rounding of the time at which it stopped.
+
+    Parameters
+    ----------
+    here : Kinematics
+    y : ndarray, shape (size,)
+    stopped : collection of int
+        Laws that slid until now and hold from now on.
+    """
+    v = y[here.arc.velocities]
+    for k in stopped:
+        row, rate = here.rows[k], here.rates[k]
+        [*places] = np.flatnonzero(row)
+        if len(places) == 1 and abs(rate) <= here.still[k]:
+            [j] = places
+            moves = rate != row[j] * v[j]  # the surface on which it rests moves
+            v[j] = v[j] - rate / row[j] if moves else 0.0
+    y[here.arc.velocities] = v

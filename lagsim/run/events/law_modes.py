@@ -1,0 +1,318 @@
+"""Modes of laws from an instant on: which hold, slide or are off.
+
+The accelerations decide which of the closed laws hold (`mechanics.row_modes`). The
+modes, and how far rounding may carry a law past the end of its mode, are stored in the
+memory that the kernels of the next arc read.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.mechanics.pieces import MARK, whole
+from lagsim.mechanics.row_modes import modes
+from lagsim.methods.parts import parameters as kept
+from lagsim.notes import Event
+from lagsim.run.events.sliders import at_edge
+from lagsim.run.events.slips import begin_slips
+from lagsim.tolerances import CLEAR_OF_ROUNDING, SUM_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterator, Mapping
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.row_modes import RowModes
+    from lagsim.run.arc import Arc
+    from lagsim.run.events.kinematics import Kinematics
+
+    Ahead = Callable[[Floats], tuple[Floats, Floats]]
+
+FORCING = (kept.HELD, kept.SLIDING)
+HOLDING = (kept.HELD, kept.REDUNDANT)
+# Ratio of successive times ahead at which the change of forces is evaluated.
+LATER = 10.0
+
+
+def put_modes(arc: Arc, chosen: Chosen) -> None:
+    """Store selected modes in the parameters that the kernels read."""
+    p = arc.system.p
+    own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
+    p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
+    p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
+
+
+def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
+    """Return the state (size,) a short time later, to second order.
+
+    p : ndarray, shape (r,), the multipliers of the laws `some`. moment : the time.
+    """
+    rates = here.free.copy()
+    rates[here.arc.velocities] += here.answer.response[:, some] @ p
+    return here.arc.later(here.y, rates, moment)
+
+
+def ahead_of(
+    here: Kinematics, some: list[int],
+    others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
+) -> Ahead:  # fmt: skip
+    """Return a function that maps multipliers (r,) to d/dt of accelerations.
+
+    The function returns these rates (k + r,) of `others` and of laws, and the rounding
+    bounds (r,) of those of laws. Each bounded multiplier keeps its ratio to its bound.
+
+    Parameters
+    ----------
+    here : Kinematics
+    some : list of int, length r
+        Numbers of the laws.
+    others : callable
+        Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
+        which returns the rates (k,) of other rows. They come first in the result.
+    """
+    moment = here.arc.moment
+
+    def change(p: Floats) -> tuple[Floats, Floats]:
+        y = _state_after(here, some, p, moment)
+        later = here.at(y, here.t + moment)
+        w = []
+        for x in here, later:
+            part, known = np.ones(len(some)), here.bounds[some] > 0.0
+            part[known] = x.bounds[some][known] / here.bounds[some][known]
+            D, response = x.answer.D[np.ix_(some, some)], x.answer.response[:, some]
+            more = others(x, response @ (part * p))
+            w.append(np.append(more, x.accelerations[some] + D @ (part * p)))
+        return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
+
+    return change
+
+
+def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
+    """Return the indices of the laws that are closed and do not separate.
+
+    Laws of `also` count as closed whatever their gaps are. A slip could act only where
+    its contact could.
+    """
+    table, acts = here.table, np.array(here.is_closed(also), dtype=bool)
+    acts &= ~(table.one_sided & (here.rates > here.still))
+    acts[table.slips] &= acts[table.normals[table.slips]]
+    some: list[int] = np.flatnonzero(acts).tolist()
+    return some
+
+
+class Chosen(NamedTuple):
+    """Selected modes of all laws, with the multipliers that justify them.
+
+    Attributes
+    ----------
+    mode, direction : ndarray, shape (L,)
+        Mode of each law, and the direction of its friction or limit.
+    some : list of int, length r
+        Numbers of the laws that could act.
+    multipliers, D : ndarray, shape (r,)
+        Their multipliers, and the diagonal of their matrix D, accelerations per
+        multiplier.
+    paradox, open : bool
+        Whether there is a paradox of Painlevé's (see `mechanics.row_modes.RowModes`);
+        whether the motion is not unique.
+    """
+
+    mode: Floats
+    direction: Floats
+    some: list[int]
+    multipliers: Floats
+    D: Floats
+    paradox: bool
+    open: bool = False
+
+    @classmethod
+    def of(cls, here: Kinematics, some: list[int], found: RowModes) -> Chosen:
+        """Return the modes of all laws from the modes of the laws `some`.
+
+        Others are off.
+
+        found : its first rows belong to the laws `some`.
+        """
+        mode, direction = np.zeros((2, here.count))
+        r = len(some)
+        mode[some] = [float(x) for x in found.mode[:r]]
+        direction[some] = found.direction[:r]
+        D = here.answer.D.diagonal()[some]
+        return cls(
+            mode, direction, some, found.multipliers[:r], D, found.paradox, found.open
+        )
+
+
+def chosen_modes(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
+    """Select the modes by the accelerations of the laws `some`, which could act.
+
+    `left`: how often each law has reached the limit of its multiplier at this time.
+    """
+    if not some:
+        none = np.empty(0)
+        mode, direction = np.zeros((2, here.count))
+        return Chosen(mode, direction, some, none, none, paradox=False)
+    laws, asked = here.acting(some, left), here.accelerations[some]
+    asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
+    found = modes(
+        laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
+        ahead_of(here, some), laws.left,
+    )  # fmt: skip
+    return Chosen.of(here, some, found)
+
+
+def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
+    """Store the speeds at which slips on a disc count as begun, and as stopped.
+
+    A slower slip has no direction but rounding, and friction would turn it into the
+    direction of its force at once, for which explicit steps are too long. Up to
+    `laws.BEGUN` times the least speed a slip keeps its first direction. The error of
+    its path is the power 3/2 of the relative speed, compared with the path in the time
+    in which forces change. Friction on a slower slip would make a fixed step unstable,
+    whose stability bound is 2.
+
+    Parameters
+    ----------
+    here : Kinematics
+    found : Chosen
+        The modes selected.
+    slid : collection of int
+        Laws that slid until this time.
+    """
+    arc, p = here.arc, here.arc.system.p
+    floors, stills = np.zeros(here.count), np.zeros(here.count)
+    begun, steady = [], math.inf
+    rtol = float(arc.plan.tolerance)
+    for pair in here.table.discs:
+        k, other = pair
+        if kept.SLIDING not in found.mode[pair]:
+            if k in slid or other in slid:  # stops; selection may be repeated
+                stills[pair] = p.law_still[k]
+            continue
+        speed = float(np.linalg.norm(here.rates[pair]))
+        if k in slid or other in slid:
+            # The regularized beginning of a slip ends at any other event.
+            floors[pair] = p.law_floor[k] if math.isinf(p.law_lasts[k]) else 0.0
+            stills[pair] = p.law_still[k]
+            continue
+        places = [found.some.index(j) for j in pair]
+        rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
+        if rubs == 0.0:
+            continue
+        changes = _steady(here, found, pair, rubs)
+        scale = rubs * changes
+        # A slower slip would turn and stop in fewer roundings of t than steps need.
+        rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
+        floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * max(here.still[k], rounded))
+        floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
+        floor = max(floor, rubs * (arc.plan.step or 0.0) / 2.0)
+        stills[pair] = max(rtol * scale, rounded)
+        if speed < floor:
+            floors[pair] = floor
+            begun.append(pair)
+            steady = min(steady, changes)
+    p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
+    p.law_turn[:] = 0.0
+    if begun and here.t < arc.settings.end:
+        places = [found.some.index(k) for pair in begun for k in pair]
+        friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
+        begin_slips(here, np.array(begun), friction, steady)
+
+
+def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
+    """Return the time in which the forces on a slip change by as much as its friction.
+
+    Evaluated at ever later times, since a force may begin to change at a rate of 0.
+
+    Parameters
+    ----------
+    here : Kinematics
+    found : Chosen
+        The modes selected.
+    pair : list of int, length 2
+        The two laws of the slip on a disc.
+    rubs : float
+        Deceleration of the slip by its friction.
+    """
+    moment, steady = here.arc.moment, here.arc.settings.end - here.t
+    while moment < steady:
+        y = _state_after(here, found.some, found.multipliers, moment)
+        later = here.at(y, here.t + moment)
+        bends = later.accelerations - here.accelerations
+        change = float(np.linalg.norm(bends[pair])) / moment
+        if not math.isfinite(change):  # the forces are undefined so far ahead
+            return moment
+        steady = min(steady, rubs / change) if change > 0.0 else steady
+        moment *= LATER
+    return steady
+
+
+def set_slack(here: Kinematics, found: Chosen) -> None:
+    """Store the slacks and bands of laws, so that rounding ends no mode."""
+    arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
+    slack, table, mode = p.slack[K:], here.table, found.mode
+    slack[:] = 0.0
+    size, band, rounding = np.zeros((3, here.count))
+    pushed = np.zeros(here.count)
+    pushed[found.some] = found.D
+    if (held := (mode == kept.HELD) & (pushed > 0.0)).any():
+        size[held] = band[held] = here.roundoff[held] / pushed[held]
+    slides = (mode == kept.SLIDING) & ~held
+    size[slides] = here.still[slides]
+    band[slides] = 0.5 * p.law_floor[slides]  # a direction is kept so far back
+    if (off := (mode == kept.OFF) & table.one_sided).any():
+        rounding[off] = np.where(table.gapped, here.slack, here.still)[off]
+        # A gap that has not opened yet has a slack.
+        shut = off & (here.gaps <= rounding)
+        size[shut] = np.maximum(rounding[shut], math.ulp(0.0))
+        for k, depth in here.grazing.items():
+            size[k] += 2.0 * depth
+        size[off & ~np.array(here.in_force)] = math.inf  # `when` is constant in an arc
+    for k in np.flatnonzero(p.law_place >= 0.0).tolist():
+        _set_slack_of_slider(here, k, size, band)
+    event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
+    slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)
+    p.band[K:], p.law_rounding[:] = band, rounding
+
+
+def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -> None:
+    """Store slack and band of a slider without mass in `size` and `band` (L,).
+
+    A lossless slider may return to its limit.
+    """
+    arc, slider = here.arc, here.laws[k].slider
+    assert slider is not None
+    size[k] = band[k] = SUM_ROUNDOFF * here.seen[arc.velocities][slider.coordinate]
+    if arc.system.p.law_direction[k] == 0.0:
+        size[k], band[k] = np.array([SUM_ROUNDOFF, at_edge(arc)]) * here.bounds[k]
+
+
+def changes(here: Kinematics, before: Floats) -> Iterator[Event]:
+    """Return events of constraints that now hold and did not before, or the reverse.
+
+    `before`, shape (L,): the modes before.
+    """
+    t, now = here.arc.t, here.arc.system.p.law_mode
+    if (now == before).all():
+        return
+    was_on, is_on = (
+        {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
+        for x in (before, now)
+    )
+    told = was_on & is_on  # possibly on another piece of the gap
+    for k, law in enumerate(here.laws):
+        name = law.name
+        if here.table.bounded[k]:
+            was, holds = before[k] in HOLDING, now[k] in HOLDING
+            if 0 <= law.pair < k:
+                continue
+            if was and now[k] == kept.SLIDING:
+                yield Event(t, "slip", name)
+            elif before[k] == kept.SLIDING and holds:
+                yield Event(t, "stick", name)
+        elif (before[k] == kept.OFF) != (now[k] == kept.OFF):
+            if MARK not in law.row.name or name not in told:
+                yield Event(t, "contact" if now[k] != kept.OFF else "release", name)
+            told.add(name)
