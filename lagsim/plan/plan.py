@@ -453,6 +453,10 @@ CHEAP = 10**6
 MOST_ENTRIES = 10_000
 # Functions of as many slopes as n (n + m), twice: see `program/functions.py`.
 SLOPES = frozenset(("jacobian", "lagrangian"))
+# A tape whose operations repeat as often as this, on average, takes 1.4 to 1.8 times as
+# long as code (strings, nets, 40 bodies that attract). Of as many operations of q'',
+# the code takes as long to compile as 100,000 evaluations.
+REPEATS, MOST_COMPILED = 200, 1500
 
 
 def eliminate(
@@ -540,6 +544,34 @@ def many_slopes(
     if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
         return False
     choices.append(Choice("tapes", f"{slopes} derivatives would need long to compile"))
+    return True
+
+
+def repeats(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
+) -> bool:
+    """Whether tapes save the time to compile, since the same operations repeat.
+
+    As in a string or a net, where q'' of each member takes the same operations: an
+    instruction of a tape evaluates all of one kind and level.
+    """
+    if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        return False
+    g, level, kinds = equations.graph, dict[int, int](), set[tuple[int, str]]()
+    if len(g) < MOST_COMPILED:
+        return False
+    for n in g.cone(elimination.motion()[0]):
+        if g.args[n]:
+            level[n] = 1 + max(level.get(a, 0) for a in g.args[n])
+            kinds.add((level[n], g.ops[n]))
+    count = len(level)
+    if count < MOST_COMPILED or count < REPEATS * len(kinds):
+        return False
+    reason = f"{count} operations of {len(kinds)} kinds would need long to compile"
+    choices.append(Choice("tapes", reason))
     return True
 
 
@@ -647,6 +679,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
     tape = tape or many_slopes(name, equations, elimination, choices)
+    tape = tape or repeats(name, equations, elimination, choices)
     # Matrices factored once: 2 M and A, 1 only M, 0 neither.
     constant = (1 + scene.constant_rows) * scene.constant_mass
     # With the constraints, M is constant where they are.

@@ -137,6 +137,32 @@ def test_ten_thousand_slopes_are_not_compiled():
     assert told == [False, True]
 
 
+@pytest.mark.parametrize(
+    ("n", "options", "tape"),
+    [
+        (300, {}, False), (400, {}, True), (400, {"method": "radau"}, True),
+        (400, {"method": "taylor"}, False),  # a series needs straight-line code
+    ],
+)  # fmt: skip
+def test_operations_that_repeat_are_not_compiled(n, options, tape):
+    # Four operations of q'' a member: two differences, their difference, a factor.
+    plan = plan_of(
+        f"""
+        parameters: {{n: {n}, k: 100, m: 2}}
+        coordinates: {{u(1..n): {{}}}}
+        energy:
+          kinetic: sum(i = 1..n, m*u_dot(i)^2/2)
+          potential: sum(i = 1..n-1, k*(u(i+1) - u(i))^2/2)
+        initial: {{u(i = 1..n): 0.1*i}}
+        simulation: {{duration: 1}}
+        """,
+        **options,
+    )
+    assert plan.tape is tape
+    told = [choice.reason for choice in plan.choices if choice.choice == "tapes"]
+    assert len(told) == tape
+
+
 def test_a_row_that_vanishes_at_the_start_has_its_length_nearby():
     lengths = plan_of("""
     coordinates: {w: {}, x: {}, y: {}, z: {}}
