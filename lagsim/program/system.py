@@ -509,8 +509,8 @@ class System:
         self.set_modes(list(other.p.flat[other.modes_at]))
         for name in self.model.modes:
             self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
-        self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
-        self.p.law_shares, self.p.ends_above = other.p.law_shares, other.p.ends_above
+        for mine, its in zip(self.p.modes, other.p.modes, strict=True):
+            mine[:] = its
         self.p.known, self.p.passed = other.p.known, other.p.passed
         self.p.apart = other.p.apart
         for name in KEPT:

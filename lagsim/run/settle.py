@@ -12,8 +12,10 @@ returns the next one (`instant.InstantRecord`):
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
 
-Only `settle` carries out what a phase has found: it writes state and modes to the
-memory of the arc, which the compiled functions and the kernels of the next arc read.
+Only `settle` carries out what a phase has found (`carried_out`): it writes state and
+modes to the memory of the arc, which the compiled functions and the kernels of the next
+arc read. Each phase selects modes on trial, and leaves the memory as it was
+(`modes.TrialModes`).
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.events.sequence import STUCK
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
+from lagsim.run.modes import TrialModes, write
 from lagsim.run.trajectory import NOWHERE, Decision, Ending, Outcome, quoted
 
 if TYPE_CHECKING:
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
     from lagsim.run.events.switching import Switching
     from lagsim.run.events.times import KnotTimes, TimeBreaks
     from lagsim.run.events.transitions import Transitions
+    from lagsim.run.modes import ArcModes
     from lagsim.run.trajectory import Located
 
 P = ParamSpec("P")
@@ -261,11 +265,8 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 @phase
 def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Strike the laws with the sides as they were, since a law was located."""
-    assert by.contacts is not None
-    assert now.laws is not None
     met = now.located.law
-    laws = by.contacts.located(now.arc, now.laws, met)
-    return laws_struck(now.but(laws=laws, located=NOWHERE), by, met)
+    return laws_struck(now.but(located=NOWHERE), by, met)
 
 
 @phase
@@ -293,14 +294,15 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.switching is None:
         return now.but(jumped=False) if now.jumped else now
     located, arc = now.located, now.arc
-    if located.surface >= 0:
-        found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
-    else:
-        found = by.switching.select(arc, now.surfaces, now.laws)
+    with TrialModes(arc.system.p) as trial:
+        if located.surface >= 0:
+            found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
+        else:
+            found = by.switching.select(arc, now.surfaces, now.laws)
+    now = now.but(located=NOWHERE, admissible=None, jumped=False)
     return carried_out(
-        now, found.decision, surfaces=found.surfaces, laws=found.laws,
-        located=NOWHERE, admissible=None, jumped=False,
-    )  # fmt: skip
+        now, found.decision, modes=trial.found, surfaces=found.surfaces, laws=found.laws
+    )
 
 
 @phase
@@ -319,8 +321,13 @@ def equalities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Strike the equalities whose rates have jumped: an inelastic impact."""
     if now.before is None:
         return now
-    found, surfaces = inelastic_impact(now.arc, now.before, by.switching, now.surfaces)
-    return carried_out(now, found, surfaces=surfaces, before=None, admissible=None)
+    with TrialModes(now.arc.system.p) as trial:
+        found, surfaces = inelastic_impact(
+            now.arc, now.before, by.switching, now.surfaces
+        )
+    return carried_out(
+        now, found, modes=trial.found, surfaces=surfaces, before=None, admissible=None
+    )
 
 
 def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecord:
@@ -332,11 +339,15 @@ def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecor
     assert now.laws is not None
     arc = now.arc
     decided = met < 0 or not (arc.system.surfaces or arc.t >= arc.end)
-    found = by.contacts.velocities(arc, now.laws, met, decided=decided)
+    with TrialModes(arc.system.p) as trial:
+        laws = now.laws if met < 0 else by.contacts.located(arc, now.laws, met)
+        found = by.contacts.velocities(arc, laws, met, decided=decided)
     decision = found.decision(arc)
     if decision.ending is None and met >= 0:
         decision = decision._replace(ending=by.contacts.accumulate())
-    return carried_out(now, decision, laws=found.laws, admissible=found.state)
+    return carried_out(
+        now, decision, modes=trial.found, laws=found.laws, admissible=found.state
+    )
 
 
 @phase
@@ -348,8 +359,12 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
-    found = by.contacts.modes(now.arc, now.laws, now.admissible)
-    return carried_out(now, found.decision(now.arc), laws=found.laws, admissible=None)
+    arc = now.arc
+    with TrialModes(arc.system.p) as trial:
+        found = by.contacts.modes(arc, now.laws, now.admissible)
+    return carried_out(
+        now, found.decision(arc), modes=trial.found, laws=found.laws, admissible=None
+    )
 
 
 @phase
@@ -373,7 +388,9 @@ def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     return now
 
 
-def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRecord:
+def carried_out(
+    now: InstantRecord, found: Decision, *, modes: ArcModes | None = None, **others: Any
+) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
 
     Where velocities jump, the row before the jump and the row after it are stored. All
@@ -383,12 +400,12 @@ def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRe
     ----------
     now : InstantRecord
     found : Decision
+    modes : ArcModes, optional
+        The modes of surfaces and laws that the phase has selected.
     **others
         Further fields of the next record.
     """
     arc, rows, after = now.arc, now.rows, now.after
-    if found.sizes is not None:
-        arc.sizes[:] = found.sizes
     jumps, shown = found.rows is not None, others.pop("shown", now.shown)
     if found.rows is not None:
         before = found.rows if shown is None else shown[None]
@@ -398,8 +415,7 @@ def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRe
             rows = (*rows, after)
         if arc.row_time(-1) < arc.t and not joined:
             rows = (*rows, before)
-    if found.y is not None:
-        arc.put(found.y)
+    _write(arc, found, modes)
     if jumps:
         after = arc.runner.tabulate(arc.row())
         arc.pass_shown()
@@ -410,6 +426,16 @@ def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRe
     if jumps:
         others |= {"rows": rows, "after": after, "impacts": True, "jumped": True}
     return now.but(shown=shown, ending=now.ending or found.ending, **others)
+
+
+def _write(arc: Arc, found: Decision, modes: ArcModes | None) -> None:
+    """Write the state and the modes that a phase has found to the arc's memory."""
+    if modes is not None:
+        write(arc.system.p, modes)
+    if found.sizes is not None:
+        arc.sizes[:] = found.sizes
+    if found.y is not None:
+        arc.put(found.y)
 
 
 # --- The events that are due, just before an instant and at the start
@@ -461,12 +487,14 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     arc, transitions = now.arc, by.transitions
     assert transitions is not None
-    if arc.equations.begun_by.impulses and not may_strike(arc, by):
-        at_rest = modes(velocities(sides(now, by), by), by)
-        now = now.but(ending=at_rest.ending)
+    if not arc.equations.begun_by.impulses or may_strike(arc, by):
+        return carried_out(now, transitions.start(arc))
+    at_rest = modes(velocities(sides(now, by), by), by)
+    with TrialModes(arc.system.p) as trial:
+        found = transitions.start(arc)
         if by.switching is not None:
-            by.switching.modes.forget()
-    return carried_out(now, transitions.start(arc))
+            by.switching.let_go(arc)
+    return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
 
 
 def may_strike(arc: Arc, by: Deciders) -> bool:

@@ -9,8 +9,9 @@ import pytest
 
 import lagsim
 from lagsim.methods.parts.parameters import KEPT
-from lagsim.run import settle
+from lagsim.run import arcs, settle
 from lagsim.run.instant import InstantRecord
+from lagsim.run.modes import ArcModes, TrialModes
 
 PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
 
@@ -34,6 +35,53 @@ def test_the_page_says_who_writes_each_word_that_an_arc_keeps():
     table = PAGE[PAGE.index("## Who writes each word") :]
     knots = {"knot_times", "knot_modes", "cells_before", "cells_after"}
     assert {name for name in KEPT if f"`{name}`" not in table} <= knots
+    assert "`ModeWords`" in table
+
+
+# A ball that rolls in a corner, a body that sticks and slides in a plane beside a
+# switch, a massless slider, and a corner of an equality.
+ALL_KINDS = """\
+coordinates: {x: {}, y: {}, u: {}, v: {}, z: {}, w: {}, r: {}, s: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2 + z_dot^2 + r_dot^2 + s_dot^2)/2
+  potential: 9.81*y + 2*u^2 + 50*(z - w)^2 + 9.81*s
+forces: {u: 0.7*cos(3*t), v: 0.4 - 0.3*sign(v_dot), z: sin(4*t), x: -0.2*sign(x - 0.4)}
+constraints:
+  floor: {relation: y >= 0, restitution: 0.5, friction: 0.3, slip: x_dot}
+  wall: {relation: x <= 1, restitution: 0.4}
+  plane: {relation: [u_dot = 0, v_dot = 0], limit: 0.2}
+  slider: {relation: w_dot = 0, limit: 0.3}
+  track: s = abs(r)
+initial: {x: 0, y: 0.1, u: 0.5, v: 0, z: 0, w: 0, r: -0.3, x_dot: 1, r_dot: 1,
+          s: {guess: 0.3}, s_dot: {guess: -1}}
+simulation: {duration: 1.5, output_step: 0.1}
+"""
+
+
+def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
+    written, kinds, inner, own = [], set(), settle.write, settle.settle
+
+    class Watched(TrialModes):
+        def __init__(self, p):
+            super().__init__(p)
+            assert not written or self.before == written[-1]
+
+    def writing(p, modes):
+        inner(p, modes)
+        written.append(modes)
+
+    def settling(now, by):
+        written.clear()
+        now = own(now, by)
+        assert not written or ArcModes.of(now.arc.system.p) == written[-1]
+        kinds.update(e.kind for e in now.events)
+        return now
+
+    monkeypatch.setattr(settle, "write", writing)
+    monkeypatch.setattr(settle, "TrialModes", Watched)
+    monkeypatch.setattr(arcs, "settle", settling)
+    lagsim.simulate(ALL_KINDS, error_bar="never")
+    assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno"}
 
 
 def test_a_record_is_frozen_and_copies_leave_it_as_it_was():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import inf
 
 from lagsim.language.arrays import Floats
@@ -23,14 +24,8 @@ LEVEL = -1.0
 CHOSEN = -2.0
 REDUNDANT_SIDE = -3.0
 
-# Arrays of surfaces, laws and knots that are kept from arc to arc.
-KEPT = (
-    "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
-    "leader", "least_above", "most_above", "roundoff", "floor", "least_root",
-    "law_mode", "law_direction", "law_still", "law_floor", "law_begun", "law_lasts",
-    "law_turn", "law_rounding", "knot_times", "knot_modes", "cells_before",
-    "cells_after",
-)  # fmt: skip
+# Arrays of knots and surfaces that are kept from arc to arc, beside the modes.
+KEPT = ("knot_times", "knot_modes", "cells_before", "cells_after", "share")
 
 # Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
 # equality, a force that is given, and one that holds because others do.
@@ -130,13 +125,20 @@ class KnownPoints(ModelParameters):
     cells_after: Floats = array("knots")
 
 
-class Surfaces(KnownPoints):
-    """Surfaces on which switches lie, their modes, and the motion along them."""
+class ModeWords(KnownPoints):
+    """The modes of surfaces and laws, which are fixed in an arc.
+
+    Their numbers follow each other in the memory, and so do their arrays: see
+    `run.modes`.
+    """
 
     surfaces: int  # number of surfaces of switches
-    elements: int  # number of nonzero elements of their rows J
+    laws: int  # rows that hold at times
+
     sliding: float  # number of surfaces that the motion slides along
-    corners: int  # number of surfaces that are corners of equalities
+    ends_above: float  # number of carried surfaces with ends above their leader
+    law_forces: float  # 1 if multipliers determine the end of a mode
+    law_shares: float  # 1 if redundant rows share loads
 
     side: Floats = array("surfaces")  # the mode variables
     slides: Floats = array("surfaces")  # see FOLLOWED
@@ -147,6 +149,48 @@ class Surfaces(KnownPoints):
     # targets of the residual and of the rate.
     least: Floats = array("surfaces")
     most: Floats = array("surfaces")
+    # Number, from 1, of the sliding surface that carries the surface along; or 0. The
+    # bounds of a carried surface on the upper side of its leader.
+    leader: Floats = array("surfaces")
+    least_above: Floats = array("surfaces")
+    most_above: Floats = array("surfaces")
+    roundoff: Floats = array("surfaces")  # bound of the rounding of a rate in sliding
+    # Least argument of roots of the expression in the motion; see `switches.roots`.
+    floor: Floats = array("surfaces")
+    least_root: Floats = array("surfaces")  # the value of `floor` between rows
+    slack: Floats = array(each_watched)  # distance past its end that a mode still lasts
+    band: Floats = array(each_watched)  # distance past its end that exceeds rounding
+    law_mode: Floats = array("laws")
+    law_direction: Floats = array("laws")  # the sign of a force of known size
+    law_still: Floats = array("laws")  # speed below which two slips have stopped
+    # Two slips that begin: the speed up to which their direction is given, 0 once they
+    # are faster; the time of the begin, the duration, and the polynomial, in the
+    # elapsed part of the duration, by which the direction turns.
+    law_floor: Floats = array("laws")
+    law_begun: Floats = array("laws")
+    law_lasts: Floats = array("laws", inf)
+    law_turn: Floats = array(lambda p: TURNS * p.laws)
+    law_rounding: Floats = array("laws")  # rounding of its margin while out of force
+    law_opens: Floats = array("laws")  # 1: opens in the step that an event has cut
+    law_shared: Floats = array("laws")  # 1: redundant, and held by other laws alone
+    # Largest change of each rate of the state by the laws of an arc.
+    law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
+
+    @cached_property
+    def modes(self) -> tuple[memoryview, memoryview]:
+        """Views of the bytes of all numbers and of all arrays above."""
+        first, last = self.fields["sliding"].word, self.fields["law_shares"].word
+        whole = self.numbers
+        arrays = whole[self.place("side") : self.place_after("law_pushes")]
+        return whole[first : last + 1].cast("B"), arrays.cast("B")
+
+
+class Surfaces(ModeWords):
+    """Surfaces on which switches lie, and the motion along them."""
+
+    elements: int  # number of nonzero elements of their rows J
+    corners: int  # number of surfaces that are corners of equalities
+
     # Share of the upper side in the combination of forces that stays on the surface.
     share: Floats = array("surfaces")
     # 1 for a corner of an equality; a force along its gradient; the jumps of this
@@ -161,18 +205,8 @@ class Surfaces(KnownPoints):
     first_met: Floats = array("surfaces")
     last_met: Floats = array("surfaces")
     side_before: Floats = array("surfaces")  # the sides, while a row has its own
-    # Number, from 1, of the sliding surface that carries the surface along; or 0.
-    leader: Floats = array("surfaces")
-    # Of carried surfaces: number of surfaces with ends on the upper side of their
-    # leader, these ends, and the distance of the expression from the ends.
-    ends_above: float
-    least_above: Floats = array("surfaces")
-    most_above: Floats = array("surfaces")
+    # Distance of the expression of a carried surface from its bounds above.
     margin_above: Floats = array("surfaces")
-    roundoff: Floats = array("surfaces")  # bound of the rounding of a rate in sliding
-    # Least argument of roots of the expression in the motion; see `switches.roots`.
-    floor: Floats = array("surfaces")
-    least_root: Floats = array("surfaces")  # the value of `floor` between rows
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
     row_columns: Floats = array("elements")
@@ -194,12 +228,6 @@ class Surfaces(KnownPoints):
 class Laws(Surfaces):
     """Rows that hold at times: unilateral constraints, friction, limits."""
 
-    laws: int  # rows that hold at times
-    law_forces: float  # 1 if multipliers determine the end of a mode
-    law_shares: float  # 1 if redundant rows share loads
-
-    slack: Floats = array(each_watched)  # distance past its end that a mode still lasts
-    band: Floats = array(each_watched)  # distance past its end that exceeds rounding
     law_kind: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
     law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
@@ -210,25 +238,10 @@ class Laws(Surfaces):
     share_step: Floats = array("laws")
     share_next: Floats = array("laws")
     share_left: Floats = array("laws")
-    law_shared: Floats = array("laws")  # 1: redundant, and held by other laws alone
-    law_mode: Floats = array("laws")
-    law_direction: Floats = array("laws")  # the sign of a force of known size
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
     # The only coordinate on which a row acts; or -1.
     law_place: Floats = array("laws", -1.0)
-    law_still: Floats = array("laws")  # speed below which two slips have stopped
-    # Largest change of each rate of the state by the laws of an arc.
-    law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
-    # Two slips that begin: the speed up to which their direction is given, 0 once they
-    # are faster; the time of the begin, the duration, and the polynomial, in the
-    # elapsed part of the duration, by which the direction turns.
-    law_floor: Floats = array("laws")
-    law_begun: Floats = array("laws")
-    law_lasts: Floats = array("laws", inf)
-    law_turn: Floats = array(lambda p: TURNS * p.laws)
-    law_rounding: Floats = array("laws")  # rounding of its margin while out of force
-    law_opens: Floats = array("laws")  # 1: opens in the step that an event has cut
     law_part: Floats = array("laws")  # of the contact's multiplier, or the force
     impulses: Floats = array("laws")  # of an impact, while its row is written
     kicked_rows: int  # equalities of a model whose events give impulses

@@ -33,7 +33,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.mechanics.row_modes import RowModes
@@ -443,11 +443,34 @@ class Carried(NamedTuple):
     ends_above: bool = False
 
 
-class SurfaceModes:
-    """The modes of the switching surfaces of a run.
+class Selected(NamedTuple):
+    """The parts of the modes of K surfaces that the kernels do not read.
 
     Attributes
     ----------
+    levels : ndarray, shape (K,)
+        The level at which each surface was put.
+    carried : mapping of int to Carried
+        The carried surfaces.
+    watched : tuple of int
+        The surfaces whose mode ends off their level.
+    """
+
+    levels: Floats
+    carried: Mapping[int, Carried]
+    watched: tuple[int, ...]
+
+
+class SurfaceModes:
+    """The modes of the switching surfaces of a run, on trial at an instant.
+
+    `begin` reads them from the memory of the arc, and `write` writes them there, within
+    a trial (`run.modes`).
+
+    Attributes
+    ----------
+    arc : Arc
+        The arc that `begin` was called with.
     value : ndarray, shape (K,)
         The side of each surface: -1 or 1, or the integer below the expression of a
         floor; while sliding, that of the lower side. A value between the sides where
@@ -459,7 +482,6 @@ class SurfaceModes:
     """
 
     def __init__(self, arc: Arc) -> None:
-        self.arc = arc
         system = arc.system
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
@@ -475,11 +497,28 @@ class SurfaceModes:
         ]
         self.order = self._ordered()
         self.nested = any(self.depends)
-        self.value = np.ones(self.count)
-        self.kind = np.zeros(self.count)
+        self.begin(arc)
+
+    def begin(self, arc: Arc, selected: Selected | None = None) -> None:
+        """Read the modes from the memory of the arc; `forget` all else.
+
+        selected : the rest of the modes, where they have been selected at this instant.
+        """
+        self.arc, p = arc, arc.system.p
+        self.kind = p.slides.copy()
+        # Before the first selection all surfaces count as on their upper sides.
+        none = (p.least == p.most) & (self.kind == 0.0)
+        self.value = np.where(none, 1.0, p.side)
         self.levels = np.zeros(self.count)
         self.carried: dict[int, Carried] = {}
         self.watched: list[int] = []  # whose mode ends off their level
+        if selected is not None:
+            self.levels[:] = selected.levels
+            self.carried, self.watched = {**selected.carried}, [*selected.watched]
+
+    def selected(self) -> Selected:
+        """Return the parts of the modes that are not in the memory."""
+        return Selected(self.levels.copy(), {**self.carried}, (*self.watched,))
 
     def _ordered(self) -> list[int]:
         """Return the surfaces, each after the surfaces on which it depends."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
+    from lagsim.run.events.filippov import Selected
     from lagsim.run.events.kinematics import Kinematics
 
     # The names of the located events that acted in one round, the modes of the file
@@ -101,12 +102,16 @@ class SurfacesAt(NamedTuple):
         expression from its level.
     stopped : frozenset of int
         Corners of equalities at which velocities have been stopped.
+    selected : Selected or None
+        The parts of the modes of surfaces that the kernels do not read, by the last
+        phase `sides`.
     """
 
     levels: Mapping[int, float] = {}
     met: int = -1
     off: float = 0.0
     stopped: frozenset[int] = frozenset()
+    selected: Selected | None = None
 
 
 NO_SURFACES = SurfacesAt()

@@ -133,12 +133,11 @@ class Switching(Source):
 
         Points of a smooth table are events only where y' jumps.
         """
-        state, value, p = arc.state, self.modes.value, arc.system.p
+        state, p = arc.state, arc.system.p
         count = int(state.crossed)
         if not count:
             return GO_ON
         which, state.crossed = state.cross_surfaces[:count].astype(int), 0.0
-        value[which] = p.side[which]
         times, levels = state.cross_times[:count], state.cross_levels[:count]
         events = [
             Event(t, "switch", switch=self.sides[k].text)
@@ -154,8 +153,7 @@ class Switching(Source):
         The decision has the distance of the surface from its level, before any act.
         """
         modes, off = self.modes, 0.0
-        modes.arc = arc
-        if k not in modes.carried:  # a carried surface has another value above
+        if arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
             value = float(modes.values(arc.t, arc.y)[k])
             off = abs(value - modes.level(k, value))
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
@@ -163,9 +161,9 @@ class Switching(Source):
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
         """Whether a surface of velocities is at its level, but for rounding."""
         modes = self.modes
-        modes.arc = arc
         if not np.any(modes.on_rates):
             return False
+        modes.begin(arc)
         values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
         near = RESIDUAL_ROUNDOFF * sizes
         if surfaces.met >= 0:
@@ -182,7 +180,7 @@ class Switching(Source):
 
         Else None.
         """
-        self.modes.arc = arc
+        self.modes.begin(arc)
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
             return self._reached(arc, hit) if hit < self.modes.count else None
@@ -193,6 +191,12 @@ class Switching(Source):
         return self._approach(arc, short=short) if short or code in FAILED else None
 
     # The modes at an instant
+
+    def let_go(self, arc: Arc) -> None:
+        """Put all surfaces that the motion follows on their lower sides, on trial."""
+        self.modes.begin(arc)
+        self.modes.forget()
+        self.modes.write()
 
     def select(
         self,
@@ -218,7 +222,7 @@ class Switching(Source):
             The time of the events returned, if not the time reached.
         """
         modes = self.modes
-        modes.arc = arc
+        modes.begin(arc)
         time = arc.t if time is None else time
         if surfaces.stopped:
             at_rest = {*at_rest, *surfaces.stopped}
@@ -254,7 +258,7 @@ class Switching(Source):
             cautions=cautions,
             ending=None if y is not None else Ending(Outcome.STATE_JUMPS),
         )
-        surfaces = surfaces._replace(levels=levels)
+        surfaces = surfaces._replace(levels=levels, selected=modes.selected())
         if laws is not None:
             laws = laws._replace(shared=crossing.shared)
         return SidesFound(found, surfaces, laws)
@@ -280,6 +284,7 @@ class Switching(Source):
         """
         corners = corners_met(arc, surfaces.levels)
         modes, found = self.modes, list[Event]()
+        modes.begin(arc, surfaces.selected)
         stopped = set[int]()
         if self._followed(arc):  # other corners
             arc.runner.project_sliding(arc.t, y)

@@ -1,0 +1,67 @@
+"""The modes of an arc as one frozen record, and trials of other modes.
+
+The kernels read the modes of surfaces and laws from the memory of the arc
+(`methods.parts.parameters.ModeWords`). A phase of `run.settle` decides on trial
+(`TrialModes`): the modes that it tries, and those that it selects, are in the memory
+until the trial ends, so that the functions of the model are evaluated with them. Then
+the memory is as it was before, and the modes selected are a record. Only `settle`
+writes the record to the memory (`write`).
+
+Within an arc the kernel itself changes some words: the side and the slack of a surface
+whose level decides nothing and is passed, a slack that has been left, and `law_opens`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from lagsim.methods.parts.parameters import Parameters
+
+
+class ArcModes(NamedTuple):
+    """The modes of all surfaces and laws, which are fixed in an arc.
+
+    Attributes
+    ----------
+    numbers, arrays : bytes
+        Copies of the numbers and of all arrays of `ModeWords`, in their order.
+    """
+
+    numbers: bytes
+    arrays: bytes
+
+    @classmethod
+    def of(cls, p: Parameters) -> ArcModes:
+        """Return the modes in the memory p."""
+        numbers, arrays = p.modes
+        return cls(bytes(numbers), bytes(arrays))
+
+
+def write(p: Parameters, modes: ArcModes) -> None:
+    """Write modes to the memory p, which the kernels read."""
+    numbers, arrays = p.modes
+    numbers[:], arrays[:] = modes
+
+
+class TrialModes:
+    """A trial of modes: within it, model functions are evaluated with modes on trial.
+
+    Attributes
+    ----------
+    before, found : ArcModes
+        The modes at its begin, to which it returns, and those at its end.
+    """
+
+    def __init__(self, p: Parameters) -> None:
+        self.p = p
+        self.before = self.found = ArcModes.of(p)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.found = ArcModes.of(self.p)
+        write(self.p, self.before)
