@@ -44,8 +44,9 @@ Found = TypeVar("Found")
 # Returns a context manager of a crew of a given size, such as `processes`.
 Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 
-# Time limits for the orderly end of a piece after a request, in s: while its files are
-# written, and otherwise, such as during a compilation.
+# Time limits for the orderly end of a piece after a request, in s: of elapsed time, and
+# of processor time in which the worker writes no file, such as during a compilation. A
+# worker takes longer on a machine with other work.
 GRACE_SECONDS = 10.0
 LEAVE_SECONDS = 0.5
 # Interval between two checks for an interrupt.
@@ -184,13 +185,11 @@ def _wait_for_what_is_kept(parent: int) -> None:
 
     Return earlier when the parent process ends.
     """
-    now = keeping = time.monotonic()
-    until = now + GRACE_SECONDS
-    while now < min(until, keeping + LEAVE_SECONDS):
+    until, keeping = time.monotonic() + GRACE_SECONDS, time.process_time()
+    while time.monotonic() < until and time.process_time() < keeping + LEAVE_SECONDS:
         if connection.wait([parent], GLANCE_SECONDS):
             return
-        now = time.monotonic()
-        keeping = now if noting() else keeping
+        keeping = time.process_time() if noting() else keeping
 
 
 def _done(work: Callable[[Piece, Interrupt], Found], piece: Piece) -> Found:

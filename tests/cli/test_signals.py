@@ -241,7 +241,10 @@ def test_a_signal_at_any_moment(write, command, options):
         time.sleep(random_.uniform(0.1, 1.5))
         run.send_signal(kind)
         _, err = finished(run)
-        # Before the command has begun Python ends as a shell sees alike.
+        # Before the command has begun Python ends as a shell sees alike; interrupted in
+        # the import of `site`, before any code of lagsim, it ends with 1.
+        if kind == signal.SIGINT and b"init_import_site" in err:
+            continue
         assert run.returncode in (0, 128 + kind, -kind), err
         if run.returncode != -kind:
             assert b"Traceback" not in err
