@@ -59,7 +59,7 @@ def spread(p: Parameters) -> None:
     for i in range(p.m):
         row = p.Y[i * n :]
         row[:n] = p.A[i * n : (i + 1) * n]
-        mass.forward(n, p.inertia_first, p.L, row)
+        mass.forward_mass(p, row)
         length = max(p.lengths[i], sqrt(mass.product(n, row, row)))
         p.scales[i] = 1.0 / length if length > 0.0 else 0.0
         row[:n] *= p.scales[i]
@@ -620,7 +620,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
         correct(p)
     else:
         impress(p, int(p.ranked))
-    mass.backward(p.n, p.inertia_first, p.L, p.u, out)
+    mass.backward_mass(p, p.u, out)
     out[p.n] = largest
 
 
@@ -651,7 +651,7 @@ def solve_terms(p: Parameters) -> None:
     impress(p, rank)
     multipliers(p, rank)
     p.u[:] += p.v
-    mass.backward(p.n, p.inertia_first, p.L, p.u, p.motion)
+    mass.backward_mass(p, p.u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:

@@ -82,9 +82,48 @@ def couple(p: Parameters, sliding: int) -> None:
             forward_within(p, i, push)
         else:
             copy_within(p, i, row, push)
+        note_column(p, k, i)
+    note_still(p)
     p.least_pivot = 1.0
     for g in range(int(p.groups)):
         couple_group(p, bits(p.group_starts[g]), bits(p.group_ends[g]), g)
+
+
+def note_column(p: Parameters, k: int, i: int) -> None:
+    """Store the column of row i, with place k, and its elements if it reaches no other.
+
+    Kernels need not read the matrices A and Z, then.
+    """
+    n = p.n
+    e = mass.first_range(p, i)
+    p.only_column[k] = -1.0
+    if not WHOLE and mass.first_range(p, i + 1) == e + 1:
+        c = mass.range_begin(p, e)
+        if mass.range_end(p, e) == c + 1:
+            p.only_column[k] = c
+            p.only_entry[k] = p.A[i * n + c]
+            p.only_force[k] = p.Z[k * n + c]
+
+
+def note_still(p: Parameters) -> None:
+    """Store the held rows of laws that have one element, see `keep_still`."""
+    first, count = p.m - p.laws, 0
+    for k in range(int(p.ranked)):
+        i = int(p.order[k])
+        row = p.A[i * p.n :]
+        elements = 0
+        place = 0
+        for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
+            for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
+                if row[j] != 0.0:
+                    elements += 1
+                    place = j
+        if i >= first and elements == 1:
+            p.still_rows[count] = i
+            p.still_columns[count] = place
+            p.still_entries[count] = row[place]
+            count += 1
+    p.stills = count
 
 
 def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
@@ -190,6 +229,10 @@ def impress(p: Parameters) -> None:
     """Add to p.u (n,) Z p.w, L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
+        c = int(p.only_column[k])
+        if c >= 0:
+            p.u[c] += p.w[k] * p.only_force[k]
+            continue
         i = int(p.order[k])
         for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
             j, end = mass.range_begin(p, e), mass.range_end(p, e)
@@ -229,7 +272,10 @@ def solve_rows(p: Parameters, sliding: int) -> None:
         if p.scales[begin] < OVERFLOW:  # else not a number
             count = bits(p.group_ends[g]) - begin
             S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
-            solve(1, count, band, S, p.factors[begin:], p.w[begin:])
+            if count == 1:
+                p.w[begin] /= S[0]
+            else:
+                solve(1, count, band, S, p.factors[begin:], p.w[begin:])
 
 
 def solve_in_place(count: int, band: int, S: Floats, pivots: Floats, x: Floats) -> None:
@@ -644,13 +690,17 @@ def drive(t: float, p: Parameters) -> None:
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda with p.terms and the coefficients in p.law_part."""
     mass.free_motion(p)
-    count = int(p.ranked)
-    for k in range(count):
-        p.w[k] = mass.missing(p, int(p.order[k]))
+    known = p.factored >= 2.0  # and the elements of rows with one column
+    for k in range(int(p.ranked)):
+        i, c = int(p.order[k]), int(p.only_column[k])
+        if known and c >= 0:
+            p.w[k] = p.b[i] - p.only_entry[k] * p.motion[c]
+        else:
+            p.w[k] = mass.missing(p, i)
     solve_rows(p, 1)
     p.u[:] = p.v
     impress(p)
-    mass.backward(p.n, p.inertia_first, p.L, p.u, p.motion)
+    mass.backward_mass(p, p.u, p.motion)
     keep_still(p)
     if p.least_pivot < REFINED:
         refine(p)
@@ -677,7 +727,7 @@ def refine(p: Parameters) -> None:
         solve_rows(p, 1)
         p.u[:] = 0.0
         impress(p)
-        mass.backward(p.n, p.inertia_first, p.L, p.u, p.v)
+        mass.backward_mass(p, p.u, p.v)
         p.motion[: p.n] += p.v[: p.n]
         keep_still(p)
         change = 0.0
@@ -697,20 +747,10 @@ def keep_still(p: Parameters) -> None:
     The rounding of the solution would move it, past a switch at which it rests. A q''
     that is not finite is unchanged: it reports a multiplier that doubles do not hold.
     """
-    first = p.m - p.laws
-    for k in range(p.laws):
-        if p.law_mode[k] == HELD:
-            row = p.A[(first + k) * p.n :]
-            count = 0
-            place = 0
-            i = first + k
-            for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
-                for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
-                    if row[j] != 0.0:
-                        count += 1
-                        place = j
-            if count == 1 and abs(p.motion[place]) < OVERFLOW:
-                p.motion[place] = p.b[first + k] / row[place]
+    for k in range(int(p.stills)):
+        place = int(p.still_columns[k])
+        if abs(p.motion[place]) < OVERFLOW:
+            p.motion[place] = p.b[int(p.still_rows[k])] / p.still_entries[k]
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:

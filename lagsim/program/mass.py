@@ -37,6 +37,8 @@ def factor(p: Parameters) -> None:
             for i in range(n):
                 p.L[i * n : i * n + i + 1] += weight * row[i] * row[: i + 1]
     cholesky(n, p.inertia_first, p.L)
+    for i in range(n):
+        p.pivots[i] = p.L[i * n + i]
 
 
 def cholesky(n: int, first: Floats, L: Floats) -> None:
@@ -116,6 +118,28 @@ def forward(n: int, first: Floats, L: Floats, x: Floats) -> None:
         x[i] = value / L[i * n + i]
 
 
+def forward_mass(p: Parameters, x: Floats) -> None:
+    """Replace x (n,) by L^-1 x, where M = L L^T."""
+    n = p.n
+    for i in range(n):
+        value = x[i]
+        for j in range(first_column(p.inertia_first, i), i):
+            value -= p.L[i * n + j] * x[j]
+        x[i] = value / p.pivots[i]
+
+
+def backward_mass(p: Parameters, x: Floats, out: Floats) -> None:
+    """Store L^-T x (n,) in out, where M = L L^T; x is overwritten."""
+    n = p.n
+    for k in range(n):
+        i = n - 1 - k
+        value = x[i] / p.pivots[i]
+        out[i] = value
+        begin = first_column(p.inertia_first, i)
+        if begin < i:
+            x[begin:i] -= p.L[i * n + begin : i * n + i] * value
+
+
 def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
     """Store L^-T x (n,) in out; x is overwritten."""
     for k in range(n):
@@ -136,9 +160,9 @@ def first_column(first: Floats, i: int) -> int:
 def free_motion(p: Parameters) -> None:
     """Store M^-1 f (n,) in p.motion, and L^-1 f (n,) in p.v."""
     p.v[:] = p.f
-    forward(p.n, p.inertia_first, p.L, p.v)
+    forward_mass(p, p.v)
     p.u[:] = p.v
-    backward(p.n, p.inertia_first, p.L, p.u, p.motion)
+    backward_mass(p, p.u, p.motion)
 
 
 def missing(p: Parameters, i: int) -> float:

@@ -316,9 +316,21 @@ class Parameters(Laws):
     row_holds: Floats = array(each_grouped, -1.0)
     row_group: Floats = array(each_grouped)
     row_place: Floats = array(each_grouped)
+    # Of each row that holds, by its place, where its reach is one column: that column,
+    # else -1; the elements of A and Z there.
+    only_column: Floats = array(each_grouped, -1.0)
+    only_entry: Floats = array(each_grouped)
+    only_force: Floats = array(each_grouped)
+    # Held rows of laws with one element of A: their number, and of each the row, the
+    # column, and the element.
+    stills: float
+    still_rows: Floats = array("laws")
+    still_columns: Floats = array("laws")
+    still_entries: Floats = array("laws")
     left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
     tried: Floats = array(lambda p: p.dynamic.stop if p.loops else 0)  # ... and where
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
+    pivots: Floats = array(each_coordinate)  # the diagonal of L
     Y: Floats = array(lambda p: each_row(p) * p.n)
     places: Floats = array(each_coordinate)  # where its columns were exchanged with
     u: Floats = array(each_coordinate)

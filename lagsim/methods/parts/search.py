@@ -68,6 +68,8 @@ EVENT, SIGNAL, RANK, CROSSING = 0, 1, 2, 3
 class Events(SearchTable):
     """Memory of the conditions that are watched, and of the event found."""
 
+    # All event functions at one fraction of the step, see `keep_values`.
+    kept: Floats = array(lambda s: s.surfaces + s.conditions)
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
 
@@ -484,9 +486,16 @@ def find_end(s: Events, p: Parameters) -> None:
 def mode_ends(s: Events, p: Parameters, x: float) -> bool:
     """Whether a mode of a surface or a law has ended at the fraction x of the step."""
     over = False
+    keep_values(s, p, x)
     for k in range(s.surfaces):
-        over = over or ends(s, p, k, value_at(EVENT, s, p, k, x), x)
+        over = over or ends(s, p, k, s.kept[k], x)
     return over
+
+
+def keep_values(s: Events, p: Parameters, x: float) -> None:
+    """Store all event functions at the fraction x of the last step in s.kept."""
+    rows_at(EVENT, s, p, x)
+    s.kept[:] = s.values[: events(s)]
 
 
 def goes_on(s: Events, p: Parameters, k: int) -> bool:
@@ -666,19 +675,21 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
     first = events(s)
     s.event = 0.0
     s.switched = 0.0
+    keep_values(s, p, high)
     for k in range(events(s)):
-        if ends(s, p, k, value_at(EVENT, s, p, k, high), high):
+        if ends(s, p, k, s.kept[k], high):
             first = k
             least = least_allowed(s, p, k)
             if value_at(EVENT, s, p, k, low) >= 0.0:
                 least = 0.0
-            if errs_until(s, p, k, value_at(EVENT, s, p, k, high)) == 0.0:
+            if errs_until(s, p, k, s.kept[k]) == 0.0:
                 high = end_of(EVENT, s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began a rounding below ends where it is over.
                 middle = 0.5 * (low + high)
                 if value_at(EVENT, s, p, k, middle) > p.slack[k]:
                     high = end_of(EVENT, s, p, k, -float(p.band[k]), middle, high)
+            keep_values(s, p, high)
     if UNTIL and first >= s.surfaces:
         s.event = first - s.surfaces + 1.0
     else:
@@ -686,7 +697,7 @@ def cut(s: Events, p: Parameters, low: float, high: float) -> None:
     if SWITCHES:
         for k in range(p.laws):
             law = p.surfaces + k
-            value = value_at(EVENT, s, p, law, high)
+            value = s.kept[law]
             over = not value >= least_allowed(s, p, law)
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0
