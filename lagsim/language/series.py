@@ -101,6 +101,8 @@ class Coefficients:
         self._known = {v: g.variable(f"{CARRIED}{i}") for i, v in enumerate(state)}
         self._known[g.variable("t")] = g.variable(TIME)
         self._moves = dict.fromkeys(self._known, True)
+        self._newest = frozenset(self._known.values())
+        self._depths: dict[int, int] = {}
         self._twins: dict[int, int | None] = {}
         self._extended: set[int] = set()  # nodes with coefficients, as have all below
 
@@ -119,6 +121,26 @@ class Coefficients:
     def inner_rate(self, a: int, b: int) -> int:
         """Return a variable for the sum of (j/k) a_j b_(k-j), j from 1 to k - 1."""
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
+
+    def newest(self, known: int, *terms: tuple[int, int]) -> int:
+        """Return `known` plus the sum of the products of `terms`.
+
+        terms : pairs of a factor of order 0 and a coefficient of order k. The product
+        whose coefficient takes the most operations is added last, so that all others
+        can be computed before.
+        """
+        total = known
+        for factor, coefficient in sorted(terms, key=lambda term: self._depth(term[1])):
+            total = self.g.call("add", total, self.g.call("mul", factor, coefficient))
+        return total
+
+    def _depth(self, n: int) -> int:
+        """Return the number of operations from the coefficients of the state to `n`."""
+        depths = self._depths
+        for below in self.g.cone([n], depths):
+            deepest = max([depths.get(a, 0) for a in self.g.args[below]] or [0])
+            depths[below] = deepest + 1 if deepest or below in self._newest else 0
+        return depths[n]
 
     def moves(self, n: int) -> bool:
         """Whether `n` changes along the motion."""
@@ -189,33 +211,31 @@ _CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.conditio
 
 
 def _mul(s: Coefficients, n: int) -> int:
-    """Return the sum of x_j y_(k-j).
-
-    The coefficients of order k, which are computed last, are added last, so that all
-    other terms can be computed before.
-    """
+    """Return the sum of x_j y_(k-j)."""
     g = s.g
     x, y = g.args[n]
     if x == y:
         newest = g.call("mul", g.call("mul", g.constant(2.0), x), s(x))
         return g.call("add", s.inner(x, x), newest)
-    total = g.call("add", s.inner(x, y), g.call("mul", x, s(y)))
-    return g.call("add", total, g.call("mul", s(x), y))
+    return s.newest(s.inner(x, y), (x, s(y)), (y, s(x)))
 
 
 def _div(s: Coefficients, n: int) -> int:
     """Return f_k of f = x/y: y_0 f_k = x_k - sum of y_j f_(k-j), j from 1 to k."""
     g = s.g
     x, y = g.args[n]
-    earlier = g.call("add", s.inner(y, n), g.call("mul", s(y), n))
-    return g.call("mul", g.call("sub", s(x), earlier), g.call("div", g.one, y))
+    part = g.call("div", g.one, y)
+    known = g.call("mul", g.call("neg", s.inner(y, n)), part)
+    lever = g.call("neg", g.call("mul", n, part))
+    return s.newest(known, (part, s(x)), (lever, s(y)))
 
 
 def _sqrt(s: Coefficients, n: int) -> int:
     """Return f_k of f^2 = x: 2 f_0 f_k = x_k - sum of f_j f_(k-j), 0 < j < k."""
     g = s.g
-    rest = g.call("sub", s(g.args[n][0]), s.inner(n, n))
-    return g.call("mul", rest, g.call("div", g.constant(0.5), n))
+    part = g.call("div", g.constant(0.5), n)
+    known = g.call("mul", g.call("neg", s.inner(n, n)), part)
+    return s.newest(known, (part, s(g.args[n][0])))
 
 
 def _hypot(s: Coefficients, n: int) -> int:
@@ -247,9 +267,11 @@ def _power(s: Coefficients, n: int) -> int:
     if twin is not None:
         return s(twin)
     x, p = g.args[n]
-    rising = g.call("mul", g.call("add", p, g.one), _integral(s, x, n))
-    falling = g.call("add", s.inner(x, n), g.call("mul", s(x), n))
-    return g.call("mul", g.call("sub", rising, falling), g.call("div", g.one, x))
+    part = g.call("div", g.one, x)
+    rising = g.call("mul", g.call("add", p, g.one), s.inner_rate(x, n))
+    known = g.call("mul", g.call("sub", rising, s.inner(x, n)), part)
+    lever = g.call("mul", p, g.call("mul", n, part))
+    return s.newest(known, (lever, s(x)))
 
 
 def _as_products(s: Coefficients, n: int) -> int | None:

@@ -58,11 +58,14 @@ class Loop(NamedTuple):
     order : int
     operations : int
         Approximate number of operations of equivalent straight-line code.
+    unrolled : bool
+        Whether the code is straight-line, one order after the other, or a loop.
     """
 
     recurrence: Recurrence
     order: int
     operations: int = 0
+    unrolled: bool = False
 
 
 class Manner(NamedTuple):
@@ -115,7 +118,11 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     code generator.
     """
     made = nodes_of(functions)
-    orders = [(name, f.order) for name, f in functions.items() if isinstance(f, Loop)]
+    orders = [
+        (name, f.order, f.unrolled)
+        for name, f in functions.items()
+        if isinstance(f, Loop)
+    ]
     cone = g.cone(chain.from_iterable(made.values()))
     place = np.full(len(g), -1)
     place[cone] = range(len(cone))
