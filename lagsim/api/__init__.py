@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from keyword import iskeyword
@@ -22,6 +22,7 @@ from lagsim.model.reader.fields import OPTIONS, SIMULATION
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.methods import generalized_alpha
+    from lagsim.studies.options import RangeOption
 
 
 # --- Arguments and their faults in Python's words: `step=0`, not `--step 0`
@@ -93,31 +94,42 @@ def _renamed(problem: Problem) -> Problem:
     return problem._replace(place=new)
 
 
-def with_settings(function: F) -> F:
-    """Decorate a function with the settings that its `**options` accepts.
+def with_settings(
+    keys: Iterable[str] = OPTIONS, before: str = "error_bar"
+) -> Callable[[F], F]:
+    """Return a decorator of functions with settings of a run as `**options`.
 
-    The signature and the docstring then list the options with their descriptions in
-    the schema of the model file. The docstring lists `error_bar` as the first keyword.
+    The signature and the docstring of the function then list the settings with their
+    descriptions in the schema of the model file.
+
+    Parameters
+    ----------
+    keys : iterable of str
+        The accepted keys of `simulation`.
+    before : str
+        The parameter that follows the settings in the docstring.
     """
-    own = inspect.signature(function)
-    more = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None)
-        for name in OPTIONS
-    ]
-    shown = own.replace(parameters=[*list(own.parameters.values())[:-1], *more])
-    function.__signature__ = shown  # type: ignore[attr-defined]
-    about = ""
-    for key in OPTIONS:
-        text = SIMULATION[key]["description"]
-        about += f"\n{key}\n{indent(fill(text, WIDTH - 4), '    ')}"
-    mark = "\nerror_bar"
-    before, _, after = inspect.cleandoc(function.__doc__ or "").partition(mark)
-    function.__doc__ = before + about + mark + after
-    return function
+    texts = {key: fill(SIMULATION[key]["description"], WIDTH - 4) for key in keys}
+    about = "".join(f"\n{key}\n{indent(text, '    ')}" for key, text in texts.items())
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    more = [inspect.Parameter(name, keyword, default=None) for name in texts]
+
+    def decorated(function: F) -> F:
+        own = inspect.signature(function)
+        shown = own.replace(parameters=[*list(own.parameters.values())[:-1], *more])
+        function.__signature__ = shown  # type: ignore[attr-defined]
+        mark = f"\n{before}"
+        head, _, after = inspect.cleandoc(function.__doc__ or "").partition(mark)
+        function.__doc__ = head + about + mark + after
+        return function
+
+    return decorated
 
 
-def given(options: Mapping[str, Any]) -> dict[str, float | str]:
-    """Return the options that are not None.
+def given(
+    options: Mapping[str, Any], keys: Collection[str] = OPTIONS
+) -> dict[str, float | str]:
+    """Return the options that are not None; `keys` are the accepted ones.
 
     Raises
     ------
@@ -132,7 +144,7 @@ def given(options: Mapping[str, Any]) -> dict[str, float | str]:
     """
     found = {name: x for name, x in options.items() if x is not None}
     for name, value in found.items():
-        if name not in OPTIONS:
+        if name not in keys:
             raise TypeError(f"unexpected keyword argument {name!r}")
         if name in ("method", "formulation") and not isinstance(value, str):
             raise TypeError(f"{name}={value!r:.60}: a name is expected, in quotes")
@@ -158,6 +170,41 @@ def number_or_text(name: str, value: object) -> None:
     except (TypeError, ValueError):
         text = f"{name}={value!r:.60}: a number is expected, or an expression in quotes"
         raise TypeError(text) from None
+
+
+def whole_number(name: str, value: object, least: int = 0) -> None:
+    """Check that a value is a whole number, and at least `least`.
+
+    Raises
+    ------
+    ValueError
+        If it is not; the message begins with `name`.
+    """
+    if type(value) is not int or value < least:
+        text = f"{name}={value!r:.60}: {least} or more is expected, a whole number"
+        raise ValueError(text)
+
+
+def number_range(
+    name: str, value: Iterable[float | str], expected: RangeOption
+) -> tuple[float, float]:
+    """Return the smaller and the larger end of a range of numbers.
+
+    Raises
+    ------
+    ValueError
+        If the value is no such range; the message begins with `name`.
+
+    Examples
+    --------
+    >>> from lagsim.studies.options import FREQUENCY_RANGE
+    >>> number_range("frequencies", (10, 0.1), FREQUENCY_RANGE)
+    (0.1, 10.0)
+    """
+    found = expected.ends(value)
+    if found is None:
+        raise ValueError(f"{name}={value!r:.60}: two {expected.what} are expected")
+    return found
 
 
 def float_array(name: str, value: object) -> Floats:

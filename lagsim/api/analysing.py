@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lagsim.api import in_python
+from lagsim.api import in_python, number_range, whole_number
 from lagsim.api.models import Model, model_of
 from lagsim.errors import counted
 from lagsim.outputs.manifest import encode
@@ -15,6 +15,7 @@ from lagsim.studies import branches as branching
 from lagsim.studies import modes as small_motions
 from lagsim.studies import rest
 from lagsim.studies.modes import REST, START, Small
+from lagsim.studies.options import FREQUENCY_RANGE, VARIED_RANGE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -286,17 +287,16 @@ def equilibrium(
     >>> found.equilibria[0]["coordinates"], found.equilibria[0]["stable"]
     ({'x': 2.0}, True)
     """
-    if type(starts) is not int or starts < 0:
-        raise ValueError(f"starts={starts!r:.60}: a whole number from 0 on is expected")
+    whole_number("starts", starts)
     if vary is not None and len(vary) != 1:
         raise ValueError("vary: one name with its range is expected")
+    ends = [(x, number_range(x, y, VARIED_RANGE)) for x, y in (vary or {}).items()]
     with in_python():
         read = model_of(model)
         search = rest.Search(rest.setting_of(read))
         if vary is None:
             return Equilibria(search, search.all(starts))
-        [(name, (low, high))] = vary.items()
-        branches = branching.varied(read, name, (float(low), float(high)))
+        branches = branching.varied(read, *ends[0])
         return Equilibria(search, branches.follow(starts), branches)
 
 
@@ -350,12 +350,15 @@ def modes(
     """
     if at not in (REST, START):
         raise ValueError(f"at={at!r:.60}: 'rest' or 'start' is expected")
-    pairs = [tuple(part.strip() for part in text.split(":")) for text in response]
-    for text, pair in zip(response, pairs, strict=True):
-        if len(pair) != 2:
+    pairs = list[tuple[str, str]]()
+    for text in response:
+        pair = small_motions.pair_of(text)
+        if pair is None:
             raise ValueError(f"response={text!r:.60}: 'INPUT:OUTPUT' is expected")
+        pairs.append(pair)
+    if frequencies is not None:
+        frequencies = number_range("frequencies", frequencies, FREQUENCY_RANGE)
     with in_python():
         small = Small(model_of(model), at)
-        asked = [(one, other) for one, other in pairs]
-        found = small.response(asked, frequencies)[1] if asked else None
+        found = small.response(pairs, frequencies)[1] if pairs else None
     return Modes(small, found)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from lagsim.api import in_python
+from lagsim.api import given, in_python, whole_number, with_settings
 from lagsim.api.analysing import Analysis
 from lagsim.api.models import Model, model_of
 from lagsim.outputs.notebook import heading, html_table, paragraphs, picture, text_block
@@ -15,12 +15,22 @@ from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record, record_of
 from lagsim.studies.fit.estimate import LINEAR, LOSSES
 from lagsim.studies.fit.fitting import Fit
+from lagsim.studies.options import RUNS_OF_FITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.studies.fit.data import Record
     from lagsim.studies.fit.fitting import Found
+
+
+class FitRuns(TypedDict, total=False):
+    """Keys of `simulation` for the runs of a fit, with types."""
+
+    duration: float | str | None
+    method: str | None
+    formulation: str | None
+    atol: float | str | None
 
 
 class Fitted(Analysis):
@@ -128,6 +138,7 @@ class Fitted(Analysis):
         )
 
 
+@with_settings(RUNS_OF_FITS, before="jobs")
 def fit(
     model: Model | str | Path,
     data: Any,
@@ -137,11 +148,8 @@ def fit(
     starts: int = 0,
     *,
     values: Mapping[str, float | str] | None = None,
-    duration: float | str | None = None,
-    method: str | None = None,
-    formulation: str | None = None,
-    atol: float | str | None = None,
     jobs: int | None = None,
+    **options: Unpack[FitRuns],
 ) -> Fitted:
     """Return the values with which a model explains measured data.
 
@@ -166,8 +174,6 @@ def fit(
     values : mapping of str to float or str, optional
         Parameters and start values of one file alone: `{"theta@2": 0.3}`; `t0@2` is the
         difference of its clock.
-    duration, method, formulation, atol
-        Options of the runs, instead of the model's.
     jobs : int, optional
         The number of processes; by default one for each core, where that saves time.
 
@@ -199,19 +205,14 @@ def fit(
     """
     if loss not in LOSSES:
         raise ValueError(f"loss={loss!r:.60}: one of {', '.join(LOSSES)} is expected")
-    if type(starts) is not int or starts < 0:
-        raise ValueError(f"starts={starts!r:.60}: a whole number from 0 on is expected")
+    whole_number("starts", starts)
+    asked = {key: str(x) for key, x in given(options, RUNS_OF_FITS).items()}
     names = [vary] if isinstance(vary, str) else [*vary]
     tables = data if isinstance(data, (list, tuple)) else [data]
-    asked = {
-        "duration": duration, "method": method, "formulation": formulation,
-        "atol": atol,
-    }  # fmt: skip
-    options = {key: str(x) for key, x in asked.items() if x is not None}
     with in_python():
         records = [_record(one, number) for number, one in enumerate(tables, 1)]
         study = Fit(
-            model_of(model), records, names, match, loss, options=options,
+            model_of(model), records, names, match, loss, options=asked,
             own={name: str(x) for name, x in (values or {}).items()}, jobs=jobs,
         )  # fmt: skip
         return Fitted(study, study.found(starts))

@@ -690,7 +690,7 @@ def check(model: Model | str | Path) -> Examination:
     return Examination(examination(case.equations, case.examined, choices))
 
 
-@with_settings
+@with_settings()
 def simulate(
     model: Model | str | Path,
     *,

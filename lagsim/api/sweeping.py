@@ -13,6 +13,7 @@ from lagsim.api import (
     lists,
     number_or_text,
     one_of,
+    whole_number,
     with_settings,
 )
 from lagsim.api.models import Model, model_of
@@ -184,7 +185,7 @@ class Sweep:
         )
 
 
-@with_settings
+@with_settings()
 def sweep(
     model: Model | str | Path,
     values: Mapping[str, Iterable[float | str]] | None = None,
@@ -261,8 +262,8 @@ def sweep(
     >>> swept["y.end"].round(9)
     array([ 0.7975 ,  1.7975 , -0.22625,  0.77375])
     """
-    if jobs is not None and not (type(jobs) is int and jobs > 0):
-        raise ValueError(f"jobs={jobs!r:.60}: 1 or more is expected")
+    if jobs is not None:
+        whole_number("jobs", jobs, 1)
     asked = given(options)
     if from_ is not None:
         number_or_text("from_", from_)

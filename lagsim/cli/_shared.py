@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 import os
 import re
 import shutil
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Caution
     from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.options import RangeOption
 
     Progress = Callable[[float], None] | None
     Measure = Callable[[Interrupt, Progress], "Measured | list[str]"]
@@ -429,27 +429,17 @@ def methods_of(text: str | None) -> tuple[str, ...] | None:
 
 
 def parse_range(
-    problems: Problems,
-    option: str,
-    text: str,
-    *,
-    what: str,
-    example: str,
-    allowed: Callable[[float, float], bool],
+    problems: Problems, option: str, text: str, expected: RangeOption
 ) -> tuple[float, float] | None:
     """Parse two numbers A:B; return the smaller first, or None after a problem.
 
-    option : its name. what, example : for the message. allowed : predicate.
+    option : its name, for the message.
     """
-    try:
-        low, high = sorted(float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = math.nan
-    if math.isfinite(low) and math.isfinite(high) and allowed(low, high):
-        return low, high
-    message = f"{option} {text}: two {what} are expected"
-    problems.add(USAGE, message, hint=f"such as {example}")
-    return None
+    found = expected.ends(text.split(":"))
+    if found is None:
+        message = f"{option} {text}: two {expected.what} are expected"
+        problems.add(USAGE, message, hint=f"such as {expected.example}")
+    return found
 
 
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:

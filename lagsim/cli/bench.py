@@ -47,6 +47,7 @@ from lagsim.studies.bench.work_precision import (
     measure,
     read_document,
 )
+from lagsim.studies.options import TOLERANCE_RANGE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -198,10 +199,8 @@ def _between(
     """Return the two numbers above 0 of A:B, the larger first."""
     if text is None:
         return None
-    found = parse_range(
-        problems, option, text, what="numbers above 0", example=f"{option} 1e-3:1e-9",
-        allowed=lambda low, _: low > 0.0,
-    )  # fmt: skip
+    expected = TOLERANCE_RANGE._replace(example=f"{option} 1e-3:1e-9")
+    found = parse_range(problems, option, text, expected)
     return found and (found[1], found[0])
 
 

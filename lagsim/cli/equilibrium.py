@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import lt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +33,7 @@ from lagsim.errors import Problems, counted, did_you_mean
 from lagsim.model.reader import read_file
 from lagsim.studies import branches as branching
 from lagsim.studies import rest
+from lagsim.studies.options import VARIED_RANGE
 
 if TYPE_CHECKING:
     from lagsim.cli._shared import Progress
@@ -129,10 +129,7 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
         problems.refuse()
         return None
     name, _, after = (part.strip() for part in vary.partition("="))
-    ends = parse_range(
-        problems, f"--vary {name}", after, what="different numbers",
-        example="--vary K=10:1000", allowed=lt,
-    )  # fmt: skip
+    ends = parse_range(problems, f"--vary {name}", after, VARIED_RANGE)
     problems.refuse()
     assert ends is not None
     return branching.varied(read, name, ends)

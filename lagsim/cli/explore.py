@@ -22,6 +22,7 @@ from lagsim.cli._shared import (
 from lagsim.codes.known import OUTPUT_FILE, USAGE
 from lagsim.errors import Problems, unusable
 from lagsim.model.loading import STANDARD_INPUT
+from lagsim.studies.options import VARIED_RANGE
 
 
 def command(
@@ -104,9 +105,6 @@ def _ranges(vary: list[str] | None) -> dict[str, tuple[float, float] | None]:
         name, equals, after = (part.strip() for part in text.partition("="))
         found[name] = None
         if equals:
-            found[name] = parse_range(
-                problems, f"--vary {name}", after, what="A below B",
-                example="--vary K=5:50", allowed=lambda a, b: a < b,
-            )  # fmt: skip
+            found[name] = parse_range(problems, f"--vary {name}", after, VARIED_RANGE)
     problems.refuse()
     return found

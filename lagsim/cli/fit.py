@@ -30,16 +30,18 @@ from lagsim.cli._shared import (
     quiet,
     titled_rows,
 )
-from lagsim.cli.run import about
+from lagsim.cli.run import with_settings
 from lagsim.codes.known import USAGE
 from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
+from lagsim.model.reader.fields import OPTIONS
 from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record
 from lagsim.studies.fit.estimate import LINEAR, LOSSES
 from lagsim.studies.fit.fitting import SPENT, Fit
+from lagsim.studies.options import RUNS_OF_FITS
 
 if TYPE_CHECKING:
     from lagsim.cli._shared import Progress
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
 Loss = Enum("Loss", {name.upper(): name for name in LOSSES})  # type: ignore[misc]
 
 
+@with_settings({key: OPTIONS[key] for key in RUNS_OF_FITS})
 def command(
     model: str = MODEL,
     data: list[Path] = typer.Argument(
@@ -85,10 +88,8 @@ def command(
         "alone; may be repeated.",
         "--set",
     ),
-    duration: str | None = option("T", about("duration"), "--duration"),
-    method: str | None = option("M", about("method"), "--method"),
-    formulation: str | None = option("F", about("formulation"), "--formulation"),
-    atol: str | None = option("X", about("atol"), "--atol"),
+    *,
+    options: dict[str, str],
     form: PictureFormat = FORMAT,
     no_plots: bool = NO_PLOTS,
     as_json: bool = JSON,
@@ -98,11 +99,6 @@ def command(
     every, matched = assignments(sets), _matched(match)
     own = {name: text for name, text in every.items() if "@" in name}
     given = {name: text for name, text in every.items() if name not in own}
-    asked = {
-        "duration": duration, "method": method, "formulation": formulation,
-        "atol": atol,
-    }  # fmt: skip
-    options = {key: text for key, text in asked.items() if text is not None}
     read = read_file(model, given)
     wanted(read, "fit", options, "add it, or give --duration")
     problems, records = Problems(), []

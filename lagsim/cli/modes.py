@@ -33,7 +33,16 @@ from lagsim.codes.known import USAGE
 from lagsim.errors import Problem, Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.outputs.animation import NAME as PAGE
-from lagsim.studies.modes import MANIFEST, REST, START, Small, matrices_of, tables
+from lagsim.studies.modes import (
+    MANIFEST,
+    REST,
+    START,
+    Small,
+    matrices_of,
+    pair_of,
+    tables,
+)
+from lagsim.studies.options import FREQUENCY_RANGE
 
 if TYPE_CHECKING:
     from lagsim.cli._shared import Progress
@@ -117,17 +126,16 @@ def _wish(
     """Parse the options of the command."""
     problems, pairs = Problems(), []
     for text in responses or ():
-        one, colon, other = (part.strip() for part in text.partition(":"))
-        if not (one and colon and other):
+        pair = pair_of(text)
+        if pair is None:
             message = f"--response {text}: an input and an output are expected"
             problems.add(USAGE, message, hint="such as --response F:x")
-        pairs.append((one, other))
+        else:
+            pairs.append(pair)
     between = None
     if frequencies is not None:
-        between = parse_range(
-            problems, "--frequencies", frequencies, what="frequencies above 0",
-            example="--frequencies 0.1:10", allowed=lambda a, b: 0.0 < a < b,
-        )  # fmt: skip
+        option = "--frequencies"
+        between = parse_range(problems, option, frequencies, FREQUENCY_RANGE)
     if matrices is not None and matrices.suffix not in (".json", ".npz"):
         hint = "the ending of the name gives the format: .json or .npz"
         problems.append(Problem(USAGE, f"{matrices}: no such format", hint=hint))

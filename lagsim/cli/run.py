@@ -89,41 +89,44 @@ ERROR_BAR: Any = typer.Option(
 )
 
 
-def about(key: str) -> str:
-    """Return the help of an option that is a key of `simulation`."""
-    return str(SIMULATION[key]["description"])
-
-
-def with_settings(command: Callable[..., int]) -> Callable[..., int]:
-    """Replace the parameter `options` of a command by the keys of `simulation`.
+def with_settings(
+    keys: Mapping[str, str] = OPTIONS,
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return a decorator of commands: keys of `simulation` replace its `options`.
 
     The command receives the options given on the command line as a mapping.
+
+    keys : the options, each with the placeholder of its value.
     """
-
-    @functools.wraps(command)
-    def called(**words: Any) -> int:
-        asked = {key: words.pop(key) for key in OPTIONS}
-        given = {key: text for key, text in asked.items() if text is not None}
-        return command(**words, options=given)
-
     settings = []
-    for key, metavar in OPTIONS.items():
+    for key, metavar in keys.items():
         known = (lambda: ["auto", *names()]) if key == "method" else None
-        option = typer.Option(metavar=metavar, help=about(key), autocompletion=known)
-        kind = inspect.Parameter.KEYWORD_ONLY
-        annotation = Annotated[str | None, option]
+        about = SIMULATION[key]["description"]
+        option = typer.Option(metavar=metavar, help=about, autocompletion=known)
+        kind, annotation = inspect.Parameter.KEYWORD_ONLY, Annotated[str | None, option]
         settings.append(
             inspect.Parameter(key, kind, default=None, annotation=annotation)
         )
-    own = inspect.signature(command, eval_str=True)
-    each: list[inspect.Parameter] = []
-    for name, x in own.parameters.items():
-        each += settings if name == "options" else [x]
-    called.__signature__ = own.replace(parameters=each)  # type: ignore[attr-defined]
-    return called
+
+    def decorated(command: Callable[..., int]) -> Callable[..., int]:
+        @functools.wraps(command)
+        def called(**words: Any) -> int:
+            asked = {key: words.pop(key) for key in keys}
+            given = {key: text for key, text in asked.items() if text is not None}
+            return command(**words, options=given)
+
+        own = inspect.signature(command, eval_str=True)
+        each: list[inspect.Parameter] = []
+        for name, x in own.parameters.items():
+            each += settings if name == "options" else [x]
+        shown = own.replace(parameters=each)
+        called.__signature__ = shown  # type: ignore[attr-defined]
+        return called
+
+    return decorated
 
 
-@with_settings
+@with_settings()
 def command(
     models: list[str] = MODELS,
     folder: Path | None = output_folder(

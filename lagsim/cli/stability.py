@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from operator import lt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +37,7 @@ from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
 from lagsim.studies.bench import stability
 from lagsim.studies.bench.stability import MapOptions
+from lagsim.studies.options import STEP_RANGE, VARIED_RANGE
 from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 
 if TYPE_CHECKING:
@@ -124,12 +124,9 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Map
     names = methods_of(methods)
     for method in names or ():
         problems += method_problems(method, auto=False)
-    different = partial(parse_range, problems, what="different numbers", allowed=lt)
     between = None
     if steps is not None:
-        between = different("--steps", steps, example="--steps 0.01:1")
-    if between is not None and between[0] <= 0.0:
-        problems.add(USAGE, f"--steps {steps}: steps are above 0")
+        between = parse_range(problems, "--steps", steps, STEP_RANGE)
     name: str | None = None
     values = None
     if vary:
@@ -138,7 +135,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Map
             problems.add(USAGE, text)
         name, _, after = vary[0].partition("=")
         name = name.strip()
-        values = different(f"--vary {name}", after, example="--vary K=10:1000")
+        values = parse_range(problems, f"--vary {name}", after, VARIED_RANGE)
     problems.refuse()
     return MapOptions(names, between, name, values)
 

@@ -75,7 +75,7 @@ def _names(context: typer.Context, incomplete: str) -> list[str]:
     return [f"{name}=" for name in names if name.startswith(incomplete)]
 
 
-@with_settings
+@with_settings()
 def command(
     model: str = MODEL,
     values: list[str] | None = typer.Argument(

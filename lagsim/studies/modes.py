@@ -41,6 +41,18 @@ AROUND, LEAST_DAMPING = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0), 1e-3
 STEP = 1e-4
 
 
+def pair_of(text: str) -> tuple[str, str] | None:
+    """Return input and output of the text `INPUT:OUTPUT`, or None for another text.
+
+    Examples
+    --------
+    >>> pair_of("F: x"), pair_of("F:"), pair_of("F")
+    (('F', 'x'), None, None)
+    """
+    parts = [part.strip() for part in text.split(":")]
+    return (parts[0], parts[1]) if len(parts) == 2 and all(parts) else None
+
+
 class FrequencyResponse(NamedTuple):
     """Frequency response of outputs to inputs.
 

@@ -2,6 +2,7 @@
 
 import copy
 import inspect
+import math
 import pickle
 import re
 
@@ -201,3 +202,35 @@ def test_a_parameter_is_described_alike_everywhere():
                 texts.setdefault(name, set()).add(text)
     assert {"model", "folder", "jobs"} <= texts.keys()
     assert {name: found for name, found in texts.items() if len(found) > 1} == {}
+
+
+DRIVEN = """
+name: spring
+parameters: {k: 4}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+forces: {x: 0}
+initial: {x: 0}
+"""
+
+
+@pytest.mark.parametrize("ends", [(5, 5), (math.nan, 2), ("a", "b"), (1, 2, 3), 7])
+def test_a_range_is_two_different_numbers(ends):
+    with pytest.raises(ValueError, match=r"^k=.*: two different numbers are expected"):
+        lagsim.equilibrium(DRIVEN, vary={"k": ends})
+    with pytest.raises(ValueError, match=r"^frequencies=.*: two frequencies above 0"):
+        lagsim.modes(DRIVEN, response=["x:x"], frequencies=ends)
+
+
+def test_a_range_may_have_its_larger_end_first():
+    found = lagsim.equilibrium(DRIVEN, vary={"k": (5, 1)})
+    values = [point["value"] for branch in found.branches for point in branch]
+    assert (min(values), max(values)) == (1.0, 5.0)
+    response = lagsim.modes(DRIVEN, response=["x:x"], frequencies=(10, 0.1)).response
+    assert response["frequency"][[0, -1]].tolist() == pytest.approx([0.1, 10.0])
+
+
+@pytest.mark.parametrize("text", ["x", "x:", ":x", "x:x:x"])
+def test_a_response_is_of_an_output_to_an_input(text):
+    with pytest.raises(ValueError, match="'INPUT:OUTPUT' is expected"):
+        lagsim.modes(DRIVEN, response=[text])
