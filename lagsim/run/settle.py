@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
 import numpy as np
 
 from lagsim.mechanics.equations import may_jump
+from lagsim.run.events.accumulation import STUCK
 from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
 from lagsim.run.events.contacts import comes_to_rest, laws_at
 from lagsim.run.events.records import NO_SURFACES, NOTHING
-from lagsim.run.events.sequence import STUCK
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
 from lagsim.run.modes import TrialModes, write

@@ -72,7 +72,7 @@ _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.event_store",
     "run.events.constraints", "run.events.contacts", "run.events.filippov",
-    "run.events.records", "run.events.sections", "run.events.sequence",
+    "run.events.accumulation", "run.events.records", "run.events.sections",
     "run.events.switching", "run.events.times", "run.events.transitions",
     "run.failures", "run.instant", "run.interrupt", "run.settle", "run.trajectory",
     "run.observers", "run.observers.monitors", "run.observers.thinning",

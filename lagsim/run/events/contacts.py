@@ -26,6 +26,7 @@ from lagsim.mechanics.impacts import impact
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
+from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import count_closed
 from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
 from lagsim.run.events.impulses import transmit
@@ -40,7 +41,6 @@ from lagsim.run.events.law_modes import (
     that_could_act,
 )
 from lagsim.run.events.records import LawsAt, LawState
-from lagsim.run.events.sequence import Flights, SwitchSequence
 from lagsim.run.events.sliders import select_sliding
 from lagsim.run.trajectory import (
     Decision,
@@ -152,12 +152,8 @@ class Contacts(Source):
 
     Attributes
     ----------
-    sequence : SwitchSequence
-        The last ends of modes of laws, by which accumulations are found.
-    bounces : list of int
-        The number of impacts of each law since it was at rest.
-    flights : list of Flights
-        The last flights of each law.
+    sequence : Accumulation
+        The last ends of modes of laws, and the flights of each contact.
     modes_at_start : dict
         The modes of the file at the start, at which the examination of the start has
         checked all laws in force.
@@ -165,9 +161,7 @@ class Contacts(Source):
 
     def __init__(self, arc: Arc) -> None:
         self.laws, table = arc.system.laws, arc.system.law_table
-        self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
-        self.bounces = [0] * len(self.laws)
-        self.flights = [Flights() for _ in self.laws]
+        self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
         self.contacts: list[int] = np.flatnonzero(table.gapped).tolist()
         self.striking: list[int] = np.flatnonzero(table.strikes).tolist()
         engaging = table.one_sided & ~table.gapped
@@ -207,8 +201,7 @@ class Contacts(Source):
 
     def accumulate(self) -> Ending | None:
         """Return the ending of a run whose laws' modes end too often."""
-        span = self.sequence.span
-        restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
+        restless = self.sequence.restless()
         if not (restless or self.sequence.is_stuck()):
             return None
         about = self._names(restless or self.sequence.lately())
@@ -397,18 +390,18 @@ class Contacts(Source):
         if not struck:
             return {}
         for k in struck:
-            self.flights[k].add(t, abs(float(here.rates[k])))
+            self.sequence.of(k).strikes.append((t, abs(float(here.rates[k]))))
         ends: dict[int, float] = {}
         near = here.table.gapped & (np.abs(here.gaps) <= here.least) & here.in_force
         for k in np.flatnonzero(near).tolist():
             least = float(here.least[k])
-            end = self.flights[k].end(t, abs(float(here.rates[k])), least)
+            end = self.sequence.of(k).end(t, abs(float(here.rates[k])), least)
             if end is not None:
                 ends[k] = end
         if struck.isdisjoint(ends):
             return {}
         for k in struck.intersection(ends):
-            self.flights[k].rests.append(t)
+            self.sequence.of(k).rests.append(t)
         return ends
 
     def _strike(
@@ -476,13 +469,14 @@ class Contacts(Source):
                 rate_after=float(result.after[i]), energy=float(changes.sum()),
             )  # fmt: skip
             found.events.append(event)
-            self.bounces[k] += 1
+            history = self.sequence.of(k)
+            history.impacts += 1
             if k in ends:
-                if self.bounces[k] > SERIES:
+                if history.impacts > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                     rested = found.laws.rested | {name}
                     found.laws = found.laws._replace(rested=rested)
-                self.bounces[k] = 0
+                history.impacts = 0
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         elif not result.impulses.any():

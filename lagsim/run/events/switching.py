@@ -19,10 +19,10 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
+from lagsim.run.events.accumulation import REGULAR, Accumulation
 from lagsim.run.events.contacts import rest_soon
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import SLIDING, SurfaceModes
-from lagsim.run.events.sequence import REGULAR, SwitchSequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
@@ -94,7 +94,7 @@ class Switching(Source):
     ----------
     modes : SurfaceModes
         The modes of all surfaces in the present arc.
-    sequence : SwitchSequence
+    sequence : Accumulation
         The last switches, by which accumulations are found.
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
@@ -111,7 +111,7 @@ class Switching(Source):
         self.modes = SurfaceModes(arc)
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
-        self.sequence = SwitchSequence(arc.settings.start, arc.settings.duration)
+        self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
         self.resting: dict[int, float] = {}

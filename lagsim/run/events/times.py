@@ -22,8 +22,8 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
 from lagsim.methods.parts.missed import distance
 from lagsim.notes import Event
+from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.breaks import NEIGHBOURS, TimedTable, Values, break_times
-from lagsim.run.events.sequence import SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
@@ -207,7 +207,7 @@ class TimeBreaks(_Ahead):
         g = arc.equations.graph
         self._smooth = {k for k in self._own if is_smooth(g, modes[k].discrete)}
         self._discrete: Values | None = None
-        self._met = SwitchSequence(arc.settings.start, arc.settings.duration, WINDOW)
+        self._met = Accumulation(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
 

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.notes import Event
+from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import Truth
 from lagsim.run.events.impulses import data_at, kick
 from lagsim.run.events.records import NOTHING, ActsAt, Due
-from lagsim.run.events.sequence import STUCK, SwitchSequence
 from lagsim.run.instants import width
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 from lagsim.tolerances import SOLUTION_ROUNDOFF
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import Round
 
-# An event chatters where `sequence.STUCK` successive acts are on average at most this
-# part of the duration apart.
-HARDLY = 1e-12
 # Largest number of acts of one event at one instant, each with other modes.
 MOST_ACTS = 1000
 
@@ -53,8 +50,8 @@ class Transitions(Source):
         The number of the next act of each periodic event; -1 for all other events.
     periodic, event_of : list of int
         The numbers of periodic events; the number of the event of each condition.
-    sequences : list of SwitchSequence
-        The last times at which each event acted, by which chatter is found.
+    sequence : Accumulation
+        The last acts of each event, by which chatter is found.
     energetic, set_by_modes, kicks : bool
         Whether energies depend on modes that events set; whether conditions do; whether
         events give impulses.
@@ -67,9 +64,7 @@ class Transitions(Source):
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
-        self.sequences = [
-            SwitchSequence(settings.start, settings.duration) for _ in events
-        ]
+        self.sequence = Accumulation(settings.start, settings.duration)
         self.energetic = arc.system.equations.is_set
         self.kicks = arc.equations.model.kicks
         self._truth: Truth | None = None
@@ -286,8 +281,8 @@ class Transitions(Source):
         if arc.equations.model.events[k].at is None:
             return False
         if count == 1:
-            self.sequences[k].add(arc.t, k)
-        return count > MOST_ACTS or self.sequences[k].is_stuck(STUCK * HARDLY)
+            self.sequence.add(arc.t, k)
+        return count > MOST_ACTS or self.sequence.hurries(k)
 
 
 def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:

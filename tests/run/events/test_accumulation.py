@@ -2,12 +2,12 @@
 
 import pytest
 
-from lagsim.run.events.sequence import SHORT, Flights, SwitchSequence
+from lagsim.run.events.accumulation import SHORT, Accumulation, History
 
 
 def first_limit(intervals, start=0.0):
     """Give when a limit is told first, and that limit; or None."""
-    found, time = SwitchSequence(start, 100.0), start
+    found, time = Accumulation(start, 100.0), start
     for interval in intervals:
         time += interval
         found.add(time, 0)
@@ -47,8 +47,8 @@ def test_from_when_on_they_come_faster(before, theirs):
 def test_flights_that_are_none():
     # As long as each other; longer; too few; two strikes at one time.
     for took in ([1.0, 0.9995, 0.999], [1.0, 1.1, 1.2], [1.0, 0.5], [1.0, 0.0, 0.5]):
-        found, time = Flights(), 3.0
+        found, time = History(), 3.0
         for more in (0.0, *took):
             time += more
-            found.add(time, 1.0)
+            found.strikes.append((time, 1.0))
         assert found.end(time, 0.0, 1.0) is None

@@ -1,0 +1,272 @@
+"""Accumulations of events: infinitely many in a finite time, and their limits.
+
+Switches of surfaces, impacts and ends of modes of laws, and acts of events of the file
+are each stored in an `Accumulation`, with a history of its own for every row (surface,
+law, event). Intervals that shrink at a ratio r have the sum of a geometric series left
+(`series_left`), which gives the limit in time. An accumulation is ended where what is
+left is below the resolution of the motion:
+
+- of switches, the time left. Surfaces may switch in turn, so that intervals of all of
+  them count, in windows of several;
+- of impacts, the paths left, of each contact by its own flights.
+
+Without a limit the run ends where events leave no time for a motion (`is_stuck`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+
+# Accumulating switches have ended where the time left to their limit is at most the
+# part SHORT of the longest interval so far, and of the longest window since they began
+# to accumulate. The remaining motion is then about SHORT squared of the motion in that
+# window.
+WINDOW = 4
+SHORT = 4e-6
+# A window that is longer, by this factor, than the ratio predicts does not belong to
+# the accumulation.
+REGULAR = 16.0
+# The motion cannot continue past STUCK events within NO_TIME, a few units in the last
+# place relative to the time.
+STUCK = 40
+NO_TIME = 2.0**-47
+# Nor past STUCK events of one row at an average interval of at most this part of the
+# duration.
+HURRIES = 1e-12
+# Number of events that are stored.
+MOST = 4000
+# Number of the last flights of a contact from which its limit is extrapolated.
+FLIGHTS = 4
+# Largest ratio that counts as a decrease. A contact without a strike for LATE times its
+# last flight no longer bounces.
+STEADY = 0.999
+LATE = 10.0
+# A contact that comes to rest RESTS times within this part of the duration, and leaves
+# rest each time, cannot be resolved in double precision.
+RESTS = 200
+NO_PART = 1e-4
+
+
+def series_left(last: float, ratio: float) -> float:
+    """Return the sum of a geometric series after its term `last`."""
+    return last * ratio / (1.0 - ratio)
+
+
+class History:
+    """The last events of one row.
+
+    Attributes
+    ----------
+    times : deque of float
+        Times of its last events.
+    strikes : deque of (float, float)
+        Times and speeds of the last strikes of a contact.
+    rests : deque of float
+        Times at which the contact came to rest.
+    impacts : int
+        Number of its impacts since it was at rest.
+    """
+
+    def __init__(self) -> None:
+        self.times: deque[float] = deque(maxlen=STUCK)
+        self.strikes: deque[tuple[float, float]] = deque(maxlen=FLIGHTS + 1)
+        self.rests: deque[float] = deque(maxlen=RESTS)
+        self.impacts = 0
+
+    def end(self, time: float, speed: float, least: float) -> float | None:
+        """Return the time at which bouncing ends, if the motion left is negligible.
+
+        The motion left is negligible where the durations of flights decrease at a ratio
+        and the lengths of all remaining paths, up and down, sum to at most `least`; or
+        where none of the last flights was longer than `least` (contacts that strike in
+        turn have no single ratio). Else None.
+
+        Parameters
+        ----------
+        time
+            The present time.
+        speed
+            The present speed of the contact.
+        least
+            The length of a path that counts as no motion.
+        """
+        if len(self.strikes) < FLIGHTS:
+            return None
+        lasted = self.strikes[-1][0] - self.strikes[-2][0]
+        far = speed * lasted
+        if far > least or time - self.strikes[-1][0] > LATE * lasted:
+            return None
+        times = [strike[0] for strike in self.strikes]
+        speeds = [strike[1] for strike in self.strikes]
+        took = [b - a for a, b in itertools.pairwise(times)]
+        if min(took) <= 0.0:
+            return None
+        ratio = max(took[-1] / took[-2], took[-2] / took[-3])
+        # A contact that strikes in turn with a neighbour, at decreasing intervals and
+        # nearly constant speeds, has no flights: that is one impact, of open order.
+        slower = speeds[-1] <= REGULAR * ratio * speeds[-2]
+        shrinks = ratio < STEADY and slower
+        ways = [d * v for d, v in zip(took, speeds[1:], strict=True)]
+        short = len(took) == FLIGHTS and max(*ways, far) <= least
+        # A flight lands at its initial speed: its path up and down is `far` / 2 long.
+        ways_left = series_left(far / 2.0, ratio**2) if shrinks else math.inf
+        if not short and ways_left > least:
+            return None
+        left = series_left(took[-1], ratio) if shrinks else 0.0
+        return max(time, times[-1] + left)
+
+
+class Accumulation:
+    """The last events of several rows, and the limit to which they accumulate.
+
+    Parameters
+    ----------
+    start
+        The time at which the run starts.
+    span
+        The duration of the run.
+    window
+        Number of intervals between events in each of the windows that are compared.
+
+    Attributes
+    ----------
+    last : float
+        The time of the last event.
+    longest : float
+        The longest interval between two successive events so far.
+    recent : deque of (float, int)
+        Times and rows of the last events.
+    own : dict of int to History
+        The last events of each row.
+    """
+
+    def __init__(self, start: float, span: float, window: int = WINDOW) -> None:
+        self.last = start
+        self.span = span
+        self.window = window
+        self.longest = 0.0
+        self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
+        self.own: dict[int, History] = {}
+
+    def of(self, row: int) -> History:
+        """Return the history of a row."""
+        found = self.own.get(row)
+        if found is None:
+            found = self.own[row] = History()
+        return found
+
+    def add(self, time: float, row: int) -> None:
+        """Store an event of a row."""
+        self.longest = max(self.longest, time - self.last)
+        self.last = time
+        self.recent.append((time, row))
+        self.of(row).times.append(time)
+
+    def lately(self, least: int = 1) -> list[int]:
+        """Return the sorted numbers of rows with events in the last two windows.
+
+        least : the least number of events of a row in these windows.
+        """
+        some = [k for _, k in list(self.recent)[-2 * self.window :]]
+        return sorted(k for k in set(some) if some.count(k) >= least)
+
+    def ratio(self) -> float:
+        """Return the ratio of the lengths of the last two windows, the later on top.
+
+        It is infinite where there are too few events or the earlier window has length
+        zero.
+        """
+        if len(self.recent) <= 2 * self.window:
+            return math.inf
+        last, former = self._stretch(0), self._stretch(1)
+        return last / former if former > 0.0 else math.inf
+
+    def _stretch(self, k: int) -> float:
+        """Return the duration of the k-th last window of events, k = 0, 1, ..."""
+        first = -1 - k * self.window
+        return self.recent[first][0] - self.recent[first - self.window][0]
+
+    def limit(self) -> float | None:
+        """Return the time at which events accumulate, or None.
+
+        None where this time is not close enough to the last event (`SHORT`), and where
+        the intervals of the last window do not shrink.
+        """
+        end = self.end()
+        if end is None or not self._shrinks():
+            return None
+        left = end - self.recent[-1][0]
+        ratio = self.ratio()
+        if left > SHORT * self.longest or left > SHORT * self._since(ratio):
+            return None
+        return end
+
+    def _shrinks(self) -> bool:
+        """Whether the second half of the last window is shorter than its first half.
+
+        Where rows have events in turn at unequal intervals, it is so for some of them.
+        """
+        first, half, last = (
+            self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)
+        )
+        return last - half < half - first
+
+    def end(self) -> float | None:
+        """Return the limit of the event times, extrapolated as a geometric series.
+
+        None where the lengths of the windows do not decrease.
+        """
+        ratio = self.ratio()
+        if ratio >= 1.0 or ratio == 0.0:
+            return None
+        return self.recent[-1][0] + series_left(self._stretch(0), ratio)
+
+    def _since(self, ratio: float) -> float:
+        """Return the length of the longest window since the lengths began to decrease.
+
+        Windows count from the last one back, while their lengths grow by at most
+        REGULAR / ratio.
+        """
+        longest = self._stretch(0)
+        for k in range(1, (len(self.recent) - 1) // self.window):
+            former = self._stretch(k)
+            if not longest < former <= REGULAR / ratio * longest:
+                break
+            longest = former
+        return longest
+
+    def is_stuck(self) -> bool:
+        """Whether the last events leave no time for the motion.
+
+        True where the last `STUCK` events took at most `NO_TIME` of the duration, or
+        where the row of the last one hurries.
+        """
+        if len(self.recent) < STUCK:
+            return False
+        if self.hurries(self.recent[-1][1]):
+            return True
+        took = self.recent[-1][0] - self.recent[-STUCK][0]
+        return took <= NO_TIME * max(self.span, abs(self.last))
+
+    def hurries(self, row: int) -> bool:
+        """Whether the last `STUCK` events of a row follow each other in hardly a time.
+
+        They are on average at most `HURRIES` of the duration apart.
+        """
+        own = self.of(row).times
+        least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))
+        return len(own) == STUCK and own[-1] - own[0] <= least
+
+    def restless(self) -> list[int]:
+        """Return the contacts that came to rest `RESTS` times in a short time.
+
+        In the part `NO_PART` of the duration.
+        """
+        most = NO_PART * self.span
+        return [
+            k
+            for k, x in self.own.items()
+            if len(x.rests) == RESTS and x.rests[-1] - x.rests[0] < most
+        ]
