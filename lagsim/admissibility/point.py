@@ -124,6 +124,13 @@ class Point:
         values |= {law.slider.way: 0.0 for law in self.e.laws if law.slider}
         return values | self.multipliers
 
+    @cached_property
+    def places(self) -> tuple[dict[int, int], frozenset[int]]:
+        """Nodes of positions, then velocities, with their indices; and these nodes."""
+        names = (*self.e.q, *self.e.velocities)
+        found = {self.g.variable(name): j for j, name in enumerate(names)}
+        return found, frozenset(found)
+
     def array(self, nodes: Sequence[int]) -> Floats:
         """Return the values of `nodes`."""
         return np.array(evaluate(self.g, nodes, self.values), dtype=float)
@@ -311,9 +318,8 @@ def implied_conditions(rows: Iterable[Row], *, velocities: bool) -> list[Conditi
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
     """Return derivatives of a node: index among positions, then velocities -> node."""
-    names = (*point.e.q, *point.e.velocities)
-    places = {point.g.variable(name): j for j, name in enumerate(names)}
-    found = slopes(point.g, node, frozenset(places))
+    places, variables = point.places
+    found = slopes(point.g, node, variables)
     return {places[x]: slope for x, slope in found.items()}
 
 
@@ -373,15 +379,20 @@ class _ScaledGradient(NamedTuple):
         return float(np.max(slopes[known] * own[known], initial=-np.inf))
 
 
+def positions_of(e: Equations) -> dict[int, int]:
+    """Return the index of each position by its node."""
+    return {e.graph.variable(name): j for j, name in enumerate(e.q)}
+
+
 def shape_of(
-    g: Graph, names: Sequence[str], nodes: Sequence[int]
+    g: Graph, places: Mapping[int, int], nodes: Sequence[int]
 ) -> tuple[list[int], list[int]]:
     """Return the positions on which a gradient depends, and its derivatives.
 
     Parameters
     ----------
-    names : sequence of str
-        The positions.
+    places : mapping of int to int
+        Node of each position -> its index.
     nodes : sequence of int
         The gradient.
 
@@ -393,23 +404,23 @@ def shape_of(
         (2 k + 1) rows of nodes: the gradient, then for each of these positions its
         first and its second derivative.
     """
-    place = {g.variable(name): j for j, name in enumerate(names)}
-    ways = sorted(place[x] for x in g.cone(nodes) if x in place)
+    found = (x for x in g.cone(nodes) if x in places)
+    variables = sorted(found, key=places.__getitem__)
     # Entries that a coordinate does not move are not looked through for it.
-    moved: dict[int, list[int]] = {k: [] for k in ways}
+    moved: dict[int, list[int]] = {x: [] for x in variables}
     for i, node in enumerate(nodes):
         for x in g.cone([node]):
-            if x in place:
-                moved[place[x]].append(i)
+            if x in places:
+                moved[x].append(i)
     table = list(nodes)
-    for k, entries in moved.items():
-        seed = {g.variable(names[k]): g.one}
-        found = [nodes[i] for i in entries]
+    for variable, entries in moved.items():
+        seed = {variable: g.one}
+        slopes_found = [nodes[i] for i in entries]
         for _ in range(2):
-            found = tangent(g, found, seed)
-            row = dict(zip(entries, found, strict=True))
+            slopes_found = tangent(g, slopes_found, seed)
+            row = dict(zip(entries, slopes_found, strict=True))
             table += [row.get(i, g.zero) for i in range(len(nodes))]
-    return ways, table
+    return [places[x] for x in variables], table
 
 
 class Lengths:
@@ -426,9 +437,10 @@ class Lengths:
             return []
         wanted: list[int] = []
         along: list[list[int]] = []
+        positions = positions_of(self.point.e)
         for asked in self.asked:
             gradient = list(asked.A.values())
-            ways, nodes = shape_of(self.point.g, self.point.e.q, gradient)
+            ways, nodes = shape_of(self.point.g, positions, gradient)
             wanted += nodes
             along.append(ways)
         values, forms = self.point.array(wanted), []

@@ -38,7 +38,10 @@ class SparseVector:
         return self.entries.get(j, self._zero)
 
     def __iter__(self) -> Iterator[int]:
-        return map(self.__getitem__, range(self._length))
+        found = [self._zero] * self._length
+        for j, node in self.entries.items():
+            found[j] = node
+        return iter(found)
 
 
 class TooLongError(Exception):

@@ -268,6 +268,8 @@ def is_regular(D: Floats) -> bool:
     own = D.diagonal()
     if not (len(own) > 1 and own.min() > 0.0 and np.isfinite(own).all()):
         return False
+    if np.count_nonzero(D) == len(own):
+        return True  # diagonal
     s = 1.0 / np.sqrt(own)
     try:
         pivots = np.linalg.cholesky(D * s * s[:, None]).diagonal()

@@ -273,9 +273,11 @@ class _Edges(NamedTuple):
             for disc in [self.rows.disc(k)]
             if rate[disc].any() or (self.left[disc].any() and none[disc[-1]])
         ]
-        ranked = sorted(tied, key=lambda k: -abs(turn[k] @ x))
-        rests = [k for k in (*held, *ranked) if k not in apart]
-        firm = [k for k in rests if k in held or not none[k]]
+        forces = x if turn is None else turn @ x
+        ranked = sorted(tied, key=lambda k: -abs(forces[k]))
+        slipping, firmly = set(apart), set(held)
+        rests = [k for k in (*held, *ranked) if k not in slipping]
+        firm = [k for k in rests if k in firmly or not none[k]]
         apart = self._movable(firm, rests, apart, turn)
         for k in (*held, *ranked):
             n = normals[k]
@@ -291,21 +293,27 @@ class _Edges(NamedTuple):
             if n >= 0 and modes[n] is Mode.OFF:
                 modes[k], directions[k] = Mode.OFF, 0.0
 
-    def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats:
+    def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats | None:
         """Return a rotation (r, r) of the rows to the axes of the forces of tied discs.
 
         The two rows of each tied disc become one across and one along its force; other
-        rows are unchanged.
+        rows are unchanged. None where no disc is tied.
         """
+        discs = [(i, k) for i, k in self.rows.problem.discs if k in tied and pressed[k]]
+        if not discs:
+            return None
         turn = np.eye(len(p))
-        for i, k in self.rows.problem.discs:
-            if k in tied and pressed[k]:
-                c, s = p[[i, k]] / np.linalg.norm(p[[i, k]])
-                turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
+        for i, k in discs:
+            c, s = p[[i, k]] / np.linalg.norm(p[[i, k]])
+            turn[np.ix_([i, k], [i, k])] = [[s, c], [-c, s]]
         return turn
 
     def _movable(
-        self, firm: list[int], rests: list[int], apart: list[int], turn: Floats
+        self,
+        firm: list[int],
+        rests: list[int],
+        apart: list[int],
+        turn: Floats | None,
     ) -> list[int]:
         """Return the rows of `apart` that can slip, independently of rows that hold.
 
@@ -318,12 +326,12 @@ class _Edges(NamedTuple):
         firm, rests, apart : list of int
             Indices of rows that hold firmly, of all rows at rest, and of tied rows
             that would not hold.
-        turn : ndarray, shape (r, r)
+        turn : ndarray, shape (r, r), or None
             See `_turned`.
         """
         if not apart:
             return apart
-        Y = self.closed.factor @ turn
+        Y = self.closed.factor if turn is None else self.closed.factor @ turn
         span = Independent(Y)
         for k in firm:
             span.takes(k)
@@ -347,7 +355,7 @@ class _Edges(NamedTuple):
         held: list[int],
         tied: list[int],
         pressed: Flags,
-        turn: Floats,
+        turn: Floats | None,
     ) -> tuple[Floats, Floats]:
         """Return d/dt of multipliers less bounds (r,), and d/dt of accelerations (r,).
 
@@ -375,9 +383,10 @@ class _Edges(NamedTuple):
                 S[place[k], place[n]] = p[k] / p[n]
         ways = [unit[place[k]] for k in tied if k in self.rows.one_sided]
         inside = [k for k in tied if pressed[k] and k not in edges]
-        ways += [-(p @ turn[:, k]) * unit[place[k]] for k in inside]
+        turned = p if turn is None else p @ turn
+        ways += [-turned[k] * unit[place[k]] for k in inside]
         both = np.ix_(some, some)
-        own = turn[both]
+        own = unit if turn is None else turn[both]
         D, (change, noise) = own.T @ self.closed.D[both] @ S @ own, self.ahead(p)
         c, rounding = own.T @ change[some], np.abs(own.T) @ noise[some]
         x[some], w[some] = rates_at(

@@ -286,17 +286,19 @@ class Kinematics:
             The laws whose event functions were located at this time.
         """
         table, e, mu = self.table, self.restitutions, self.bounds
+        bounded, gapped = table.bounded.tolist(), table.gapped.tolist()
+        negative = (mu <= 0.0).tolist()
         for k in closed:
-            name = f"`{self.laws[k].name}`"
             what = "friction" if table.slips[k] else "limit"
-            bounded = table.bounded[k]
-            if bounded and mu[k] <= 0.0 and self._goes_below(k, met):
-                return f"the {what} of {name} is {mu[k]:.6g}, which is negative,"
-            if bounded and self._is_weaker_at_rest(k, met):
+            if bounded[k] and negative[k] and self._goes_below(k, met):
+                text = f"is {mu[k]:.6g}, which is negative,"
+                return f"the {what} of `{self.laws[k].name}` {text}"
+            if bounded[k] and self._is_weaker_at_rest(k, met):
                 least = f"{self.statics[k]:.6g}, not more than the dynamic one,"
-                return f"the static {what} of {name} falls to {least}"
-            if table.gapped[k] and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
-                return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
+                return f"the static {what} of `{self.laws[k].name}` falls to {least}"
+            if gapped[k] and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
+                text = f"is {e[k]:.6g}, outside of 0 to 1,"
+                return f"the restitution of `{self.laws[k].name}` {text}"
         return ""
 
     def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:

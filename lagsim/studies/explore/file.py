@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from lagsim.admissibility.point import Point, gradient_of, shape_of
+from lagsim.admissibility.point import Point, gradient_of, positions_of, shape_of
 from lagsim.admissibility.rank import analyse
 from lagsim.codes import number
 from lagsim.codes.known import (
@@ -287,9 +287,10 @@ def _problem(session: Session, explorer: Explorer) -> Document:
 
 def _shapes_of_rows(e: Equations) -> Iterator[Document]:
     """Yield the gradient of each row with its first and second derivatives."""
+    positions = positions_of(e)
     for row in e.rows:
         columns = list(row.A.entries)
-        ways, table = shape_of(e.graph, e.q, list(row.A.entries.values()))
+        ways, table = shape_of(e.graph, positions, list(row.A.entries.values()))
         yield {"columns": columns, "ways": ways, "table": [Node(x) for x in table]}
 
 
