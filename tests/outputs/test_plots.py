@@ -443,4 +443,4 @@ def test_gaps_and_single_values_are_drawn():
 def test_runs_that_hardly_began_are_drawn(count):
     run = record(swing(count), note="stopped at the start")
     for draw, *more in PICTURES:
-        encoded_figure(draw(run, *more))
+        assert encoded_figure(draw(run, *more)).startswith(b"\x89PNG")
