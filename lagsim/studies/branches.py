@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.balance import Rest
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import Rest
 from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import did_you_mean, unusable
 from lagsim.language.names import member_hint

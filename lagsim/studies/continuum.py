@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.balance import Rest
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import Rest
 from lagsim.admissibility.verdict import judge_laws
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import COMPUTED_ZERO

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.balance import Rest, Way
 from lagsim.admissibility.kinks import CORNER, Kinks
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import AtRest, Rest, RestCorner, Way, find_rest
+from lagsim.admissibility.rest import AtRest, RestCorner, find_rest
 from lagsim.admissibility.verdict import (
     RelationResiduals,
     acting,

@@ -58,7 +58,8 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import ExpressionCode, Parsed, ParsedRelation
-    from lagsim.model.expansion.bodies import Drawn, FrameReader, TurnedFrame
+    from lagsim.model.expansion.bodies import Drawn
+    from lagsim.model.expansion.frames import FrameReader, TurnedFrame
     from lagsim.model.expansion.scope import Indices
 
 # Keys of the value in an entry of each section.
@@ -250,7 +251,7 @@ class Expansion:
     def _make_frames(self) -> None:
         """Prepare the frames of the file, if any; each is built on its first use."""
         if "frames" in self._top:
-            from lagsim.model.expansion.bodies import FrameReader
+            from lagsim.model.expansion.frames import FrameReader
 
             self.frames = FrameReader(self, self._top["frames"])
             self.scope.frame = self.frames.named_by

@@ -1,8 +1,4 @@
-"""Frames and bodies: inertia of shapes of uniform density, and energies of bodies.
-
-The matrix and the angular velocity of a frame follow from the frame it is attached to
-(`on`) and its own rotation; they are hidden definitions, see `trees`. A frame is
-created on its first use, after all frames it is attached to.
+"""Bodies: inertia of shapes of uniform density, and energies of bodies.
 
 Sources: J. L. Meriam, L. G. Kraige, Engineering Mechanics: Dynamics, table D/4; of a
 polygon, C. Steger, On the Calculation of Arbitrary Moments of Polygons (1996).
@@ -10,517 +6,53 @@ polygon, C. Steger, On the Calculation of Arbitrary Moments of Polygons (1996).
 
 from __future__ import annotations
 
-import math
 import re
 from contextlib import suppress
-from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.codes.known import (
-    BOTH_GIVEN,
-    CYCLE,
     DUPLICATE_MEMBER,
     EXPRESSION_FRAME,
     MISSING_KEY,
-    NOT_AN_EXPRESSION,
-    NOT_CONSTANT,
-    OUT_OF_RANGE,
     RESERVED_NAME,
     UNKNOWN_NAME,
     WRONG_COUNT,
 )
 from lagsim.errors import did_you_mean
-from lagsim.language.names import HIDDEN, UNIT_LENGTH, rate_of
+from lagsim.language.names import HIDDEN, rate_of
 from lagsim.language.parser import (
-    SILENT,
     ExpressionError,
-    ParsedRelation,
     parse,
-    silent,
 )
 from lagsim.model.expansion import trees
+from lagsim.model.expansion.frames import SectionReader, unknown
 from lagsim.model.expansion.scope import MemberReading, dotted
 from lagsim.model.expansion.trees import (
     LETTERS,
-    ONE,
     ZERO,
-    Chart,
     Frame,
     Tree,
     Value,
     Vector,
-    about,
-    by_quaternion,
     call,
-    composed,
     cross,
-    name,
     number,
     parsed,
     product,
     rotate,
-    said,
     scalar,
-    space,
     spin,
     total,
-    unit,
 )
-from lagsim.model.nodes import Broken, Mapping, Scalar, Sequence, entries_of
+from lagsim.model.nodes import Mapping, Scalar, Sequence, entries_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from collections.abc import Sequence as SequenceType
 
-    from lagsim.codes.known import ErrorCode
-    from lagsim.errors import Place
-    from lagsim.language.parser import Parsed, Steps
     from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.scope import Indices
     from lagsim.model.nodes import Entry, Node
-
-
-# A frame by its name and subscripts.
-Called = tuple[str, tuple[int, ...]]
-SPACE = "space"
-_KEYS_OF_FRAME = ("on", "axis", "angle", "quaternion", "angles", "axes")
-_SPACE: Called = (SPACE, ())
-_ROTATED = (
-    "write {on: ..., axis: [0, 0, 1], angle: q}, {quaternion: [p0, p1, p2, p3]}, "
-)
-_ROTATED += "{angles: [a, b, c], axes: zxz}, or in the plane {angle: q}"
-
-
-class TurnedFrame(NamedTuple):
-    """Frame in space and its rotation relative to its parent, as expressions.
-
-    Attributes
-    ----------
-    parent : int
-        Index of the parent among the frames in space; -1 for space.
-    rows, turn : tuple of tuple of Parsed, shape (3, 3)
-        The matrix R of the frame, and the matrix E of its rotation, R = P E.
-    own, omega : tuple of Parsed, shape (3,)
-        The angular velocities relative to the parent, and to space, in the components
-        of the frame.
-    """
-
-    parent: int
-    rows: tuple[tuple[Parsed, ...], ...]
-    turn: tuple[tuple[Parsed, ...], ...]
-    own: tuple[Parsed, ...]
-    omega: tuple[Parsed, ...]
-
-
-def _all_parsed(some: Iterable[Tree]) -> tuple[Parsed, ...]:
-    return tuple(parsed(x, "") for x in some)
-
-
-class _DeclaredFrame(NamedTuple):
-    """Frame as the file declares it, for one member: values by their keys."""
-
-    key: Scalar
-    below: dict[str, Node]
-    indices: Indices
-
-
-def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
-    """Whether a mapping with the keys `below` has others than `keys`."""
-    return any(k not in keys and not k.startswith("x-") for k in below)
-
-
-class SectionReader:
-    """Reader of values in the sections of frames and bodies.
-
-    A fault is reported first; then an ExpressionError without a message is raised.
-    """
-
-    def __init__(self, x: Expansion) -> None:
-        self.x, self.scope, self.report = x, x.scope, x.report
-
-    def refuse(
-        self, code: ErrorCode, text: str, at: Place | Node, hint: str = ""
-    ) -> NoReturn:
-        """Report a fault at a place or node, then raise an ExpressionError.
-
-        The error has no message, since the fault is reported.
-        """
-        self.report(code, text, at, hint)
-        raise silent()
-
-    def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
-        """Return the value of the expression `node` for a member, and its scalar.
-
-        indices : values of the member's indices. what : the expression's name in
-        messages.
-        """
-        if isinstance(node, Broken):
-            raise silent()
-        if not isinstance(node, Scalar) or node.empty:
-            text = f"{what} must be an expression"
-            self.refuse(NOT_AN_EXPRESSION, text, node)
-        try:
-            return self.scope.values(node.text, parse, indices)[0], node
-        except ExpressionError as fault:
-            self.x.fault(fault, node)
-            raise silent() from None
-
-    def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
-        """Add a hidden definition with the expression `tree`; return a reference to it.
-
-        Unlike other hidden definitions it has a rate, which energies use. hidden : its
-        name. at : the scalar of the file from which it stems.
-        """
-        found = scalar(self.x.hide(hidden, tree, at), hidden)
-        self.x.moving[str(found.value)] = at
-        return found
-
-    def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Return the value, which must be a number, of an expression, and its scalar.
-
-        Arguments as for `value`.
-        """
-        value, at = self.value(node, indices, what)
-        if not isinstance(value, Tree):
-            text = f"{what} must be a number, found {said(value)}"
-            self.refuse(WRONG_COUNT, text, at.place_of(0, len(at.text)))
-        return value, at
-
-    def vector(
-        self, node: Node, indices: Indices, counts: SequenceType[int], what: str
-    ) -> list[tuple[Tree, Scalar]]:
-        """Return the components of a list, or of a vector expression, with scalars.
-
-        Each is a pair of its value and the scalar of the file from which it stems.
-        counts : the numbers of components that are allowed.
-        """
-        if isinstance(node, Sequence):
-            found = [self.number(item, indices, what) for item in node.items]
-        else:
-            value, at = self.value(node, indices, what)
-            parts = (value,) if isinstance(value, Tree) else value
-            found = [(part, at) for part in parts]
-        if len(found) not in counts:
-            wanted = " or ".join(map(str, counts))
-            text = f"{what} must have {wanted} components, found {len(found)}"
-            self.refuse(WRONG_COUNT, text, node)
-        return found
-
-
-class FrameReader(SectionReader):
-    """Frames of a file; each is created on its first use.
-
-    Attributes
-    ----------
-    n : int
-        Dimension of all frames: 2 for rotations in the plane, 3 for space.
-    """
-
-    def __init__(self, x: Expansion, section: Node | None) -> None:
-        super().__init__(x)
-        self._given: dict[Called, _DeclaredFrame] = {}
-        self._broken: set[str] = set()
-        self._making: set[Called] = set()
-        given = entries_of(section)
-        turning = {key.text for _, node in given for key, _ in entries_of(node)}
-        self.n = 3 if turning & {"axis", "angles", "axes", "quaternion"} else 2
-        self._made: dict[Called, Frame | None] = {_SPACE: space(self.n)}
-        for key, node in given:
-            self._declare(key, node)
-
-    def make_all(self) -> None:
-        """Create all frames, and the constraints on their quaternions' lengths."""
-        for called in self._given:
-            with suppress(ExpressionError):
-                self._frame_of(called)
-
-    # What the file gives
-
-    def _declare(self, key: Scalar, node: Node) -> None:
-        below = {k.text: value for k, value in entries_of(node)}
-        if isinstance(node, Scalar) and not node.empty:
-            below = {"on": node}
-        found = self.x.members(key, "a frame")
-        name = key.text.partition("(")[0].strip()
-        sound = self._sound(key, node, below)
-        if found is None or not sound:
-            self._broken.add(name)
-            return
-        for indices, member in found[1]:
-            if (name, member) in self._given or name == SPACE:
-                what = "is built in" if name == SPACE else "is given twice"
-                text = f"the frame `{dotted(name, member)}` {what}"
-                self.report(DUPLICATE_MEMBER, text, key)
-                return
-            self._given[name, member] = _DeclaredFrame(key, below, indices)
-
-    def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
-        """Whether the keys of a frame's entry form a rotation.
-
-        If not, a fault is reported.
-
-        below : the values by key.
-        """
-        what, report = f"the frame `{key.text}`", self.report
-        if not isinstance(node, Mapping) and "on" in below:
-            return True
-        if unknown(below, _KEYS_OF_FRAME):
-            return False
-        ways = [k for k in ("angle", "angles", "quaternion") if k in below]
-        pairs = [("axes", "angles"), ("angles", "axes"), ("axis", "angle")]
-        pairs += [("angle", "axis")] if self.n > len("xy") else []
-        for has, wants in pairs:
-            if has in below and wants not in below:
-                text = f"{what} has `{has}` but no `{wants}`"
-                report(MISSING_KEY, text, key, _ROTATED)
-                return False
-        if not ways:
-            report(MISSING_KEY, f"{what} has no rotation", key, _ROTATED)
-        elif len(ways) > 1:
-            text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
-            report(BOTH_GIVEN, text, key, _ROTATED)
-        return len(ways) == 1
-
-    # Frames by their names
-
-    def named(self, node: Scalar, indices: Indices) -> Frame:
-        """Return the frame whose name is the expression `node`, such as `arm(i)`."""
-        try:
-            return self.named_by(self.scope.source(node.text, parse).postfix, indices)
-        except ExpressionError as fault:
-            self.x.fault(fault, node)
-            raise silent() from None
-
-    def named_by(self, steps: Steps, indices: Indices) -> Frame:
-        """Return the frame whose name was parsed into `steps`."""
-        return self._frame_of(self._called(steps, indices))
-
-    def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Return name and subscripts of a frame, parsed into `steps`."""
-        *subscripts, (op, _, token) = steps
-        if op not in ("name", "member"):
-            raise token.fault(
-                "the name of a frame is expected here", "", EXPRESSION_FRAME
-            )
-        values = self.scope.run(tuple(subscripts), indices)
-        member = tuple(self.scope.whole(value, token) for value in values)
-        name = token.text
-        if (name, member) in self._given or (name, member) == _SPACE:
-            return name, member
-        if name in self._broken:
-            raise token.fault("", "", SILENT)
-        members = [m for other, m in self._given if other == name]
-        hint = (
-            did_you_mean(name, [SPACE, *(other for other, _ in self._given)])
-            or _ROTATED
-        )
-        if members:
-            ends = (dotted(name, m) for m in (min(members), max(members)))
-            hint = "there are `{}` to `{}`".format(*ends)
-        text = f"there is no frame `{dotted(name, member)}`"
-        raise token.fault(text, hint, EXPRESSION_FRAME)
-
-    def _frame_of(self, called: Called) -> Frame:
-        """Return the frame of a name and subscripts, built after its parents."""
-        chain: list[Called] = []
-        while called not in self._made:
-            if called in chain:
-                circle = [*chain[chain.index(called) :], called]
-                shown = " -> ".join(dotted(*one) for one in circle)
-                text = f"the frame `{dotted(*called)}` is on itself: {shown}"
-                node = self._given[called].below["on"]
-                self.report(CYCLE, text, node)
-                self._made |= dict.fromkeys(chain)
-                break
-            chain.append(called)
-            called = self._parent(called)
-        for one in reversed(chain):
-            if one in self._making:
-                text = f"the frame `{dotted(*one)}` depends on itself"
-                raise ExpressionError(0, 1, text, "", EXPRESSION_FRAME)
-            if one not in self._made:
-                self._making.add(one)
-                try:
-                    self._made[one] = self._frame(one)
-                finally:
-                    self._making.discard(one)
-        frame = self._made[chain[0] if chain else called]
-        if frame is None:
-            raise silent()
-        return frame
-
-    def _parent(self, called: Called) -> Called:
-        """Return name and subscripts of the frame that is the parent (`on`)."""
-        given = self._given[called]
-        node = given.below.get("on")
-        if node is None:
-            return _SPACE
-        try:
-            if not isinstance(node, Scalar):
-                text = f"`on` of the frame `{given.key.text}` names a frame"
-                self.refuse(NOT_AN_EXPRESSION, text, node, "such as on: arm")
-            steps = self.scope.source(node.text, parse).postfix
-            return self._called(steps, given.indices)
-        except ExpressionError as fault:
-            if isinstance(node, Scalar):
-                self.x.fault(fault, node)
-            self._made[called] = None
-            return _SPACE
-
-    def _frame(self, called: Called) -> Frame | None:
-        """Return a new frame on its parent, which exists.
-
-        None where a fault was reported.
-        """
-        given, parent = self._given[called], self._made[self._parent(called)]
-        if parent is None:
-            return None
-        name, below = "frame." + dotted(*called), given.below
-        try:
-            if "angles" in below:
-                return self._by_angles(called, parent, name)
-            if "quaternion" in below:
-                own = self._quaternion(called, name)
-            elif "angle" not in below:
-                return parent  # another name of it
-            elif self.n == len("xy"):
-                return self._planar(given, parent, name)
-            else:
-                turn = self._moving(f"{name}.angle", *self._number(given, "angle"))
-                own = about(self._axis(given, name), *turn)
-        except ExpressionError:
-            return None
-        return self._turned(name, parent, own, given.key)
-
-    def _turned(self, name: str, parent: Frame, own: Chart, at: Scalar) -> Frame:
-        """Return the frame of a rotation `own` relative to `parent`, and record it."""
-        made = composed(name, parent, own, partial(self.x.hide, at=at))
-        assert not isinstance(made.omega, Tree)
-        rows = tuple(map(_all_parsed, made.rows)), tuple(map(_all_parsed, own.rows))
-        rates = _all_parsed(own.omega), _all_parsed(made.omega)
-        made = made._replace(number=len(self.x.turned))
-        self.x.turned.append(TurnedFrame(parent.number, *rows, *rates))
-        return made
-
-    def _number(self, given: _DeclaredFrame, key: str) -> tuple[Tree, Scalar]:
-        what = f"the `{key}` of the frame `{given.key.text}`"
-        return self.number(given.below[key], given.indices, what)
-
-    def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
-        """Return an angle or component, and its rate, as trees that energies can use.
-
-        An expression becomes a hidden definition, see `Section.moved`.
-        """
-        if tree.op == "number":
-            return tree, ZERO
-        if tree.op != "name" or not self._is_coordinate(tree):
-            tree = self.moved(hidden, tree, at)
-        return tree, name(rate_of(str(tree.value)))
-
-    def _is_coordinate(self, tree: Tree) -> bool:
-        family = self.scope.variables.get(str(tree.value).partition(".")[0])
-        return family is not None and family.section == "coordinates"
-
-    # Rotations
-
-    def _planar(self, given: _DeclaredFrame, parent: Frame, hidden: str) -> Frame:
-        """Return a frame in the plane; its angle is added to that of its parent."""
-        angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
-        assert parent.angle is not None
-        if parent.angle != ZERO:
-            whole = total([parent.angle, angle])
-            angle = scalar(self.x.hide(f"{hidden}.angle", whole, given.key), hidden)
-            speed = name(rate_of(str(angle.value)))
-        c, s = call("cos", angle), call("sin", angle)
-        return Frame(((c, call("neg", s)), (s, c)), speed, angle)
-
-    def _axis(self, given: _DeclaredFrame, name: str) -> Vector:
-        """Return the unit vector of a frame's `axis`, made of parameters only."""
-        node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
-        parts = self.vector(node, given.indices, [3], what)
-        values = [self._fixed(tree, at, what) for tree, at in parts]
-        if not any(values) or not all(map(math.isfinite, values)):
-            text = f"{what} has no direction: it is {values}"
-            self.refuse(OUT_OF_RANGE, text, node, "such as [0, 0, 1]")
-        # One along x, y or z is taken as such, which makes all that follows shorter:
-        # with other values of its parameters the file is read again.
-        if sum(value != 0.0 for value in values) == 1:
-            self.scope.ask(*(tree for tree, _ in parts))
-            signs = (float(value > 0.0) - float(value < 0.0) for value in values)
-            return tuple(map(number, signs))
-        raw = tuple(
-            scalar(self.x.hide(f"{name}.axis.{c}", tree, at), c)
-            for c, (tree, at) in zip(LETTERS, parts, strict=True)
-        )
-        found = self.x.hide(f"{name}.direction", unit(raw), given.key)
-        assert not isinstance(found, Tree)
-        return found
-
-    def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
-        """Return the number that `tree` is, an expression of parameters.
-
-        at : its scalar. what : its name in messages.
-        """
-        found = parsed(tree, at.text)
-        for used in found.names:
-            if used.text not in {*self.scope.numbers, *self.scope.of_tables}:
-                family = self.scope.variables.get(used.text.partition(".")[0])
-                if family and family.section == "parameters":
-                    raise silent()
-                text = f"{what} is made of parameters; `{used.text}` is none"
-                place = at.place_of(used.offset, len(used.text))
-                self.refuse(NOT_CONSTANT, text, place)
-        try:
-            return self.scope.number(found)
-        except ExpressionError as fault:
-            self.refuse(NOT_CONSTANT, fault.text, at, fault.hint)
-
-    def _quaternion(self, called: Called, name: str) -> Chart:
-        given = self._given[called]
-        what = f"the quaternion of the frame `{given.key.text}`"
-        node = given.below["quaternion"]
-        parts = self.vector(node, given.indices, [4], what)
-        both = [
-            self._moving(f"{name}.p{k}", tree, at) for k, (tree, at) in enumerate(parts)
-        ]
-        p, speeds = zip(*both, strict=True)
-        square = total(product(x, x) for x in p)
-        if all(x.op == "name" and self._is_coordinate(x) for x in p):
-            text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
-            relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
-            unit_length = UNIT_LENGTH + dotted(*called)
-            self.x.units.append(self.x.made(unit_length, relation, given.key, text))
-        n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
-        return by_quaternion(p, n, speeds)
-
-    def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:
-        """Return the frame by rotations about its own axes, one after the other.
-
-        The letters of `axes` name the axes, and `angles` has the angles.
-        """
-        given, axes = self._given[called], self._given[called].below["axes"]
-        what = f"the frame `{given.key.text}`"
-        letters = axes.text if isinstance(axes, Scalar) else ""
-        if not re.fullmatch("[xyz]+", letters) or re.search(r"(.)\1", letters):
-            text = f"`axes` of {what} must be letters x, y and z, none twice in a row"
-            self.refuse(UNKNOWN_NAME, text, axes, "such as `axes: zxz`")
-        node, count = given.below["angles"], len(letters)
-        parts = self.vector(node, given.indices, [count], f"`angles` of {what}")
-        both = [
-            self._moving(f"{name}.angle{k}", tree, at)
-            for k, (tree, at) in enumerate(parts, 1)
-        ]
-        frame = parent
-        for k, (letter, turn) in enumerate(zip(letters, both, strict=True), 1):
-            axis = tuple(ONE if letter == c else ZERO for c in LETTERS)
-            step = name if k == count else f"{name}.{k}"
-            frame = self._turned(step, frame, about(axis, *turn), given.key)
-        if count == len("zxz"):
-            op = "sin" if letters[0] == letters[2] else "cos"
-            angles = tuple(parsed(angle, "") for angle, _ in both)
-            lock = parsed(call(op, both[1][0]), "")
-            self.x.gimbals.append((dotted(*called), lock, angles))
-        return frame
 
 
 class Solid(NamedTuple):

@@ -55,7 +55,7 @@ from lagsim.model.nodes import (
     words_below,
 )
 from lagsim.model.reader import equations, runs, values
-from lagsim.model.reader.expressions import Expressions, NameKind, Names, check_columns
+from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.fields import (
     BODY,
     FRAME,
@@ -73,6 +73,7 @@ from lagsim.model.reader.fields import (
     is_mapping,
     schema,
 )
+from lagsim.model.reader.names import NameKind, Names, check_columns
 from lagsim.model.reader.quantities import is_unit
 from lagsim.model.reader.runs import check_sizes, read_scene
 from lagsim.model.reader.values import STARTED, Definitions
@@ -84,7 +85,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.parser import Parsed
     from lagsim.model.expansion import Expansion
-    from lagsim.model.expansion.bodies import TurnedFrame
+    from lagsim.model.expansion.frames import TurnedFrame
     from lagsim.model.model import Mismatch, NumberPlaces, Settings, Table
 
 __all__ = ["TEXT", "read", "read_file", "schema"]

@@ -55,7 +55,6 @@ from lagsim.model.nodes import (
     items_of,
 )
 from lagsim.model.reader import hints
-from lagsim.model.reader.expressions import NameKind, check_name
 from lagsim.model.reader.fields import (
     CONSTRAINT,
     CONTACT,
@@ -70,6 +69,7 @@ from lagsim.model.reader.fields import (
     kind_of,
     quoted_list,
 )
+from lagsim.model.reader.names import NameKind, check_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator

@@ -62,7 +62,6 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.equations import read_relation
-from lagsim.model.reader.expressions import NameKind, check_name
 from lagsim.model.reader.fields import (
     AXES,
     LINK,
@@ -80,6 +79,7 @@ from lagsim.model.reader.fields import (
     scalar_items,
 )
 from lagsim.model.reader.fields import scalar_items as texts_among
+from lagsim.model.reader.names import NameKind, check_name
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ if TYPE_CHECKING:
 
     from lagsim.codes.known import ErrorCode
     from lagsim.errors import Place
-    from lagsim.model.reader.expressions import Expressions, Names
+    from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.names import Names
 
 
 MAX_ROWS = 10**8

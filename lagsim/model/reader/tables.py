@@ -22,7 +22,6 @@ from lagsim.language import tables
 from lagsim.model.loading import STDIN, TEXT
 from lagsim.model.model import Table
 from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words_below
-from lagsim.model.reader.expressions import NameKind
 from lagsim.model.reader.fields import (
     LISTED,
     TABLE,
@@ -31,6 +30,7 @@ from lagsim.model.reader.fields import (
     kind_of,
     quoted_list,
 )
+from lagsim.model.reader.names import NameKind
 from lagsim.model.reader.sheets import read_sheet
 
 if TYPE_CHECKING:

@@ -44,7 +44,7 @@ from lagsim.model.nodes import (
     texts_of,
 )
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import OF_DEFINITIONS, NameKind, Resolved, Value
+from lagsim.model.reader.expressions import OF_DEFINITIONS, Resolved, Value
 from lagsim.model.reader.fields import (
     COORDINATE,
     DEFINITION,
@@ -56,6 +56,7 @@ from lagsim.model.reader.fields import (
     is_mapping,
     kind_of,
 )
+from lagsim.model.reader.names import NameKind
 from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
