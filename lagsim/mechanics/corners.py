@@ -24,7 +24,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient
-from lagsim.mechanics.surfaces import Corner
+from lagsim.mechanics.surfaces import Corner, on_both_sides
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,10 +57,11 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         return {}
     g, fast = e.graph, frozenset(e.velocities)
     slopes = {r: switches.freeze(list(row.A)) for r, row in held}
+    followers = _followers(g, switches)
     found = {}
     for k, side in enumerate(switches.sides):
-        variable = g.variable(side.variable)
-        bent = [(r, row) for r, row in held if variable in g.cone(slopes[r])]
+        own = {g.variable(x) for x in (side.variable, *dict(followers[k]))}
+        bent = [(r, row) for r, row in held if not own.isdisjoint(g.cone(slopes[r]))]
         (u,) = switches.freeze([side.node])
         if not bent or fast & g.depends([u]):
             continue
@@ -69,11 +70,11 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         if square == g.zero:
             continue
         levers = [g.zero] * (1 + len(e.multipliers))
-        levers[0] = _along(g, side, switches.freeze(e.f), J, square)
+        levers[0] = _along(g, side, followers[k], switches.freeze(e.f), J, square)
         for r, _ in bent:
-            levers[1 + r] = _along(g, side, slopes[r], J, square)
+            levers[1 + r] = _along(g, side, followers[k], slopes[r], J, square)
         names = tuple(row.name for _, row in bent)
-        found[k] = Corner(f"push.{k}", tuple(levers), names)
+        found[k] = Corner(f"push.{k}", tuple(levers), names, followers[k])
     return found
 
 
@@ -85,13 +86,38 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
     )
 
 
-def _along(g: Graph, side: Side, rows: list[int], J: list[int], square: int) -> int:
+def _followers(g: Graph, switches: Switches) -> list[tuple[tuple[str, int], ...]]:
+    """Return the sides that may change with each side, see `Corner`."""
+    nodes = switches.freeze([x.node for x in switches.sides])
+    pairs = [*zip(switches.sides, nodes, strict=True)]
+    found = []
+    for side in switches.sides:
+        changed, after = {side.variable}, list[tuple[str, int]]()
+        rest = [(x.variable, n) for x, n in pairs if x is not side and not x.whole]
+        while more := [x for x in rest if changed & g.depends([x[1]])]:
+            after += more
+            changed |= set(dict(more))
+            rest = [x for x in rest if x not in more]
+        found.append((*after,))
+    return found
+
+
+def _along(
+    g: Graph,
+    side: Side,
+    followers: tuple[tuple[str, int], ...],
+    rows: list[int],
+    J: list[int],
+    square: int,
+) -> int:
     """Return the jump of a row at a surface as a multiple of the surface's gradient.
 
     Parameters
     ----------
     side : Side
         The side of the surface, with the variable that selects it.
+    followers : tuple of (str, int)
+        The sides that may change with it, see `Corner`.
     rows : list of int, length n
         The row, as nodes that depend on that variable.
     J : list of int, length n
@@ -104,12 +130,8 @@ def _along(g: Graph, side: Side, rows: list[int], J: list[int], square: int) -> 
     int
         The component of (upper row - lower row) along J, divided by |J|: a node.
     """
-    variable = g.variable(side.variable)
-    low, high = g.constant(-1.0), g.one
-    if side.whole:
-        low, high = variable, g.call("add", variable, g.one)
-    ends = [g.substitute(rows, {variable: x}) for x in (high, low)]
-    jumps = (g.call("sub", a, b) for a, b in zip(*ends, strict=True))
+    below, above = on_both_sides(g, side, followers, rows)
+    jumps = (g.call("sub", a, b) for a, b in zip(above, below, strict=True))
     return g.call("div", g.product_sum(zip(jumps, J, strict=True)), square)
 
 

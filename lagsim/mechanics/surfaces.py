@@ -16,6 +16,8 @@ from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.tables import written
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.language.graph import Graph
 
 
@@ -110,11 +112,39 @@ class Corner(NamedTuple):
         Nodes: the jump of the forces along du/dq, then C of each row.
     rows : tuple of str
         The names of the rows with a kink.
+    followers : tuple of (str, int)
+        Sides that may change with the surface's, in the order of dependence: the
+        variable of each, and the node of its frozen expression. The argument of
+        `abs(mod(x, 2) - 1)` jumps with the `floor` of `mod`, from 1 to -1, where the
+        value of `abs` is continuous.
     """
 
     push: str
     levers: tuple[int, ...]
     rows: tuple[str, ...]
+    followers: tuple[tuple[str, int], ...] = ()
+
+
+def on_both_sides(
+    g: Graph, side: Side, followers: Sequence[tuple[str, int]], nodes: Sequence[int]
+) -> tuple[list[int], list[int]]:
+    """Return frozen nodes below a surface and above, with the sides that follow it.
+
+    side, followers : of the surface; see `Corner`.
+    """
+    variable = g.variable(side.variable)
+    low, high = g.constant(-1.0), g.one
+    if side.whole:
+        low = g.call("floor", variable)
+        high = g.call("add", low, g.one)
+    ends = []
+    for x in (low, high):
+        known = {variable: x}
+        for name, node in followers:
+            above = g.call("gt", g.substitute([node], known)[0], g.zero)
+            known[g.variable(name)] = g.call("if", above, g.one, g.constant(-1.0))
+        ends.append(g.substitute(nodes, known))
+    return ends[0], ends[1]
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

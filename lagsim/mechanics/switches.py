@@ -41,6 +41,7 @@ from lagsim.mechanics.surfaces import (
     Side,
     between,
     expression_text,
+    on_both_sides,
     oriented,
     stepped,
     surfaces,
@@ -558,11 +559,36 @@ class Switches:
         """Return `nodes` for output rows: as written, except while sliding.
 
         While the motion slides along a surface, a function that steps there has the
-        value, between the values of the two sides, that keeps the motion there.
+        value, between the values of the two sides, that keeps the motion there. At a
+        corner at which further sides change, whole nodes have such values.
         """
-        known = self.graph, self.sides, self._sides_of, self._roots
-        shown = SlidingSteps(*known, bent=self.corners)
-        return shown.nodes(list(nodes))
+        g, nodes = self.graph, list(nodes)
+        known = g, self.sides, self._sides_of, self._roots
+        found = SlidingSteps(*known, bent=self.corners).nodes(nodes)
+        for k, corner in self.corners.items():
+            if corner.followers:
+                found = self._at_corner(k, corner, nodes, found)
+        return found
+
+    def _at_corner(
+        self, k: int, corner: Corner, nodes: list[int], others: list[int]
+    ) -> list[int]:
+        """Return the nodes interpolated while the motion follows corner k, or `others`.
+
+        nodes : as written.
+        """
+        g, side = self.graph, self.sides[k]
+        frozen, variable = self.freeze(nodes), g.variable(side.variable)
+        half = g.constant(0.5)
+        part = g.call("add", half, g.call("mul", half, variable))
+        if side.whole:
+            part = g.call("sub", variable, g.call("floor", variable))
+        stays = g.call("gt", g.variable(side.sliding), g.constant(1.5))
+        ends = on_both_sides(g, side, corner.followers, frozen)
+        return [
+            other if a == b else g.call("if", stays, mixed(g, part, a, b), other)
+            for a, b, other in zip(*ends, others, strict=True)
+        ]
 
 
 def prevailing(

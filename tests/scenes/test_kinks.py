@@ -70,6 +70,9 @@ SPELLINGS = (
     "y = k*abs(x)", "k*abs(x) - y = 0", "y = k*sqrt(x^2)", "y = k*hypot(x, 0)",
     "y = max(k*x, -k*x)", "y = -min(k*x, -k*x)", "y = if(x > 0, k*x, -k*x)",
     "y = if(x < 0, -k*x, k*x)", "y = (k*x + sqrt(x^2)*2*k - k*x)/2",
+    # The kink is where mod jumps, and the argument of abs, min or if with it.
+    "y = k*(2 - abs(mod(x, 4) - 2))", "y = k*min(mod(x, 4), 4 - mod(x, 4))",
+    "y = k*if(mod(x, 4) < 2, mod(x, 4), 4 - mod(x, 4))",
 )  # fmt: skip
 
 
