@@ -163,6 +163,48 @@ def cholesky(metric: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
+# Matrices from this size on are solved by their band, where it is at most this part of
+# them: below, calls cost more than operations.
+BANDED, NARROW = 32, 1.0 / 8.0
+
+
+def symmetric_band(D: Floats) -> Floats | None:
+    """Return the band (b + 1, r) of a symmetric matrix; None if small, or not narrow.
+
+    Row k holds the k-th diagonal below the main one, as scipy's lower form has it.
+
+    D : ndarray, shape (r, r)
+    """
+    r, left = len(D), np.count_nonzero(D)
+    rows: list[Floats] = []
+    if r < BANDED or left > r * r * NARROW:
+        return None
+    while left > 0 and len(rows) <= r * NARROW:
+        below = D.diagonal(-len(rows))
+        left -= np.count_nonzero(below) * (2 if rows else 1)
+        rows.append(np.append(below, np.zeros(len(rows))))
+    return np.array(rows) if left == 0 else None
+
+
+class BandFactor:
+    """Cholesky factor of a symmetric, positive definite matrix (r, r) by its band.
+
+    band : ndarray, shape (b + 1, r), see `symmetric_band`. Raises LinAlgError.
+    """
+
+    def __init__(self, band: Floats) -> None:
+        from scipy.linalg import cholesky_banded  # slow to load
+
+        self.lower = cholesky_banded(band, lower=True, check_finite=False)
+
+    def solve(self, right: Floats) -> Floats:
+        """Return the solution x (r,) of the system with a right-hand side (r,)."""
+        from scipy.linalg import cho_solve_banded
+
+        x = cho_solve_banded((self.lower, True), right, check_finite=False)
+        return np.asarray(x, dtype=float)
+
+
 def whitened_rows(A: Floats, L: Floats) -> tuple[Floats, Floats]:
     """Return the rows A L^-T scaled to length 1, and their lengths before (m,).
 

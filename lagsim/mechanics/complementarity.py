@@ -19,6 +19,8 @@ D need not be symmetric. Rows may be linearly dependent: then p is not unique, b
 The following attempts are made in turn; the first that solves the problem to rounding
 counts, else the best one.
 
+0. A large problem with constant bounds and a symmetric D with a narrow band, as of a
+   stack: the rows that hold are found by Newton's method on that band.
 1. Newton's method on F(p) = p - P(p - w), with P the projection onto the bounds. F is
    piecewise smooth; where the method converges, the rows that hold are solved as
    equations. The result is discarded where these rows are dependent: it would
@@ -62,7 +64,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.sparse import DisjointSets
-from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.algebra import (
+    BANDED,
+    BandFactor,
+    least_squares,
+    symmetric_band,
+)
 from lagsim.tolerances import (
     CONVERGED,
     DEPENDENT_DIRECTIONS,
@@ -252,7 +259,11 @@ def solved_regular(D: Floats, right: Floats) -> Floats | None:
     """
     if not is_regular(D):
         return None
-    x = np.linalg.solve(D, right)
+    if (band := symmetric_band(D)) is not None:
+        factor = BandFactor(band)
+        x = factor.solve(right)
+        return x - factor.solve(D @ x - right)
+    x = np.asarray(np.linalg.solve(D, right), dtype=float)
     return np.asarray(x - np.linalg.solve(D, D @ x - right))
 
 
@@ -270,15 +281,21 @@ def is_regular(D: Floats) -> bool:
         return False
     if np.count_nonzero(D) == len(own):
         return True  # diagonal
-    s = 1.0 / np.sqrt(own)
+    band, s = symmetric_band(D), 1.0 / np.sqrt(own)
     try:
-        pivots = np.linalg.cholesky(D * s * s[:, None]).diagonal()
+        if band is not None:
+            pivots = s * BandFactor(band).lower[0]
+        else:
+            pivots = np.asarray(np.linalg.cholesky(D * s * s[:, None]).diagonal())
     except np.linalg.LinAlgError:
         return False
     return bool(pivots.min() ** 2 >= REGULAR_PIVOT)
 
 
 def _solved(problem: ComplementarityProblem) -> Solution:
+    found = _solved_by_band(problem)
+    if found is not None:
+        return found
     unit, s = _scaled(problem)
     best, least = None, np.inf
     for point in _attempts(unit):
@@ -293,6 +310,46 @@ def _solved(problem: ComplementarityProblem) -> Solution:
     p[free] = best.p[free]
     w = np.where(best.inside, 0.0, best.w)
     return Solution(p * s, w / s, best.residual() < SOLVED_LAWS)
+
+
+def _solved_by_band(problem: ComplementarityProblem) -> Solution | None:
+    """Solve a large problem with constant bounds by the band of D.
+
+    Newton's method as in `_descend`, from all rows held: the rows that are inside their
+    bounds at p - w, in units of the diagonal, hold in the next step. None where D has
+    no narrow band, rows are nearly dependent, or the method does not converge.
+    """
+    D, c, r = problem.D, problem.c, len(problem.c)
+    if r < BANDED or not problem.own.all() or problem.discs:
+        return None
+    band, own = symmetric_band(D), D.diagonal()
+    if band is None or not own.min() > 0.0:
+        return None
+    if np.abs(D - D.T).max() > TERM_ROUNDOFF * own.max():
+        return None
+    low, high = problem.low[0], problem.high[0]
+    inside, p = low < high, np.clip(np.zeros(r), low, high)
+    for _ in range(STEPS):
+        part = band.copy()
+        part[0, ~inside] = 1.0
+        for k in range(1, len(band)):
+            part[k, : r - k] *= inside[k:] & inside[: r - k]
+        try:
+            factor = BandFactor(part)
+        except np.linalg.LinAlgError:
+            return None
+        if (factor.lower[0] ** 2 / part[0]).min() <= DEPENDENT_DIRECTIONS:
+            return None
+        for _ in range(2):  # refined once
+            p = p - factor.solve(np.where(inside, D @ p + c, 0.0))
+        w = D @ p + c
+        z = p - w / own
+        inside, nearest = (low < z) & (z < high), np.clip(z, low, high)
+        terms = np.abs(D) @ np.abs(p) + np.abs(c)
+        if np.abs((p - nearest) * own).max() <= CONVERGED * terms.max():
+            return Solution(nearest, np.where(inside, 0.0, w), found=True)
+        p = np.where(inside, p, nearest)
+    return None
 
 
 def _scaled(problem: ComplementarityProblem) -> tuple[ComplementarityProblem, Floats]:

@@ -68,6 +68,7 @@ class RowTable:
     equal, one_sided, bounded, slips : ndarray of bool, shape (r,)
         Masks by `low` and `high`: rows without bounds; with one bound, 0; with two
         bounds; with two bounds and a contact.
+    has_slips : bool
     strikes : ndarray of bool, shape (r,)
         Rows with an impulse in an impact.
     normal_of, is_one_sided : list of int, of bool
@@ -83,6 +84,7 @@ class RowTable:
         self.equal, self.one_sided = np.isneginf(low), low == 0.0
         self.bounded = np.isfinite(high)
         self.slips = self.bounded & (normals >= 0)
+        self.has_slips = bool(self.slips.any())
         self.strikes = self.slips | ~self.bounded
         self.normal_of: list[int] = normals.tolist()
         self.is_one_sided: list[bool] = self.one_sided.tolist()

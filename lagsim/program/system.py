@@ -529,6 +529,11 @@ class System:
         return RowTable.of(self.laws)
 
     @cached_property
+    def sliders(self) -> list[int]:
+        """The indices of the laws that are sliders without mass."""
+        return [k for k, law in enumerate(self.laws) if law.slider]
+
+    @cached_property
     def restitutions(self) -> Floats | None:
         """The constant coefficients of restitution (L,); None with expressions."""
         if any(law.bounce is not None for law in self.laws):

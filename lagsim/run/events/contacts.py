@@ -166,7 +166,7 @@ class Contacts(Source):
         self.striking: list[int] = np.flatnonzero(table.strikes).tolist()
         engaging = table.one_sided & ~table.gapped
         self.freewheels: list[int] = np.flatnonzero(engaging).tolist()
-        self.sliders = [k for k, law in enumerate(self.laws) if law.slider]
+        self.sliders = arc.system.sliders
         self.modes_at_start = arc.modes
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0

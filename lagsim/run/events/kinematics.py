@@ -89,6 +89,11 @@ class MassAndRows:
         """The sizes |D_ij| (L, L) of the elements of the Delassus matrix."""
         return np.abs(self.reply.D)
 
+    @cached_property
+    def spread(self) -> Floats:
+        """The sizes (n, L) of the accelerations of coordinates per multiplier."""
+        return np.abs(self.reply.response)
+
 
 # The last few `MassAndRows`, from the latest on: they change seldom.
 _LAST: list[MassAndRows] = []
@@ -234,22 +239,16 @@ class Kinematics:
         if any(self.closed):
             most = self._most(self.closed)
             self.pushes = self.forces + self.shape.coupling @ most
-            self.moves = np.abs(self.shape.reply.response) @ most
+            self.moves = self.shape.spread @ most
 
     def _most(self, closed: list[bool]) -> Floats:
         """Estimate the largest multiplier (L,) of each closed law; 0 of all others."""
-        # Laws are few: numpy would take twice as long.
-        own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
-        table, forces = self.table, self.forces.tolist()
-        bounded, most = table.bounded.tolist(), [0.0] * self.count
-        for k, n in enumerate(table.normal_of):
-            if not closed[k]:
-                continue
-            if bounded[k]:
-                most[k] = statics[k] * most[n] if n >= 0 else statics[k]
-            elif own[k] > 0.0:
-                most[k] = forces[k] / own[k]
-        return np.array(most)
+        table, own = self.table, self.shape.reply.D.diagonal()
+        balancing = self.forces / np.where(own > 0.0, own, np.inf)
+        most = np.where(closed, np.where(table.bounded, self.statics, balancing), 0.0)
+        if table.has_slips:
+            most[table.slips] *= most[table.normals[table.slips]]
+        return most
 
     @cached_property
     def roundoff(self) -> Floats:
@@ -409,18 +408,15 @@ class Kinematics:
 
     def _closed(self) -> list[bool]:
         """Return which of the L laws are closed; a slip is closed with its contact."""
-        mode, table = self.arc.system.p.law_mode.tolist(), self.table
-        near, in_force = (self.gaps <= self.slack).tolist(), self.in_force
-        closed: list[bool] = []
-        for k, n in enumerate(table.normal_of):
-            if n >= 0:
-                closed.append(closed[n])
-            elif table.is_one_sided[k]:
-                holds = near[k] or mode[k] in (kept.HELD, kept.REDUNDANT)
-                closed.append(holds and in_force[k] and k not in self.grazing)
-            else:
-                closed.append(in_force[k] and self.laws[k].slider is None)
-        return closed
+        mode, table = self.arc.system.p.law_mode, self.table
+        holds = (self.gaps <= self.slack) | (mode == kept.HELD)
+        closed = holds | (mode == kept.REDUNDANT) | ~table.one_sided
+        closed &= self.in_force
+        closed[[*self.grazing, *self.arc.system.sliders]] = False
+        if table.has_slips:
+            closed[table.slips] = closed[table.normals[table.slips]]
+        found: list[bool] = closed.tolist()
+        return found
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Return which of the L laws are closed.
