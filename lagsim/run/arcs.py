@@ -568,9 +568,9 @@ class Run:
         """
         if self.record.after is not None:
             self.recorder.hand_on(self.record.after)
-            self.record = self.record.but(after=None)
+            self.record = self.record.but(after=None, kicked=False)
             p = self.arc.system.p
-            p.impulses[:] = p.row_impulses[:] = p.kicked = 0.0
+            p.impulses[:] = p.row_impulses[:] = 0.0
 
     def show_last(self) -> None:
         """Write the row at the current time, unless it has been written."""

@@ -63,6 +63,11 @@ class InstantRecord:
         Whether velocities have jumped since sides were decided.
     rows : tuple of ndarray, shape (1, k)
         Rows of jumps that are to be written.
+    kicked : bool
+        Whether an event has given an impulse, so that all jumps of the instant have one
+        row before, and the row after has the sum of their impulses.
+    looked_at : bool
+        Whether the truth of conditions just before the acts due is known.
     after : ndarray, shape (1, k), or None
         The row after the last jump, which is written once time has advanced.
     events, cautions
@@ -86,6 +91,8 @@ class InstantRecord:
     admissible: LawState | None = None
     jumped: bool = False
     rows: tuple[Floats, ...] = ()
+    kicked: bool = False
+    looked_at: bool = False
     after: Floats | None = None
     events: tuple[Event, ...] = ()
     cautions: tuple[Caution, ...] = ()

@@ -38,6 +38,7 @@ from lagsim.run.trajectory import NOWHERE, Decision, Ending, Outcome, quoted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.contacts import Contacts
     from lagsim.run.events.records import Before, SurfacesAt
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from lagsim.run.events.times import KnotTimes, TimeBreaks
     from lagsim.run.events.transitions import Transitions
     from lagsim.run.modes import ArcModes
-    from lagsim.run.trajectory import Located
+    from lagsim.run.trajectory import JumpImpulses, Located
 
 P = ParamSpec("P")
 
@@ -373,9 +374,9 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts
-    due = by.transitions.due_after(now.arc, struck=struck)
+    due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
     acted = acted._replace(rounds=()) if struck else acted
-    return now.but(due=due, acts=acted, impacts=False)
+    return now.but(due=due, acts=acted, impacts=False, looked_at=due.acts)
 
 
 @phase
@@ -393,8 +394,9 @@ def carried_out(
 ) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
 
-    Where velocities jump, the row before the jump and the row after it are stored. All
-    jumps of an instant at which an event gives an impulse have one row before.
+    Where velocities jump, the row before the jump and the row after it are stored, the
+    latter with the impulses of the jump. All jumps of an instant at which an event
+    gives an impulse have one row before, and their impulses add up.
 
     Parameters
     ----------
@@ -405,37 +407,49 @@ def carried_out(
     **others
         Further fields of the next record.
     """
-    arc, rows, after = now.arc, now.rows, now.after
-    jumps, shown = found.rows is not None, others.pop("shown", now.shown)
-    if found.rows is not None:
-        before = found.rows if shown is None else shown[None]
-        shown = None
-        joined = arc.system.p.kicked > 0.0 and after is not None
-        if after is not None and not joined:
-            rows = (*rows, after)
-        if arc.row_time(-1) < arc.t and not joined:
-            rows = (*rows, before)
-    _write(arc, found, modes)
-    if jumps:
-        after = arc.runner.tabulate(arc.row())
-        arc.pass_shown()
-    if found.events:
-        others["events"] = now.events + found.events
-    if found.cautions:
-        others["cautions"] = now.cautions + found.cautions
-    if jumps:
-        others |= {"rows": rows, "after": after, "impacts": True, "jumped": True}
-    return now.but(shown=shown, ending=now.ending or found.ending, **others)
-
-
-def _write(arc: Arc, found: Decision, modes: ArcModes | None) -> None:
-    """Write the state and the modes that a phase has found to the arc's memory."""
+    arc = now.arc
     if modes is not None:
         write(arc.system.p, modes)
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
+    if found.leeway is not None:
+        arc.state.leeway[:] = found.leeway
     if found.y is not None:
         arc.put(found.y)
+    if found.events:
+        others["events"] = now.events + found.events
+    if found.cautions:
+        others["cautions"] = now.cautions + found.cautions
+    now = now.but(ending=now.ending or found.ending, **others)
+    return now if found.rows is None else jumped(now, found.rows, found.impulses)
+
+
+def jumped(
+    now: InstantRecord, before: Floats, given: JumpImpulses | None
+) -> InstantRecord:
+    """Return the record after a jump of velocities, with its rows.
+
+    before : ndarray, shape (1, k), the columns before the jump, unless the record has
+    them. given : the impulses of the jump.
+    """
+    arc, rows, after = now.arc, now.rows, now.after
+    kicked = now.kicked or (given is not None and given.kicks)
+    if not kicked or after is None:
+        if after is not None:
+            rows = (*rows, after)
+        if arc.row_time(-1) < arc.t:
+            rows = (*rows, before if now.shown is None else now.shown[None])
+    p = arc.system.p
+    if not kicked:
+        p.impulses[:] = p.row_impulses[:] = 0.0
+    if given is not None:
+        p.impulses[:] += given.laws
+        p.row_impulses[:] += given.rows
+    after = arc.runner.tabulate(arc.row())
+    arc.pass_shown()
+    return now.but(
+        rows=rows, after=after, shown=None, kicked=kicked, impacts=True, jumped=True
+    )
 
 
 # --- The events that are due, just before an instant and at the start
@@ -453,7 +467,7 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    return now.but(due=by.transitions.due(now.arc, rests))
+    return now.but(due=by.transitions.due(now.arc, rests), looked_at=True)
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -472,7 +486,8 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = modes_and_velocities(now, by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
-        now = now.but(due=by.transitions.look_at_start(arc, struck), impacts=False)
+        due = by.transitions.look_at_start(arc, struck)
+        now = now.but(due=due, impacts=False, looked_at=True)
         if now.due != NOTHING:
             return settle(now, by)
     return bookkeep(now, by)

@@ -155,6 +155,23 @@ def quoted(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in dict.fromkeys(names))
 
 
+class JumpImpulses(NamedTuple):
+    """The impulses that laws and equalities transmit in a jump of velocities.
+
+    Attributes
+    ----------
+    laws : ndarray, shape (L,)
+    rows : ndarray, shape (E,)
+        Those of equalities, in a model whose events give impulses; else empty.
+    kicks : bool
+        Whether an event has given an impulse.
+    """
+
+    laws: Floats
+    rows: Floats
+    kicks: bool = False
+
+
 class Decision(NamedTuple):
     """Decision of a source of events.
 
@@ -173,6 +190,10 @@ class Decision(NamedTuple):
         State after a jump.
     rows : ndarray, shape (1, k), or None
         Columns just before the jump, to be written as a row.
+    impulses : JumpImpulses or None
+        The impulses transmitted in the jump.
+    leeway : ndarray, shape (C,), or None
+        New leeway of the conditions of events, see `methods.parts.truth`.
     ending : Ending or None
         Reason to end the run.
     turn : Turn
@@ -191,6 +212,8 @@ class Decision(NamedTuple):
     sizes: Floats | None = None
     y: Floats | None = None
     rows: Floats | None = None
+    impulses: JumpImpulses | None = None
+    leeway: Floats | None = None
     ending: Ending | None = None
     turn: Turn = Turn.NONE
     located: Located = NOWHERE

@@ -118,3 +118,24 @@ def test_what_meets_at_one_time_follows_in_the_order_of_the_phases():
     ]  # fmt: skip
     assert {e.time for e in late} == {1.0}
     assert result["x_dot"][-1] == pytest.approx(-1.0 + 2 * 0.25, abs=1e-12)
+
+
+TWO_JUMPS = """\
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 2*z}
+constraints:
+  track: y = abs(x)
+  floor: {relation: z >= 0, restitution: 1}
+initial: {x: -1, x_dot: 1, y: {guess: 1}, y_dot: {guess: -1}, z: 1, z_dot: 0}
+simulation: {duration: 1.5, output_step: 0.5}
+"""
+
+
+def test_the_row_after_a_jump_has_the_impulses_of_this_jump_alone():
+    # At t = 1 a ball of mass 1 strikes the floor with speed 2, and leaves with 2; a
+    # bead stops in the corner of its track. Both jumps have their rows.
+    result = lagsim.simulate(TWO_JUMPS, error_bar="never")
+    at = result.t == 1.0
+    assert result["z_dot"][at] == pytest.approx([-2.0, 2.0, 2.0], abs=1e-12)
+    assert result["x_dot"][at] == pytest.approx([1.0, 1.0, 0.0], abs=1e-12)
+    assert result["impulse.floor"][at] == pytest.approx([0.0, 4.0, 0.0], abs=1e-12)

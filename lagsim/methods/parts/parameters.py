@@ -245,9 +245,7 @@ class Laws(Surfaces):
     law_part: Floats = array("laws")  # of the contact's multiplier, or the force
     impulses: Floats = array("laws")  # of an impact, while its row is written
     kicked_rows: int  # equalities of a model whose events give impulses
-    # Impulses of these, and whether the impulses of the present instant add up.
-    row_impulses: Floats = array("kicked_rows")
-    kicked: float
+    row_impulses: Floats = array("kicked_rows")  # of these
 
 
 class Parameters(Laws):

@@ -347,7 +347,7 @@ def become(s: Events, rated: int) -> int:
         side, leeway = s.orientation[k], s.leeway[k]
         zero = max(float(s.zero[k]), float(leeway))
         miss = s.worth[k] * side
-        # A negative leeway: an impact has left the value about 0, see `count_closed`.
+        # Negative: an impact has left the value about 0, see `leeway_of_closed`.
         true = miss < -zero or (leeway < 0.0 and miss + leeway <= 0.0)
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))

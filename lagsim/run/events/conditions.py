@@ -261,8 +261,10 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     state.leeway[which] = np.maximum(state.leeway, part * scale)[which]
 
 
-def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
-    """Set the leeway of conditions that an impact makes true but for rounding.
+def leeway_of_closed(arc: Arc, y: Floats, closed: Floats) -> Floats | None:
+    """Return the leeway (C,) with that of conditions that an impact makes true.
+
+    Those that it makes true but for rounding; None in a model without conditions.
 
     After an impact rounding leaves a gap of either sign, and the motion opens it:
     without this, `x <= 0` may never be true at the ground `x >= 0`.
@@ -275,8 +277,8 @@ def count_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     """
     state = arc.state
     if not len(state.orientation):
-        return
+        return None
     misses = arc.located(arc.t, y) * state.orientation
     met = arc.located(arc.t, closed) * state.orientation <= 0.0
     met &= (state.orientation != 0.0) & (state.leeway == 0.0)
-    state.leeway[met] = -np.maximum(misses[met], LEAST)
+    return np.where(met, -np.maximum(misses, LEAST), state.leeway)

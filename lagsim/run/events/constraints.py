@@ -137,12 +137,12 @@ def inelastic_impact(
         rests, stopped = switching.stop(arc, y, surfaces)
         surfaces = surfaces._replace(stopped=stopped)
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
-    if arc.system.impulses is not None:
-        transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
+    given = transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
         events = [*_corners(arc, switching, bent, energy), *rests]
-    return Decision(events=tuple(events), rows=before.row, y=y), surfaces
+    found = Decision(events=tuple(events), rows=before.row, y=y, impulses=given)
+    return found, surfaces
 
 
 def _corners(

@@ -27,7 +27,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
-from lagsim.run.events.conditions import count_closed
+from lagsim.run.events.conditions import leeway_of_closed
 from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.impacts import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
+    from lagsim.run.trajectory import JumpImpulses
 
 # A contact with more impacts than this comes to rest by a series, not by one impact.
 SERIES = 3
@@ -110,6 +111,8 @@ class StateAfter:
         The events, and the warnings.
     rows : ndarray or None
         Table rows just before an impact; None where no impact is reported.
+    impulses, leeway
+        See `trajectory.Decision`.
     ending
         The reason why the motion cannot continue, or None.
     laws : LawsAt
@@ -124,6 +127,8 @@ class StateAfter:
     events: list[Event] = field(default_factory=list)
     cautions: list[Caution] = field(default_factory=list)
     rows: Floats | None = None
+    impulses: JumpImpulses | None = None
+    leeway: Floats | None = None
     ending: Ending | None = None
     state: LawState | None = None
 
@@ -143,7 +148,8 @@ class StateAfter:
         sizes = None if y is None else np.maximum(arc.sizes, np.abs(y))
         return Decision(
             events=tuple(self.events), cautions=tuple(self.cautions), y=y,
-            sizes=sizes, rows=self.rows, ending=self.ending,
+            sizes=sizes, rows=self.rows, impulses=self.impulses, leeway=self.leeway,
+            ending=self.ending,
         )  # fmt: skip
 
 
@@ -453,11 +459,13 @@ class Contacts(Source):
                 there, np.array(some)[np.abs(left) <= here.still[some]]
             )
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
-        self._store(arc, before, y, some, result.impulses)
+        given = np.zeros(len(self.laws))
+        given[some] = result.impulses
+        found.impulses = transmit(arc, before, y, given)
         met = [k for k in struck if k in self.contacts]
         closed = y.copy()
         closed[arc.state.positions] -= lift(met, here.gaps[met] + here.slack[met])
-        count_closed(arc, y, closed)
+        found.leeway = leeway_of_closed(arc, y, closed)
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):
@@ -483,20 +491,6 @@ class Contacts(Source):
             found.rows = None  # the closing rates were rounding of their body's others
         self._warn(here, some, result, found, ending=bool(stopped))
         return there
-
-    def _store(
-        self, arc: Arc, before: Floats, y: Floats, some: list[int], impulses: Floats
-    ) -> None:
-        """Store the impulses (r,) of the laws `some`, and the impulses of equalities.
-
-        before, y : ndarray, shape (size,), the states before and after the impact.
-        """
-        p = arc.system.p
-        given = np.zeros(len(self.laws))
-        given[some] = impulses
-        if arc.system.impulses is not None:
-            transmit(arc, before, y, given)
-        p.impulses[some] = given[some] + (p.impulses[some] if p.kicked else 0.0)
 
     def _warn(
         self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.algebra import Metric, least_squares
+from lagsim.run.trajectory import JumpImpulses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -39,8 +40,8 @@ def data_at(arc: Arc, y: Floats) -> JumpData:
     return found.data(arc.runner.function("impulses", len(found.nodes))(arc.t, y))
 
 
-def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
-    """Return the state (size,) after an impulse, and store the impulses of the rows.
+def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
+    """Return the state (size,) after an impulse, and the impulses of the rows.
 
     Parameters
     ----------
@@ -71,8 +72,10 @@ def kick(arc: Arc, y: Floats, P: Floats) -> Floats:
 
     x = np.append(first.velocities, np.zeros(len(first.rows)))
     x = _followed(change, x) if function.is_curved else x + change(x)
-    _add(arc, x[n:])
-    return state(x[:n])
+    given, p = x[n:], arc.system.p
+    count = len(p.row_impulses)
+    laws = given[count : count + len(p.impulses)]  # moreau has no laws
+    return state(x[:n]), JumpImpulses(laws, given[:count], kicks=True)
 
 
 def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> Floats:
@@ -92,8 +95,8 @@ def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> 
     return np.append(jump, given)
 
 
-def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> None:
-    """Store the impulses of the equalities in an impact.
+def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpulses:
+    """Return the impulses of laws and equalities in an impact.
 
     Parameters
     ----------
@@ -103,27 +106,19 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> None:
     laws : ndarray, shape (L,)
         The impulses of the laws in it.
     """
-    function = arc.system.impulses
-    assert function is not None
+    function, p = arc.system.impulses, arc.system.p
+    if function is None:
+        return JumpImpulses(laws[: len(p.impulses)], p.row_impulses)
     first, last = data_at(arc, before), data_at(arc, after)
     always = len(function.always)
     jump = last.momenta - first.momenta - laws @ last.rows[always:]
-    given = np.zeros(len(last.rows))
+    given = np.zeros(always)
     for group, rows in function.groups:
         own = rows[rows < always]
         if len(own) and jump[group].any():
             A = last.rows[np.ix_(own, group)]
             given[own] = least_squares(A.T, jump[group], None)
-    _add(arc, given)
-
-
-def _add(arc: Arc, given: Floats) -> None:
-    """Add impulses of all rows (R,), equalities first, to the stored ones."""
-    p = arc.system.p
-    count = len(p.row_impulses)
-    p.row_impulses[:] += given[:count]
-    if len(p.impulses):  # moreau has no laws
-        p.impulses[:] += given[count:]
+    return JumpImpulses(laws[: len(p.impulses)], given)
 
 
 def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import Round
+    from lagsim.run.trajectory import JumpImpulses
 
 # Largest number of acts of one event at one instant, each with other modes.
 MOST_ACTS = 1000
@@ -57,8 +58,6 @@ class Transitions(Source):
         events give impulses.
     """
 
-    DERIVED = ("_truth",)
-
     def __init__(self, arc: Arc) -> None:
         events, settings = arc.equations.model.events, arc.settings
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
@@ -67,7 +66,6 @@ class Transitions(Source):
         self.sequence = Accumulation(settings.start, settings.duration)
         self.energetic = arc.system.equations.is_set
         self.kicks = arc.equations.model.kicks
-        self._truth: Truth | None = None
         nodes = [x.node for x in arc.equations.model.located]
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
@@ -85,16 +83,16 @@ class Transitions(Source):
             if once and name in located:
                 state.leeway[located.index(name)] = math.inf
         acts = tuple(Event(arc.t, "event", name=name) for name in begun.acts)
-        y = rows = None
+        y = rows = given = None
         if begun.impulses:
             rows = arc.runner.tabulate(arc.row())
-            y, energy = self._kicked(arc, np.array(begun.impulses))
+            y, given, energy = self._kicked(arc, np.array(begun.impulses))
             kicks = {x.name for x in events if x.impulses}
             acts = tuple(_with_energy(x, energy, kicks) for x in acts)
         ending = Ending(Outcome.UNTIL) if begun.is_over else None
         if begun.chatter:
             ending = Ending(Outcome.EVENTS_CHATTER, quoted(begun.chatter))
-        return Decision(acts, y=y, rows=rows, ending=ending)
+        return Decision(acts, y=y, rows=rows, impulses=given, ending=ending)
 
     def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Store which conditions are true at the start, after all modes are set.
@@ -104,9 +102,9 @@ class Transitions(Source):
         """
         if not len(arc.state.orientation):
             return NOTHING
-        self._truth = Truth(arc, set_by_modes=self.set_by_modes)
-        self._truth.begin()
-        found = self._truth.become_at_start(before)
+        truth = Truth(arc, set_by_modes=self.set_by_modes)
+        truth.begin()
+        found = truth.become_at_start(before)
         return Due(conditions=frozenset(found)) if found else NOTHING
 
     def times(self, arc: Arc) -> Iterator[float]:
@@ -127,28 +125,27 @@ class Transitions(Source):
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
             return Due(periodic)
-        self._truth = Truth(arc, set_by_modes=self.set_by_modes)
-        self._truth.see(int(arc.state.event) - 1)
-        met = frozenset(self._truth.met())
-        waiting = self._truth.jumped(met) if met else NONE
+        truth = Truth(arc, set_by_modes=self.set_by_modes)
+        truth.see(int(arc.state.event) - 1)
+        met = frozenset(truth.met())
+        waiting = truth.jumped(met) if met else NONE
         if waiting and not comes_to_rest(arc):
             waiting = NONE
-        self._truth.wait(waiting)
+        truth.wait(waiting)
         return Due(periodic, met - waiting, bool(waiting))
 
-    def due_after(self, arc: Arc, *, struck: bool) -> Due:
+    def due_after(self, arc: Arc, *, struck: bool, looked_at: bool) -> Due:
         """Return the events that are due by the state after all acts and impacts.
 
-        struck : whether velocities have jumped since conditions were decided.
+        struck, looked_at : whether velocities have jumped since conditions were
+        decided; whether their truth before is known.
         """
         if not len(arc.state.orientation):
             return NOTHING
-        truth = self._truth
-        if truth is None:
-            truth = Truth(arc, set_by_modes=self.set_by_modes)
+        truth = Truth(arc, set_by_modes=self.set_by_modes)
+        if not looked_at:
             truth.see()
         found = truth.settled(struck=struck)
-        self._truth = truth if found else None
         return Due(conditions=frozenset(found)) if found else NOTHING
 
     def act(self, arc: Arc, due: Due, acts: ActsAt) -> tuple[Decision, ActsAt]:
@@ -175,19 +172,20 @@ class Transitions(Source):
         acts, ending = self._returned(arc, due, acts)
         is_over, counts, rounds = acts.is_over, list(acts.counts), list(acts.rounds)
         impulse = np.zeros(len(arc.equations.q))
+        truth = Truth(arc, set_by_modes=self.set_by_modes)
         while due != NOTHING and ending is None:
             is_over |= len(event_of) in due.conditions
             own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
-            if self._truth is not None:
+            if due.conditions:
                 once = [c for k, c in own.items() if events[k].once]
-                self._truth.hold(for_ever=once)
+                truth.hold(for_ever=once)
             names = tuple(events[k].name for k in sorted(own))
             rounds.append((names, arc.modes, y[arc.velocities]))
             for k in sorted(due.periodic.union(own)):
                 found.append(Event(arc.t, "event", name=events[k].name))
                 if events[k].impulses:
-                    given, failed = _impulse(arc, k)
-                    impulse, ending = impulse + given, ending or failed
+                    more, failed = _impulse(arc, k)
+                    impulse, ending = impulse + more, ending or failed
                 ending = ending or self._set(arc, k)
                 counts[k] += 1
                 if self._chatters(arc, k, counts[k]):
@@ -198,19 +196,20 @@ class Transitions(Source):
             else:
                 ending = ending or _undone(arc, rounds)
             due = NOTHING
-            if found and self._truth is not None:
-                due = Due(conditions=frozenset(self._truth.changed()))
+            if found:
+                due = Due(conditions=frozenset(truth.changed()))
         if before is not None:
             arc.add_work(y, before)
         kicks = ending is None and bool(impulse.any())
+        given: JumpImpulses | None = None
         if kicks:
-            y, energy = self._kicked(arc, impulse, y)
+            y, given, energy = self._kicked(arc, impulse, y)
             kicking = {x.name for x in events if x.impulses}
             found = [_with_energy(x, energy, kicking) for x in found]
         changed = kicks or before is not None
         decision = Decision(
             tuple(found), y=y if changed else None, rows=rows if kicks else None,
-            ending=ending,
+            impulses=given, ending=ending,
         )  # fmt: skip
         after = ActsAt(tuple(counts), tuple(rounds), acts.visits, is_over)
         return decision, after
@@ -239,8 +238,10 @@ class Transitions(Source):
 
     def _kicked(
         self, arc: Arc, impulse: Floats, y: Floats | None = None
-    ) -> tuple[Floats, float]:
-        """Return the state after an impulse, with its work, and the energy it brings.
+    ) -> tuple[Floats, JumpImpulses, float]:
+        """Return the state after an impulse, its impulses, and the energy it brings.
+
+        The state includes its work.
 
         Parameters
         ----------
@@ -251,10 +252,9 @@ class Transitions(Source):
             The state before; by default that of the arc.
         """
         before = arc.y.copy() if y is None else y
-        after = kick(arc, before, impulse)
-        arc.system.p.kicked = 1.0
+        after, given = kick(arc, before, impulse)
         energy = float(arc.add_work(after, arc.energies(before)).sum())
-        return after, energy
+        return after, given, energy
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
         """Set the modes of event k; return an ending where a mode is not finite."""
