@@ -58,6 +58,9 @@ FALLING = 4.0
 APPROACH = 1.4
 # Fraction of a stretch at which rows are evaluated; not 1/2, which may be a period.
 BETWEEN = 0.6180339887498949
+# Extrema by slopes that are differences may be lower than the hull of a cubic by less
+# than this part of its height.
+ROOM = 1.001
 # Slopes are differences over this part of the way between points: closer than anything
 # that a method resolves.
 BESIDE = 2.0**-10
@@ -157,18 +160,20 @@ def check_features(
     old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
     shape_step(s, h, old, old_rates, new, new_rates)
-    count = rows(s)
+    first, count = events(s), rows(s)
     if not SWITCHES and s.end_step > 0.0 and s.end_time == s.t:
         # The start of this step is the end of the last one.
-        s.starts[:count] = s.last_ends[:count]
         part = h / s.end_step
-        for k in range(count, 2 * count):
-            s.starts[k] = part * s.last_ends[k]
+        for k in range(first, first + s.signals):
+            s.starts[k] = s.last_ends[k]
+            s.starts[count + k] = part * s.last_ends[count + k]
     else:
         sample_roughly(s, p, h, 0.0, BESIDE, s.starts)
-    sample_roughly(s, p, h, 1.0, -BESIDE, s.ends)
+    sample_end(s, p, h, new, new_rates)
     sample_roughly(s, p, h, BETWEEN, -BESIDE, s.middles)
-    s.last_ends[:] = s.ends
+    for k in range(first, first + s.signals):
+        s.last_ends[k] = s.ends[k]
+        s.last_ends[count + k] = s.ends[count + k]
     s.end_step = h
     s.end_time = s.t + h
     # At the end of an arc its closest approach may be that of the whole motion.
@@ -224,7 +229,6 @@ def sample_roughly(
     """
     z, shape, count = s.point, s.shape, rows(s)
     first = events(s)
-    per = 1.0 / beside
     for point in range(2):
         u = x if point == 1 else x + beside
         for i in range(s.sampled):
@@ -233,12 +237,34 @@ def sample_roughly(
             middle = shape[k + 2] + u * shape[k + 3]
             low = shape[k] + u * shape[k + 1]
             z[i] = low + u * u * (middle + u * u * high)
-        signals(s.t + u * h, z, p, s.values[first:])
-        if point == 0:
-            out[count : 2 * count] = s.values[:count]
-    out[:count] = s.values[:count]
-    for k in range(count):
-        out[count + k] = (out[count + k] - s.values[k]) * per
+        signals(s.t + u * h, z, p, out[first + (0 if point == 1 else count) :])
+    set_slopes(s, 1.0 / beside, out)
+
+
+def sample_end(
+    s: SearchTable, p: Parameters, h: float, new: Floats, new_rates: Floats
+) -> None:
+    """Evaluate the signals and their slopes at the end of a step h, in `ends` (2 R,).
+
+    new, new_rates : (size,), y and y' there; beside the end the state follows y'.
+    """
+    z, first = s.point, events(s)
+    part = BESIDE * h
+    signals(s.t + h, new, p, s.ends[first:])
+    for i in range(s.sampled):
+        z[i] = new[i] - part * new_rates[i]
+    signals(s.t + (1.0 - BESIDE) * h, z, p, s.ends[first + rows(s) :])
+    set_slopes(s, -1.0 / BESIDE, s.ends)
+
+
+def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
+    """Replace the signals beside a point, in out (2 R,), by the slopes there.
+
+    per : 1/distance.
+    """
+    count = rows(s)
+    for k in range(events(s), events(s) + s.signals):
+        out[count + k] = (out[count + k] - out[k]) * per
 
 
 def may_approach(s: SearchTable, k: int, width: float) -> bool:
@@ -251,6 +277,8 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
         return True
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
+    if SMALL <= kind <= LARGE and varies_little(s, k, width, power):
+        return False
     on_left = nearest(s, k, s.starts, s.middles, BETWEEN * width)
     on_right = nearest(s, k, s.middles, s.ends, (1.0 - BETWEEN) * width)
     if SMALL <= kind <= LARGE:  # a power of the signal
@@ -269,6 +297,26 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
     return dip > APPROACH
+
+
+def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
+    """Whether this power of signal k varies by less than APPROACH on a stretch.
+
+    width : of the stretch. By the hulls of the cubics on both sides of its middle.
+    """
+    count = rows(s)
+    left = THIRD * BETWEEN * width
+    right = THIRD * (1.0 - BETWEEN) * width
+    a, m, b = s.starts[k], s.middles[k], s.ends[k]
+    turn = s.middles[count + k]
+    one = a + left * s.starts[count + k]
+    two = m - left * turn
+    three = m + right * turn
+    four = b - right * s.ends[count + k]
+    low = min(min(a, m, b), min(one, two), min(three, four))
+    high = max(max(a, m, b), max(one, two), max(three, four))
+    least = low if low > 0.0 else -high
+    return power * (high - low) * ROOM <= APPROACH * least
 
 
 def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
