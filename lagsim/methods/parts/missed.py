@@ -313,10 +313,10 @@ def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
     two = m - left * turn
     three = m + right * turn
     four = b - right * s.ends[count + k]
-    low = min(min(a, m, b), min(one, two), min(three, four))
-    high = max(max(a, m, b), max(one, two), max(three, four))
+    low = min(a, m, b, one, two, three, four)
+    high = max(a, m, b, one, two, three, four)
     least = low if low > 0.0 else -high
-    return power * (high - low) * ROOM <= APPROACH * least
+    return float(power * (high - low) * ROOM) <= float(APPROACH * least)
 
 
 def cubic(x: float, a: float, A: float, b: float, B: float) -> float:

@@ -178,7 +178,8 @@ def test_scenes_without_such_functions_are_not_looked_into():
 
 
 def test_looks_cost_nothing_where_nothing_wakes():
-    """Counted before there were looks: 337 steps and a series for each, and two."""
+    """A series for each step, and a few evaluations at the start."""
     found = run("kepler")
     assert found.system.indicators
-    assert found.trajectory.statistics.evaluations <= 345
+    statistics = found.trajectory.statistics
+    assert statistics.evaluations <= statistics.steps + statistics.rejections + 8
