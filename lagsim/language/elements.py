@@ -186,6 +186,23 @@ class Elements:
         rows = (OPERATIONS.get(g.ops[n]) for n in self.cone)
         return self.members * sum(row.cost for row in rows if row is not None)
 
+    @property
+    def operations(self) -> int:
+        """Number of operations of the terms of all members."""
+        own = [n for n in self.cone if self.graph.args[n]]
+        return self.members * len(own)
+
+    @property
+    def couples_most(self) -> bool:
+        """Whether most pairs of arguments occur together in the term of a member."""
+        coupled = np.zeros((self.count, self.count), bool)
+        read = [x for x in self.slots if len(x.places) and x.column != SHARED]
+        for one in read:
+            for other in read:
+                rows = one.places[self.table[:, one.column]]
+                coupled[rows, other.places[self.table[:, other.column]]] = True
+        return bool(np.count_nonzero(coupled) > 0.5 * coupled.size)
+
     def _with(
         self, outputs: Iterable[ElementOutput], size: int, more: Sequence[Slot] = ()
     ) -> Elements:

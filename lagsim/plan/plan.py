@@ -14,18 +14,20 @@ from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.admissibility.refusal import needs_constraints
 from lagsim.codes.known import METHOD_REFUSED, SINGULAR_MASS
 from lagsim.errors import unusable
+from lagsim.language.elements import payload
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
 from lagsim.mechanics.corners import corners, with_pushes
-from lagsim.mechanics.derivation import OF_ELEMENTS
+from lagsim.mechanics.derivation import OF_ELEMENTS, may_gather
 from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, elimination_of
 from lagsim.mechanics.linearisation import newton_matrix
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
-from lagsim.mechanics.reduction import augmented, with_lengths
+from lagsim.mechanics.reduction import augmented, equations_of_motion, with_lengths
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import Structure, method, options_of
+from lagsim.methods.taylor import order_for
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice
 from lagsim.plan.formulation import formulate, step_parts
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.linearisation import NewtonMatrix
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
-    from lagsim.model.model import Settings
+    from lagsim.model.model import Model, Settings
 
 
 def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
@@ -420,6 +422,42 @@ def suits(asked: str, equations: Equations) -> bool:
     return not method_refusal(asked, equations, structure(equations))
 
 
+def refuse_elements(model: Model, settings: Settings) -> None:
+    """Refuse a method that needs elements written out, but not so many terms of them.
+
+    The method would be refused later, once all terms were written out and derived.
+
+    Raises
+    ------
+    InputError
+        If a series would be too long, or dense matrices too large.
+    """
+    name, g = settings.method, model.graph
+    if name == "auto" or not may_gather(model):
+        return
+    vectors = g.of((ELEMENTS,))
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        # Forces have more operations than energies, and a series those of each order.
+        operations = sum(payload(g, n).operations for n in vectors)
+        operations *= order_for(settings.tolerance)
+        if operations > MOST_OPERATIONS:
+            refuse(name, _too_long(operations), settings, _SHORTER)
+    elif any(payload(g, n).couples_most for n in vectors):
+        scene = structure(equations_of_motion(model, gathers=True))
+        refuse(name, str(method(name).refusal(scene)), settings)
+
+
+_HANDLED = "`--method dop853` handles it"
+_SHORTER = f"{_HANDLED}; a larger --rtol makes the series shorter"
+
+
+def _too_long(operations: int) -> str:
+    return (
+        f"its series would need about {operations} operations per step, more than "
+        f"{MOST_OPERATIONS}"
+    )
+
+
 def _check_straight(
     name: str,
     equations: Equations,
@@ -429,7 +467,7 @@ def _check_straight(
 ) -> None:
     """Refuse the method `name` if it needs y' as nodes, but loops solve for q''."""
     text = "its equations are solved by loops, not by straight-line code"
-    hint = "`--method dop853` handles it"
+    hint = _HANDLED
     if elimination is not None:
         cost = series_cost(equations, elimination, settings.tolerance)
         operations = cost.operations
@@ -438,11 +476,7 @@ def _check_straight(
             reason = f"about {operations} operations per step"
             choices.append(Choice(f"series: {form}", reason))
             return
-        text = (
-            f"its series would need about {operations} operations per step, more than "
-            f"{MOST_OPERATIONS}"
-        )
-        hint += "; a larger --rtol makes the series shorter"
+        text, hint = _too_long(operations), _SHORTER
     refuse(name, text, settings, hint)
 
 

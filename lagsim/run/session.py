@@ -303,18 +303,23 @@ def suited(model: Model, settings: Settings) -> Model:
     """Return a model whose elements, if any, the method of a run can integrate.
 
     It is the model, or the model written out, see `language.elements`.
+
+    Raises
+    ------
+    InputError
+        If the method cannot integrate so many terms written out.
     """
     from lagsim.mechanics.derivation import may_gather
     from lagsim.methods import method
-    from lagsim.plan.plan import ANY
+    from lagsim.plan.plan import ANY, refuse_elements
 
     name = ANY if settings.method == "auto" else settings.method
     known = not unknown_names(settings)
-    return (
-        model
-        if known and may_gather(model, method(name).NEEDS)
-        else (model.written_out())
-    )
+    if known and may_gather(model, method(name).NEEDS):
+        return model
+    if known:
+        refuse_elements(model, settings)
+    return model.written_out()
 
 
 def _examined(equations: Equations, settings: Settings, clock: Stopwatch) -> Case:

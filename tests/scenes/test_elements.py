@@ -7,7 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagsim
+from lagsim.codes.known import METHOD_REFUSED
 from lagsim.language import elements
+from lagsim.model.model import Model
 
 MODEL = """
 parameters:
@@ -51,7 +53,7 @@ def gather(monkeypatch: pytest.MonkeyPatch, least: int) -> None:
     [
         (name, method)
         for name in TERMS
-        for method in ("dop853", "verlet", "rk4")
+        for method in ("dop853", "verlet", "rk4", "taylor", "radau")
         if (name, method) != ("driven", "verlet")  # no forces of velocities
     ],
 )
@@ -60,7 +62,7 @@ def test_motion_is_that_of_the_terms(
 ) -> None:
     term, more = TERMS[name]
     text, step = MODEL.format(n=6, term=term, more=more), {"step": 0.01}
-    given = {} if method == "dop853" else step
+    given = step if method in ("verlet", "rk4") else {}
     found = []
     for least in (1, 10**9):
         gather(monkeypatch, least)
@@ -74,6 +76,19 @@ def test_motion_is_that_of_the_terms(
         assert np.abs(one[column] - other[column]).max() <= 1e-9 * scale
     steps = [x.record["steps"] for x in found]
     assert abs(steps[0] - steps[1]) <= 0.05 * steps[1]
+
+
+@pytest.mark.parametrize(("method", "n"), [("taylor", 100), ("radau", 151)])
+def test_method_for_fewer_terms_is_refused_before_they_are_written_out(
+    method: str, n: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(Model, "written_out")
+    text = MODEL.format(n=n, term=SOFT, more="")
+    with pytest.raises(lagsim.InputError) as fault:
+        lagsim.simulate(text, method=method)
+    (problem,) = fault.value.problems
+    assert problem.code == METHOD_REFUSED
+    assert str(2 * n) in problem.text or method == "taylor"
 
 
 @pytest.mark.slow
