@@ -180,8 +180,8 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     following = s.series[buffer(size, 1.0 - s.which) :]
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
-    control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
-    set_fineness(s)
+    if control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h):
+        set_fineness(s)
     error = misfit(s, c[0], following[1 + size :], h)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW

@@ -54,6 +54,10 @@ WIDTH = 0.7
 # Ratio of a range to the least scale of its component from which on that scale, which
 # varies slowly, need not be known in each step.
 WIDE = 100.0
+# Tolerances by ranges hold for steps longer by the first factor, of which WIDE exceeds
+# the square, if they exceed roundoff by the second.
+LONGER = 4.0
+CLEARLY = 4.0
 # Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
 # At tight tolerances the floor is below the last place: truncation errors of the size
@@ -81,6 +85,8 @@ class Control(ArcRows):
     balanced_alone: float  # 1: the roundoff of these alone counts
     wide: float  # 1 where the range of each component exceeds that scale by far
     spared: float  # steps for which energies and terms of forces are not renewed
+    # Up to this step tolerances are equal for all states within the ranges; 0: unknown.
+    steady: float
     sizes: Floats = array("size")  # the largest of y so far
     # The least and the largest value of each component.
     low: Floats = array("size", inf)
@@ -120,6 +126,7 @@ def record_measured(s: Control, p: Parameters) -> None:
     if s.spared > 0.0:
         s.spared -= 1.0
         return
+    s.steady = 0.0
     change = abs(s.energies[1] - s.potential)
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
     parts, accelerations = s.parts, s.parts[s.velocities]
@@ -170,13 +177,59 @@ def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
 
 def set_tolerances(
     s: Control, p: Parameters, t: float, new: Floats, rates: Floats, h: float
-) -> None:
+) -> bool:
     """Set the tolerance of each component for a step of length h to `new` at t.
 
     new, rates : (size,), the state after the step and y' before it. A tolerance of 0:
-    the component has no scale and is not controlled.
+    the component has no scale and is not controlled. Return False if all tolerances are
+    those of the last call.
     """
     store_energies(s, t, new, p)
+    if not CONSTRAINED and not SWITCHES and h <= s.steady and is_within(s, new):
+        return False
+    compute_tolerances(s, p, new, rates, h)
+    if not CONSTRAINED and not SWITCHES:
+        s.steady = longest_steady(s, p, new, h)
+    return True
+
+
+def is_within(s: Control, y: Floats) -> bool:
+    """Whether a state (size,) is within the ranges so far."""
+    out = 0
+    for i in range(s.size):
+        out += 0 if s.low[i] <= y[i] <= s.high[i] else 1
+    return out == 0
+
+
+def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
+    """Return the longest step for which the tolerances hold, or 0.
+
+    They hold within the ranges if these alone determine them, by far, and no roundoff
+    of rates is known: that of positions grows with the step.
+
+    new : (size,), the state after a step h, for which they were computed.
+    """
+    if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:
+        return 0.0
+    if s.bounded_step > 0.0 or s.rounding_known > 0.0 or not is_within(s, new):
+        return 0.0
+    rtol = LOCAL * s.rtol
+    longest = LONGER * h
+    for i in range(s.size):
+        moved = s.sizes[i]
+        if i < s.n:
+            moved = max(moved, longest * s.sizes[s.n + i])
+        by_range = rtol * (WIDTH * (s.high[i] - s.low[i]))
+        alone = by_range > CLEARLY * STATE_ROUNDOFF * moved + UNDERFLOW
+        if not alone or s.tolerances[i] != by_range:
+            longest = 0.0
+    return longest
+
+
+def compute_tolerances(
+    s: Control, p: Parameters, new: Floats, rates: Floats, h: float
+) -> None:
+    """Compute the tolerances, see `set_tolerances`."""
     if SWITCHES and p.surfaces > 0 and h < SHORTER * s.bounded_step:
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
@@ -592,6 +645,7 @@ def bound_roundoff(
     bound is renewed with the first step.
     """
     n, roundoff = s.n, s.roundoff
+    s.steady = 0.0
     rounding(t, y, p, s.work)
     larger = 1.0 / max(sigma, float(s.lost_below))
     for i in range(n, s.size):
