@@ -1,4 +1,4 @@
-"""Links, rods, trees and bodies in number: time of each stage, with exponents."""
+"""Links, rods, trees, strings and bodies: time of each stage, with exponents."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ LINKS = (10, 40, 100, 200, 400)
 RODS = (100, 1000, 3000, 10_000)
 SNAKES = (7, 14, 28, 56, 100)
 BODIES = (50, 100, 200, 500, 1000)
+STRINGS = (200, 500, 1000, 2000, 4000)
 STAGES = ("read", "derive, examine", "plan", "compile", "run", "evaluation")
 # One process for each number, whose cache is empty. CPU of the process, not the clock.
 MEASURE = """
@@ -123,6 +124,23 @@ def bodies(n):
     return ATTRACTING.format(n=n)
 
 
+STRING = """
+parameters: {{n: {n}, k: 100, m: 1}}
+coordinates: {{u(1..n): {{}}}}
+energy:
+  kinetic: sum(i = 1..n, m*u_dot(i)^2/2)
+  potential: k*(u(1)^2 + u(n)^2)/2 + sum(i = 1..n-1, k*(u(i+1) - u(i))^2/2)
+initial: {{u(i = 1..n): 0.1*sin(pi*i/(n+1))}}
+simulation: {{duration: 0.02}}
+output: {{columns: []}}
+"""
+
+
+def string(n):
+    """Give a fiftieth of a second of n masses on springs, with 1,000 rows."""
+    return STRING.format(n=n)
+
+
 def pairs(n):
     """Give the number of pairs of n bodies."""
     return n * (n - 1) / 2
@@ -135,5 +153,6 @@ def tables(turns):
         table("Links in angles, in number", links, LINKS, few),
         table("Rods in Cartesian coordinates, in number", rods, RODS, few),
         table("Links in space, on frames, in number", snake, SNAKES, few),
+        table("Strings of masses, in number", string, STRINGS, few),
         table("Bodies that attract; exponents in pairs", bodies, BODIES, few, pairs),
     ]
