@@ -133,12 +133,24 @@ def _once(problems: Iterable[Problem]) -> list[Problem]:
     return found
 
 
+# Section -> keys that each of its entries may have and that no other section has.
+KEYS_OF_ENTRIES = {
+    "constraints": ("friction", "limit", "relation", "restitution", "slip", "when"),
+    "events": ("at", "every", "impulse", "once", "set"),
+    "states": ("rate",),
+}
+
+
 def belongs(key: str) -> str:
     """Return a hint on the place of a key in the file, or an empty text."""
     if key in SECTIONS:
         return f"`{key}` belongs at the top of the file, without indentation"
-    found = next((section for section in SECTIONS if has_key(section, key)), "")
-    return found and f"`{key}` belongs below `{found}:`, indented"
+    if found := next((section for section in SECTIONS if has_key(section, key)), ""):
+        return f"`{key}` belongs below `{found}:`, indented"
+    of = next((x for x, keys in KEYS_OF_ENTRIES.items() if key in keys), "")
+    return (
+        of and f"`{key}` belongs to an entry of `{of}`: {of}: {{name: {{{key}: ...}}}}"
+    )
 
 
 def kind_of(node: Node) -> str:

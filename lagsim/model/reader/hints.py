@@ -223,6 +223,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"([,;]|(?<!\d)\.)\s*$", "leave `{0}` out"),
     (r"\w\[\d*\]", "a member of a family is written q(1)"),
     (rf"\b(?:[eE]|exp)\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (r"\(([^()]+?)\s+if\s+([^()]+?)\s+else\s+([^()]+?)\)", "write if({1}, {0}, {2})"),
     (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
     (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
