@@ -30,9 +30,9 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import LOCAL, bend, series, slope
+from lagsim.methods.parts.state import LOCAL, bend, reached, series, slope
 from lagsim.native.elementary import BIAS, ONE_POWER
-from lagsim.native.kernels.words import bits, from_bits, fused
+from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
 
@@ -292,21 +292,15 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
     roundoff is stored in `remainder`. At the end of the step this is the new state to
     the last bit, so that both are on one side of a switch.
     """
+    if s.rtol >= control.TIGHT:
+        reached(h, c, lost, out, s.remainder)
+        return
     size, remainder = s.size, s.remainder
     bend(h, c, remainder)
-    if s.rtol < control.TIGHT:
-        control.add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
-        control.add_drift(s, s.drift, h)
-        s.remainder[:] += lost[:size]
-        control.add_compensated(size, out, remainder, out, remainder)
-        return
-    for i in range(size):
-        before = c[1 + i]
-        change = remainder[i] + fused(h, c[1 + size + i], lost[i])
-        after = before + change
-        moved = after - before
-        out[i] = after
-        remainder[i] = (before - (after - moved)) + (change - moved)
+    control.add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
+    control.add_drift(s, s.drift, h)
+    s.remainder[:] += lost[:size]
+    control.add_compensated(size, out, remainder, out, remainder)
 
 
 def chosen_step(s: Taylor, c: Floats, t: float) -> float:

@@ -55,14 +55,18 @@ def linked(runner):
         names.append("inertias")
     found = {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
     if "series" in names:
-        found |= {name: _value(runner, name) for name in ("bend", "slope")}
+        found |= {
+            "bend": _value(runner, "bend", 2),
+            "slope": _value(runner, "slope", 2),
+        }
+        found |= {"reached": _value(runner, "reached", 4)}
     return found
 
 
-def _value(runner, name):
-    kind = (None, [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p])
+def _value(runner, name, arrays):
+    kind = (None, [ctypes.c_double, *[ctypes.c_void_p] * arrays])
     call = runner.engine.function(name, *kind)
-    return lambda h, c, out: call(h, c.ctypes.data, out.ctypes.data)
+    return lambda h, *arrays: call(h, *(x.ctypes.data for x in arrays))
 
 
 def _through(call):

@@ -175,6 +175,14 @@ def bend(h: float, c: Floats, out: Floats) -> None:
 
 
 @external
+def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> None:
+    """Compute sum_k y_k h^k (size,) of a series c, and its roundoff.
+
+    lost : (size,), the roundoff of y_0, which is added. left : (size,), the roundoff.
+    """
+
+
+@external
 def slope(h: float, c: Floats, out: Floats) -> None:
     """Compute sum_k k y_k h^(k - 1) (size,), the derivative of a series c, at h."""
 

@@ -4,7 +4,9 @@ A series c is stored as its order K and the coefficients y_0, ..., y_K, each (si
 The functions are
 
 - `bend(h, c, out)`: the sum of y_k h^k over k >= 2,
-- `slope(h, c, out)`: the derivative of the series, the sum of k y_k h^(k - 1).
+- `slope(h, c, out)`: the derivative of the series, the sum of k y_k h^(k - 1),
+- `reached(h, c, lost, out, left)`: the sum of all y_k h^k and of `lost`, the roundoff
+  of y_0; `left` is the roundoff of the result.
 
 Components are the lanes of vectors, and the loop over the order is unrolled. A
 polynomial is split into four, by the remainder of k divided by 4, which overlap in
@@ -20,7 +22,7 @@ from lagsim.native.graph.lines import number
 from lagsim.native.kernels.keys import text_beside
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 # Largest number of components in one vector. More are computed in a loop.
 WIDEST = 8
@@ -36,21 +38,24 @@ def digest(size: int, order: int) -> str:
 
 
 def series_values(size: int, order: int) -> str:
-    """Return the IR of `bend` and `slope` for series of `size` components.
+    """Return the IR of the functions, for series of `size` components.
 
     order : K, at least 4.
     """
     bend = [(k, 1.0) for k in range(2, order + 1)]
     slope = [(k, float(k)) for k in range(1, order + 1)]
     functions = [
-        _function("bend", size, bend, square=True),
-        _function("slope", size, slope, square=False),
+        _function("bend", size, lambda vectors: vectors.bend(bend)),
+        _function("slope", size, lambda vectors: vectors.slope(slope)),
+        _function(
+            "reached", size, lambda vectors: vectors.reached(bend), ("lost", "left")
+        ),
     ]
     return "\n".join([*functions, ""])
 
 
 class _Writer:
-    """Lines on vectors of `width` doubles, of the components from %first on."""
+    """Lines on vectors of `width` doubles, of arrays from their `.at` on."""
 
     def __init__(self, size: int, width: int, mark: str) -> None:
         self.size, self.width, self.mark = size, width, mark
@@ -75,7 +80,7 @@ class _Writer:
 
     def coefficient(self, k: int, factor: float) -> str:
         """Write `factor` times the coefficients y_k of the components."""
-        place = f"getelementptr double, ptr %from, i64 {1 + k * self.size}"
+        place = f"getelementptr double, ptr %c.at, i64 {1 + k * self.size}"
         loaded = self.line(f"load {self.kind}, ptr {self.line(place)}, align 8")
         if factor == 1.0:
             return loaded
@@ -98,53 +103,77 @@ class _Writer:
             high = self.add(high, self.mul(parts[3], h))
         return self.add(low, self.mul(high, square))
 
-    def function(self, terms: Sequence[tuple[int, float]], *, square: bool) -> None:
-        """Write the polynomial, or its product with h^2, to %to."""
+    def bend(self, terms: Sequence[tuple[int, float]]) -> None:
+        """Write the function `bend`."""
+        _, value, square = self._powers_and_value(terms)
+        self._store(self.mul(value, square), "out")
+
+    def slope(self, terms: Sequence[tuple[int, float]]) -> None:
+        """Write the function `slope`."""
+        _, value, _ = self._powers_and_value(terms)
+        self._store(value, "out")
+
+    def reached(self, terms: Sequence[tuple[int, float]]) -> None:
+        """Write the function `reached`."""
+        h, value, square = self._powers_and_value(terms)
+        lost = self.line(f"load {self.kind}, ptr %lost.at, align 8")
+        first = self.add(self.mul(h, self.coefficient(1, 1.0)), lost)
+        change = self.add(self.mul(value, square), first)
+        before = self.coefficient(0, 1.0)
+        after = self._exact("fadd", before, change)
+        moved = self._exact("fsub", after, before)
+        back = self._exact("fsub", after, moved)
+        one = self._exact("fsub", before, back)
+        other = self._exact("fsub", change, moved)
+        self._store(after, "out")
+        self._store(self._exact("fadd", one, other), "left")
+
+    def _powers_and_value(
+        self, terms: Sequence[tuple[int, float]]
+    ) -> tuple[str, str, str]:
         h = self.splat("%h")
-        second = self.mul(h, h)
-        fourth = self.mul(second, second)
-        value = self.polynomial(terms, [h, second, fourth])
-        if square:
-            value = self.mul(value, second)
-        self.lines.append(f"store {self.kind} {value}, ptr %to, align 8")
+        square = self.mul(h, h)
+        fourth = self.mul(square, square)
+        return h, self.polynomial(terms, [h, square, fourth]), square
+
+    def _exact(self, operation: str, x: str, y: str) -> str:
+        return self.line(f"{operation} {self.kind} {x}, {y}")
+
+    def _store(self, value: str, array: str) -> None:
+        self.lines.append(f"store {self.kind} {value}, ptr %{array}.at, align 8")
 
 
 def _function(
-    name: str, size: int, terms: Sequence[tuple[int, float]], *, square: bool
+    name: str,
+    size: int,
+    write: Callable[[_Writer], None],
+    more: Sequence[str] = (),
 ) -> str:
-    """Return the IR of a function that evaluates a polynomial of each component.
+    """Return the IR of a function that `write` writes for some components.
 
-    terms : pairs of k and the factor of y_k.
+    more : its arrays besides `c` and `out`.
     """
+    arrays = ("c", more[0], "out", more[1]) if more else ("c", "out")
+    signature = ", ".join(f"ptr %{x}" for x in arrays)
     whole, rest = divmod(size, WIDEST)
-    text = f"define void @{name}(double %h, ptr %c, ptr %out) {{\nentry:\n"
+    text = [f"define void @{name}(double %h, {signature}) {{", "entry:"]
     if whole:
         vectors = _Writer(size, WIDEST, "v")
-        vectors.function(terms, square=square)
-        body = "\n".join(vectors.lines)
-        text += _LOOP.format(body=body, widest=WIDEST, end=whole * WIDEST)
+        write(vectors)
+        text += ["br label %each", "each:"]
+        text.append("%first = phi i64 [0, %entry], [%next, %each]")
+        text += [
+            f"%{x}.at = getelementptr double, ptr %{x}, i64 %first" for x in arrays
+        ]
+        text += [*vectors.lines, f"%next = add i64 %first, {WIDEST}"]
+        text.append(f"%again = icmp slt i64 %next, {whole * WIDEST}")
+        text += ["br i1 %again, label %each, label %rest", "rest:"]
     if rest:
         vectors = _Writer(size, rest, "r")
-        vectors.function(terms, square=square)
-        body = "\n".join(vectors.lines).replace("%from", "%from.r")
-        text += _REST.format(body=body.replace("%to", "%to.r"), first=whole * WIDEST)
-    return f"{text}ret void\n}}"
-
-
-_LOOP = """\
-br label %each
-each:
-%first = phi i64 [0, %entry], [%next, %each]
-%from = getelementptr double, ptr %c, i64 %first
-%to = getelementptr double, ptr %out, i64 %first
-{body}
-%next = add i64 %first, {widest}
-%again = icmp slt i64 %next, {end}
-br i1 %again, label %each, label %rest
-rest:
-"""
-_REST = """\
-%from.r = getelementptr double, ptr %c, i64 {first}
-%to.r = getelementptr double, ptr %out, i64 {first}
-{body}
-"""
+        write(vectors)
+        begin = whole * WIDEST
+        text += [
+            f"%{x}.rest = getelementptr double, ptr %{x}, i64 {begin}" for x in arrays
+        ]
+        text += [line.replace(".at", ".rest") for line in vectors.lines]
+    return "\n".join([*text, "ret void", "}"])
