@@ -128,9 +128,10 @@ class Corner(NamedTuple):
 def on_both_sides(
     g: Graph, side: Side, followers: Sequence[tuple[str, int]], nodes: Sequence[int]
 ) -> tuple[list[int], list[int]]:
-    """Return frozen nodes below a surface and above, with the sides that follow it.
+    """Return nodes with the branches below a surface, and with the branches above it.
 
-    side, followers : of the surface; see `Corner`.
+    side : of the surface. followers : switches whose sides follow from it, see
+    `Corner`. nodes : expressions with mode variables.
     """
     variable = g.variable(side.variable)
     low, high = g.constant(-1.0), g.one

@@ -300,9 +300,11 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
 
 
 def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
-    """Whether this power of signal k varies by less than APPROACH on a stretch.
+    """Whether a power of signal k varies by a part below APPROACH within a step.
 
-    width : of the stretch. By the hulls of the cubics on both sides of its middle.
+    By the hulls of the cubics on both sides of the middle of a stretch.
+
+    width : length of the stretch. power : the exponent.
     """
     count = rows(s)
     left = THIRD * BETWEEN * width

@@ -291,7 +291,7 @@ def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
 
 
 class _Writer:
-    """Writer of the elements of one group."""
+    """Writer of the elements (term, slots and table) of one group of members."""
 
     def __init__(self, group: GatheredTerms, known: Lookup) -> None:
         self.group, self.known = group, known

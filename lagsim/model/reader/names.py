@@ -97,7 +97,7 @@ class Meaning(NamedTuple):
 
 @dataclass(slots=True)
 class Names:
-    """Names of a file.
+    """Names of a file, with their kinds, places and faults.
 
     Attributes
     ----------

@@ -69,7 +69,7 @@ class _Place(NamedTuple):
     slopes: Sequence[Mapping[int, int]]
 
     def at(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the place (d,) and its derivatives (d, n)."""
+        """Return the position (d,) of the place, and its derivatives (d, n)."""
         return x.array(self.nodes), _dense(self.slopes, x)
 
 
