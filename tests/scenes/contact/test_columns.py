@@ -96,3 +96,71 @@ def test_where_it_rests_does_not_depend_on_the_tolerance():
     coarse, fine = (play(column(10, 0.5), rtol=rtol) for rtol in (1e-10, 1e-12))
     ends = [max(found.times("zeno")) for found in (coarse, fine)]
     assert ends[0] == pytest.approx(ends[1], abs=100 * GLOBAL)
+
+
+# --- What an impact reaches: nothing of other bodies, and all through a shared one
+
+
+def bounced(height, e, t):
+    """Give the height of a ball at times t, dropped at `height` above its floor."""
+    y = np.empty_like(t)
+    start, speed = -np.sqrt(2 * height / G), np.sqrt(2 * G * height)
+    for k, time in enumerate(t):
+        begin, leaves = start, speed
+        while time > begin + 2 * leaves / G:
+            begin, leaves = begin + 2 * leaves / G, e * leaves
+        y[k] = leaves * (time - begin) - G / 2 * (time - begin) ** 2
+    return y
+
+
+@pytest.mark.slow
+def test_balls_on_floors_of_their_own_bounce_as_if_alone():
+    names = [f"q{k}" for k in range(12)]
+    heights = {q: round(0.4 + 0.05 * k, 2) for k, q in enumerate(names)}
+    e = {q: round(0.95 - 0.02 * k, 2) for k, q in enumerate(names)}
+    masses = [10.0 ** (k % 4 - 1) for k in range(12)]
+    found = play(
+        scene(
+            " ".join(names),
+            " + ".join(f"{m}*{q}_dot^2/2" for m, q in zip(masses, names, strict=True)),
+            " + ".join(f"{m}*g*{q}" for m, q in zip(masses, names, strict=True)),
+            {f"c{q}": contact(f"{q} >= 0", e[q]) for q in names},
+            heights,
+            duration=1.3,
+            output_step=0.013,
+        )
+    )
+    for q in names:
+        expected = bounced(heights[q], e[q], found.t)
+        assert found[q] == pytest.approx(expected, abs=GLOBAL)
+
+
+def plate(*, relative):
+    """Five balls above a heavy plate on a spring; heights from the floor or the plate.
+
+    With heights from the plate, M is not diagonal.
+    """
+    names = [f"q{k}" for k in range(5)]
+    top, fast = ("P + ", "P_dot + ") if relative else ("", "")
+    gap = "{} >= 0" if relative else "{} >= P"
+    return scene(
+        " ".join(["P", *names]),
+        "500*P_dot^2/2 + " + " + ".join(f"({fast}{q}_dot)^2/2" for q in names),
+        "5e5*P^2/2 + 500*g*P + " + " + ".join(f"g*({top}{q})" for q in names),
+        {f"c{q}": contact(gap.format(q), 0.9) for q in names},
+        {"P": 0.0} | {q: round(0.1 + 0.04 * k, 2) for k, q in enumerate(names)},
+        duration=1.3, output_step=0.01,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_balls_share_a_plate_in_any_coordinates():
+    above, absolute = (play(plate(relative=x)) for x in (True, False))
+    kinds = [(e.kind, e.constraint) for e in above.result.events]
+    assert kinds == [(e.kind, e.constraint) for e in absolute.result.events]
+    assert len(kinds) > 12
+    times = [[e.time for e in x.result.events] for x in (above, absolute)]
+    assert times[0] == pytest.approx(times[1], abs=GLOBAL)
+    for k in range(5):
+        at = above["P"] + above[f"q{k}"]
+        assert at == pytest.approx(absolute[f"q{k}"], abs=1e2 * GLOBAL)
