@@ -318,7 +318,8 @@ class Run:
             if left <= budget:
                 return Ending(Outcome.TOO_MANY_STEPS)
             end = arc.settings.end
-            passed = self._horizon.before(end, arc.t, arc.steps, most_steps)
+            rejected = int(arc.state.rejections)
+            passed = self._horizon.before(end, arc.t, arc.steps, rejected, most_steps)
             if passed is not None:
                 about = f"; {most_steps:,} would not pass t = {passed:.6g}"
                 return Ending(Outcome.TOO_MANY_STEPS, about)

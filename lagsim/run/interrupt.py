@@ -27,6 +27,8 @@ ASKED, COMPARED = 1 << 13, 6
 # Largest ratio of the times covered by successive doublings of the steps that counts as
 # no progress: the ratio is larger if the steps grow as a power of the time below 4.
 SLOWER = 1.2
+# Rejections for each step of the last doubling beyond which steps do not converge.
+REJECTED = 0.9
 
 
 class Horizon:
@@ -34,7 +36,10 @@ class Horizon:
 
     Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
     doubling of their number covers half of the time that the doubling before covered.
-    For a motion whose frequency grows as exp(t), all doublings cover equal times.
+    For a motion whose frequency grows as exp(t), all doublings cover equal times. Where
+    nearly each step is rejected once, as for a state off a singular configuration by
+    rounding, the steps are equal and the error estimate is rounding: a prediction is
+    made for these as well.
 
     Attributes
     ----------
@@ -45,28 +50,33 @@ class Horizon:
     def __init__(self) -> None:
         self.ask_at = ASKED
         self._times: list[float] = []
+        self._rejected = 0
 
-    def before(self, end: float, t: float, steps: int, most: int) -> float | None:
+    def before(
+        self, end: float, t: float, steps: int, rejected: int, most: int
+    ) -> float | None:
         """Return the time before `end` that `most` steps will not pass, or None.
 
         Parameters
         ----------
         end : float
             End of the run.
-        t, steps
-            Current time, and number of steps so far.
+        t, steps, rejected
+            Current time, and numbers of steps and of rejected steps so far.
         most : int
             Largest number of steps of the run.
         """
         if steps < self.ask_at:
             return None
         self.ask_at *= 2
+        mostly = rejected - self._rejected > REJECTED * 0.5 * steps
+        self._rejected = rejected
         self._times = [*self._times[1 - COMPARED :], t]
         took = [b - a for a, b in itertools.pairwise(self._times)]
         if len(took) < COMPARED - 1 or min(took) <= 0.0:
             return None
         share = max(b / a for a, b in itertools.pairwise(took))
-        if share > SLOWER:
+        if share > SLOWER and not mostly:
             return None
         doublings, left = max(0.0, math.log2(most / steps)), 0.0
         for k in range(1, 1 + math.ceil(doublings)):

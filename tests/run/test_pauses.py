@@ -6,6 +6,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.methods import names
 from lagsim.program import system
+from lagsim.run.interrupt import Horizon
 from tests.support import SHIPPED, run
 
 # Loops over rows that depend, impacts, events; the others wait for the slow suite.
@@ -67,6 +68,19 @@ def test_a_run_ends_at_the_same_step_however_often_its_kernels_pause(monkeypatch
     ]
     assert "would not pass t = 0.6" in ends[0].reason
     assert repr(ends[0]) == repr(ends[1])
+
+
+@pytest.mark.parametrize(
+    ("rejected", "found"), [(1.0, pytest.approx(0.08388608)), (0.5, None)]
+)
+def test_steps_that_are_rejected_once_each_end_a_run(rejected, found):
+    # Equal steps of 1e-8: 2^23 of these do not reach the end.
+    horizon, ends = Horizon(), []
+    for _ in range(8):
+        n = horizon.ask_at
+        ends.append(horizon.before(1.0, 1e-8 * n, n, int(rejected * n), 2**23))
+    assert ends[-1] == found
+    assert ends[0] is None
 
 
 # All methods take minutes for the contacts of four feet.
