@@ -47,6 +47,7 @@ from lagsim.methods.parts.parameters import (
 from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import bits, external, from_bits
 from lagsim.program import mass
+from lagsim.program.nearly_dependent import factor_rows, is_frictionless, solve_by_rows
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -148,10 +149,23 @@ def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
                     product = product_within(p, i, row, p.Z[place * n :])
                     entries[place - begin] = product * scale
     band = bits(p.group_bands[g])
-    if decompose(1, count, band, matrix, p.factors[begin:]) == 0:
-        p.scales[begin:end] = nan
+    regular = decompose(1, count, band, matrix, p.factors[begin:])
+    least = 1.0
     for j in range(count):
-        p.least_pivot = min(p.least_pivot, abs(matrix[j * count + j]))
+        least = min(least, abs(matrix[j * count + j]))
+    well = regular > 0 and least > SQUARED
+    if count > 1 and not well and is_frictionless(p, begin, end):
+        least = 0.0
+        regular = factor_rows(p, begin, count, matrix)
+        p.factors[begin] = BY_ROWS
+    if regular == 0:
+        p.scales[begin:end] = nan
+    p.least_pivot = min(p.least_pivot, least)
+
+
+# A group of rows whose least pivot of S is smaller is factored by rows, see
+# `nearly_dependent`. Instead of the first pivot: the group is factored so.
+SQUARED, BY_ROWS = 1e-10, -1.0
 
 
 def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
@@ -274,6 +288,8 @@ def solve_rows(p: Parameters, sliding: int) -> None:
             S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
             if count == 1:
                 p.w[begin] /= S[0]
+            elif p.factors[begin] == BY_ROWS:
+                solve_by_rows(p, begin, count, S)
             else:
                 solve(1, count, band, S, p.factors[begin:], p.w[begin:])
 
