@@ -28,6 +28,7 @@ import numpy as np
 
 from lagsim.methods.parts.parameters import TURNS
 from lagsim.run.events.times import SAMPLES, pulses
+from lagsim.run.modes import TrialModes
 from lagsim.tolerances import CLEAR_OF_ROUNDING, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -84,17 +85,14 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
     """
     lasts, p, rows = _longest(here, steady), here.arc.system.p, pairs.ravel()
     D = here.answer.D[np.ix_(rows, rows)]
-    directions, floors, found = p.law_direction.copy(), p.law_floor.copy(), None
-    p.law_floor[pairs] = FAST
-    try:
-        for halvings in range(HALVINGS):
-            p.law_direction[:] = directions
+    found = None
+    for halvings in range(HALVINGS):
+        with TrialModes(p):
+            p.law_floor[pairs] = FAST
             found = _collocated(here, pairs, friction, D, lasts * 0.5**halvings)
-            if found is not None:
-                break
-    finally:
-        p.law_direction[:], p.law_floor[:] = directions, floors
-    if found is None or (found.speeds < floors[pairs[:, 0]]).any():
+        if found is not None:
+            break
+    if found is None or (found.speeds < p.law_floor[pairs[:, 0]]).any():
         return
     p.law_begun[rows], p.law_lasts[rows] = here.t, found.lasts
     # Speeds at which friction turns a slip within the interval, and no faster.
