@@ -327,6 +327,8 @@ class System:
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
+        # Values: a copy has its own.
+        self.__dict__.pop("restitutions", None)
         self.p = self._filled(self._parameters())
         self._runners = {name: x.over(self) for name, x in self._runners.items()}
 

@@ -348,3 +348,20 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
         gc.enable()
     drawn = len(list(tmp_path.rglob("*.png")))
     assert left <= drawn / grid.runs < drawn
+
+
+def test_a_swept_restitution_counts():
+    """The ball falls from 1 m; between bounces y = e v d - g d^2/2, v = sqrt(2 g)."""
+    text = """
+    parameters: {e: 0.5}
+    coordinates: {y: {}}
+    energy: {kinetic: y_dot^2/2, potential: 9.81*y}
+    constraints: {floor: {relation: y >= 0, restitution: e}}
+    initial: {y: 1}
+    simulation: {duration: 0.8, output_step: 0.8}
+    """
+    values = [0.5, 0.65, 0.8]
+    found = lagsim.sweep(text, {"e": values}, jobs=1, error_bar="never")
+    v, d = np.sqrt(2 * 9.81), 0.8 - np.sqrt(2 / 9.81)
+    heights = np.array(values) * v * d - 9.81 * d**2 / 2
+    assert found["y.end"] == pytest.approx(heights, abs=1e-11)
