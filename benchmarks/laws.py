@@ -52,7 +52,7 @@ LAWS = {
         "evaluation",
         (10, 20, 40, 80, 160, 400),
     ),
-    "column of balls, dropped, 2 s": (COLUMN, "impact", (10, 20, 40, 80)),
+    "column of balls, dropped, 2 s": (COLUMN, "impact", (20, 40, 80, 160, 200)),
 }
 
 
