@@ -552,20 +552,20 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone on a stretch.
 
-    x is the end of the stretch. Its variation is compared with its change if the state
-    at x is rounded or moved by its tolerances. Along a chain at rest, motion spreads
-    with increasing powers of the time: at first no step, however short, resolves its
-    shape.
+    x is the end of the stretch. Its variation is compared with its change if the time
+    and the state at x are rounded and the state is moved by its tolerances. Along a
+    chain at rest, motion spreads with increasing powers of the time: at first no step,
+    however short, resolves its shape.
     """
     z = s.point
     now = s.values[events(s) :]
-    most = 0.0
+    most, t = 0.0, s.step_t + x * s.step_h
     for way in range(2):
         interpolate(s, p, x, z)
         part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
         move_aside(s.size, z, z, part, way, z)
         move_within(s, 1.0, way, z)
-        signals(s.step_t + x * s.step_h, z, p, now)
+        signals((1.0 + part) * t, z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
     return variation(s, k) <= most
 
@@ -580,8 +580,9 @@ def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     most = 0.0
     for way in range(2):
         interpolate(s, p, x, z)
-        move_aside(s.size, z, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, way, z)
-        signals(s.step_t + x * s.step_h, z, p, now)
+        part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
+        move_aside(s.size, z, z, part, way, z)
+        signals((1.0 + part) * (s.step_t + x * s.step_h), z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
     largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
     return largest <= CLEAR_OF_ROUNDING * most

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+import lagsim
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene, tried
 from tests.support import refused
@@ -444,3 +445,25 @@ simulation: {{duration: {end}, output_step: 0.25}}
     assert np.max(np.abs(found["x"][found.t <= 3.0])) < 1e-14
     slips = found.instants("slip")
     assert slips == pytest.approx([3.0] if end > 3.0 or slips else [], abs=GLOBAL)
+
+
+def test_a_slip_against_the_time_is_rounding_where_its_speeds_vanish():
+    # A block sticks to a belt whose speed falls to 0 at t = 0.5. There the slip
+    # x_dot - (0.5 - t) is the rounding of 0.5 - t, which exceeds that of x_dot by far.
+    text = """
+    coordinates: {x: {}, y: {}}
+    energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+    constraints:
+      f:
+        relation: y >= 0
+        restitution: 0
+        friction: if(slip_speed > 0.3, 0.1, 0.3)
+        slip: x_dot - (0.5 - t)
+    forces: {x: -4*x}
+    initial: {x: 0.3, y: 0}
+    simulation: {duration: 0.5}
+    """
+    found = lagsim.simulate(lagsim.load(text), method="dop853", error_bar="never")
+    stuck = found.t > 0.4
+    assert found["x_dot"][stuck] == pytest.approx(0.5 - found.t[stuck], abs=1e-12)
+    assert found.record["steps"] < 100
