@@ -187,6 +187,8 @@ class _Walk:
 
     Attributes
     ----------
+    here : Point
+        The state that the walk has reached; at first the guess.
     sides : dict of int to float
         The side of each surface on which the walk is.
     levels : dict of int to float
@@ -283,7 +285,10 @@ class _Walk:
         }
 
     def _rest(self) -> Rest:
-        """Return the residuals on the present sides and surfaces, from `here`."""
+        """Return the balance to be solved with the present sides and levels.
+
+        The iteration starts from the state `here`.
+        """
         kinks, pins = self.kinks, self._pins()
         e = kinks.on(self.sides, pins)
         pinned = {

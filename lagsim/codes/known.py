@@ -1,6 +1,6 @@
 """Codes of errors and warnings: an unknown one cannot be imported.
 
-Derived from the rows of this room: see docs/adding.md.
+Derived from the rows of this package: see docs/adding.md.
 """
 
 from __future__ import annotations

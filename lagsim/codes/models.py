@@ -326,7 +326,8 @@ ROWS = (
         "An expression is not linear in the velocities.",
         "A `slip`, or a definition of velocities that a force acts on, is linear in "
         "the velocities, such as x_dot - r*phi_dot.",
-        "write powers of velocities into the force",
+        "write a sum of velocities with factors that depend on positions; powers of "
+        "velocities belong into the value of a force",
         "definitions: {y: -l*cos(theta), v2: theta_dot^2}\nforces: {v2: 1}\n"),
     MessageRow("E223", "not-of-time",
         "The condition `when` depends on the motion.",

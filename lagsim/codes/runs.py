@@ -186,7 +186,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",
         "look at the column and the time that are named first: `--plot FILE` draws "
-        "the columns; `lagsim golden --update` stores the new result if it is right",
+        "the columns; if the new result is right, store it by `lagsim golden --update`",
         commands=(
             _RUN_INTO.format("one"),
             _RUN_INTO.format("other --set m=2 --set l=1.01"),

@@ -188,8 +188,8 @@ initial: {x: 0, q: 0.8, y: a*sin(q) + 0.47, x_dot: 0.1, y_dot: -2}
         _RUN),
     warning("W313", "shared-contact",
         "Contacts are redundant: their forces are not unique, and one solution is "
-        "used.",
-        "leave contacts out until the others determine their forces",
+        "used. The motion is unique.",
+        "remove contacts until the forces of the remaining ones are unique",
         """\
 coordinates: {z: {}, a: {}, b: {}}
 definitions: {}
@@ -226,8 +226,9 @@ simulation: {duration: 0.1, output_step: 0.1}
         "look at the model where the repeat failed, or try another method or rtol",
         commands=()),
     warning("W319", "energy-drifts",
-        "energy - work, which is constant, changed by more than 1e-6 of the energy in "
-        "play and by more than 1000 tolerances.",
+        "energy - work, which is constant, changed by more than the larger of 1e-6 and "
+        "1000 `rtol`, both relative to the energy in play (the largest of the kinetic "
+        "energy and of the ranges of potential energy and work).",
         "choose an origin and a frame near the moving bodies; or use differences as "
         "coordinates",
         """\
@@ -336,10 +337,10 @@ simulation: {duration: 100, output_step: 1}
 """,
         (f"lagsim golden {MODEL} --update",)),
     warning("W406", "change-unseen",
-        "A number of the model was changed slightly (a parameter by 1e-4 of itself, a "
-        "start value by 1e-5, a point of a table by 1 % of the range). The motion "
-        "responds by more than rounding errors, but within the bounds of the rows "
-        "that the golden compares.",
+        "A small change of a number of the model (of a parameter by 1e-4 of its value, "
+        "of a start value by 1e-5, of a point of a table by 1 % of the range) moves "
+        "the motion by more than rounding, yet no stored row of the golden leaves its "
+        "bound: the golden would not detect such a change.",
         "use a smaller `output_step`, so that rows lie where the motion responds; or "
         "add `definitions` as columns that respond",
         """\
@@ -352,7 +353,8 @@ simulation: {duration: 2, output_step: 0.5}
     warning("W407", "frozen-time",
         "The equations depend on time: positions of rest and modes are computed at "
         "the time of the start, with moving constraints frozen.",
-        "leave the force out by `--set`, or choose a `start` at which it is 0",
+        "set the amplitudes of the terms that depend on time to 0 by `--set`, or "
+        "choose a `start` at which these terms vanish",
         "forces: {theta: sin(t)}\n",
         ("lagsim modes pendulum.yaml --no-plots",)),
     warning("W408", "no-response",

@@ -839,7 +839,7 @@ def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
     column : ndarray, shape (n,)
         The entering column.
     artificial : ndarray of bool, shape (n,)
-        The row whose basic variable is the artificial one; preferred at ties.
+        True at the row of the artificial variable, which leaves first at ties.
     """
     tied = np.flatnonzero(column > TABLEAU_ROUNDOFF)
     if not len(tied):

@@ -34,9 +34,14 @@ def after_initial_events(e: Equations, state: Instant) -> Equations:
 
 
 def _begin(e: Equations, values: dict[str, float]) -> Begun:
-    """Execute the events that act at a start.
+    """Execute the events that act at the start, and return a record of the acts.
 
-    values : the values of all names at the start, changed in place.
+    Events act in rounds: each round holds the events whose conditions became true in
+    the round before. If events undo each other without end, only these are recorded, as
+    `chatter`, with the names of all acts.
+
+    values : numbers by name (t, parameters, modes, state) at the start. The assignments
+    of the events change the entries in place.
     """
     g, model = e.graph, e.model
     impulses = generalized_impulses(e) if model.kicks else []

@@ -100,9 +100,10 @@ class PlotData:
 
 
 def merged(events: Iterable[Event]) -> list[Event]:
-    """Return the events to mark: an impact absorbs the other events at its time.
+    """Return the events that pictures mark.
 
-    The end of a sequence of impacts (`zeno`) absorbs them, too.
+    `until` is omitted; `zeno` of switches counts as `switch`; other events at the time
+    of an impact, corner or `zeno` are omitted.
     """
     own = [
         e._replace(kind="switch") if e.kind == "zeno" and e.constraint is None else e

@@ -176,7 +176,20 @@ def motion_of(
 def variants(
     case: Case, base: SampledMotion, stride: int, compiled: Compiled
 ) -> Iterator[SampledMotion]:
-    """Return the variants of the golden run that reach its end."""
+    """Yield the motions of the variants of a case that end with the outcome of `base`.
+
+    Variants that a method refuses are omitted.
+
+    Parameters
+    ----------
+    case : Case
+    base : SampledMotion
+        The motion of the golden run.
+    stride : int
+        One of `stride` output times is sampled.
+    compiled : Compiled
+        The compiled functions of earlier runs.
+    """
     for other in _asked(case, base.plan):
         with contextlib.suppress(InputError):
             found = motion_of(other, stride, compiled)

@@ -499,7 +499,10 @@ class _Search:
             self.found, self._power = other, power
 
     def derivative(self) -> Derivative:
-        """Return the best derivatives so far."""
+        """Return the derivatives from the best difference so far, with step and error.
+
+        Rows that the run does not reach are nan in `values`, and False in `lost`.
+        """
         runs, found = self.runs, self.found
         return Derivative(
             runs.name, found.values, found.lost & runs.study.reached,

@@ -193,9 +193,10 @@ class Expansion:
     def made(
         self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
     ) -> Entry:
-        """Return an entry, with a parsed expression, that is not in the file.
+        """Return an entry (key `name`, value `parsed`) that the file does not contain.
 
-        at : its place in messages. text : the text of its value, by default of `at`.
+        at : the scalar of the file that messages point to. text : the source text of
+        the value; `at.text` if empty.
         """
         reading = HiddenReading(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)

@@ -43,16 +43,19 @@ class UnlikeError(Exception):
 
 
 class Lookup(NamedTuple):
-    """Access to the numbers and members of a file that `scope.Scope` stores.
+    """Functions by which a sum reads parameters and members of families.
+
+    `scope.Scope` makes them.
 
     Attributes
     ----------
     number : callable
-        Name and offset of a parameter -> its value; stores that it was used.
+        (name, offset in the expression, for messages) -> value of the parameter;
+        records the name as used.
     has : callable
-        Name and subscripts -> whether there is this member.
+        (name, subscripts) -> whether the family has this member.
     dotted : callable
-        Name, subscripts and component -> name of a variable.
+        (name, subscripts, component) -> name of the variable.
     """
 
     number: Callable[[str, int], float]
@@ -134,7 +137,11 @@ def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
 
 
 def _sums(tree: Tree) -> list[Sum]:
-    """Split a tree into sums over ranges whose total it is."""
+    """Return sums over ranges that add up to the tree.
+
+    A term without a range is a Sum with no ranges; inner sums that cannot be taken out
+    are written out.
+    """
     if tree.op == OVER:
         first, last, term = tree.args
         own = Range(str(tree.value), first, last)

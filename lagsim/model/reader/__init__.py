@@ -534,7 +534,10 @@ class File:
         return not words_below(*others).isdisjoint(names)
 
     def texts(self) -> dict[str, Scalar]:
-        """Return the expressions of energies, forces and constraints, by `forces.x`."""
+        """Return the texts of the model's expressions, by keys such as `forces.x`.
+
+        The sections are definitions, states, energies, forces, constraints and events.
+        """
         below = {
             "definitions": self.definitions,
             "states": self.states,

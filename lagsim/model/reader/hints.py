@@ -416,7 +416,11 @@ def of_text(
 
 
 def _typed(text: str, known: Collection[str]) -> str:
-    """Return an expression of LaTeX, or with typographic signs, as lagsim writes it."""
+    """Return an expression in lagsim's notation, from LaTeX or with typographic signs.
+
+    known : names, which stay as they are where they have letters beyond ASCII. The text
+    itself is returned if it has no such notation.
+    """
     words = (w[0] for w in re.finditer(r"[^\W\d_]\w*", text) if not w[0].isascii())
     if not any(_is_known(word, known) for word in words):
         text = unicodedata.normalize("NFD", text.replace("≠", "!="))

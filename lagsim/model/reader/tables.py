@@ -193,7 +193,7 @@ class _TableReader:
         return points if sound else None
 
     def _from_file(self) -> _Points | None:
-        """Return points read from columns of a CSV file."""
+        """Return the points read from columns of a CSV file, or None after a fault."""
         path, below = self.below.text("file"), self.below
         text = self._content(path)
         if text is None:

@@ -283,11 +283,12 @@ class EnergyMonitor:
 
     @property
     def energy_in_play(self) -> float:
-        """Largest of the kinetic energy, and the ranges of its parts and of the work.
+        """Largest of the kinetic energy and of the ranges of potential energy and work.
 
-        The energy at the ends of steps is included, since the energy may vanish in all
-        rows, as that of a drive that reverses at each of the output times. For a model
-        by its `lagrangian` alone, the range of the Lagrangian or the largest |energy|.
+        The largest energy at the ends of steps is included, since the energy may vanish
+        in all rows, as that of a drive that reverses at each of the output times. A
+        model without kinetic and potential energy has the ranges of Lagrangian and
+        work, and the largest |energy|.
         """
         low, high = self._extremes.low, self._extremes.high
         return energy_in_play(self._parts, low, high, self.between_rows)

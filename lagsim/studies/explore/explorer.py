@@ -598,10 +598,11 @@ class _Alone:
 
 
 def packed(header: Document, columns: Sequence[Floats]) -> bytes:
-    """Return a motion as bytes: header and columns.
+    """Return a motion as bytes: a header, then the columns of its rows.
 
-    The length of the header as 32 bits, the header in JSON filled with spaces to a
-    multiple of 8 bytes with its length, then each column as float64; all little-endian.
+    Layout, little-endian: the length of the header as uint32; the header in JSON, with
+    spaces appended so that these two parts take a multiple of 8 bytes; then each column
+    as float64. The number of rows is added to the header.
     """
     rows = len(columns[0])
     content = encode(header | {"rows": rows}).rstrip()

@@ -322,7 +322,11 @@ def _defined(e: Equations, point: Point) -> Iterator[Document]:
 
 
 def _states(e: Equations) -> Iterator[Document]:
-    """Yield the rates of first-order states, which vanish where they are steady."""
+    """Yield name, rate and derivatives of the rate of each first-order state.
+
+    Rate : its node; 0 in a steady state. Derivatives : the nodes of the nonzero
+    derivatives by all first-order states.
+    """
     every = [e.graph.variable(x.name) for x in e.states]
     for x in e.states:
         A = dict(enumerate(gradient(e.graph, x.rate, every)))

@@ -421,7 +421,10 @@ class Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def send_error(self, code: int, *_: Any) -> None:
-        """Answer a request that is no HTTP, without a word of it in the answer."""
+        """Answer a malformed request with the status `code` and an empty body.
+
+        No text of the request is returned. The connection is closed.
+        """
         self.close_connection = True
         self._send(b"", "text/plain", HTTPStatus(code))
 
