@@ -30,6 +30,7 @@ from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
+from lagsim.studies.audit.evidence import UNEXPLAINED
 from lagsim.studies.bench import (
     DRIFT,
     LEAST_RTOL,
@@ -107,21 +108,39 @@ class ReferenceSolution(NamedTuple):
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
 ) -> Iterator[ReferenceSolution]:
-    """Yield the solution at the tightest possible tolerance, or one for each step."""
-    fixed, left = solver.setting == "step", iter(values)
+    """Yield the solution at the tightest possible tolerance, or one for each step.
+
+    Where a tighter tolerance has failed, a step of a looser one may have gone over the
+    singularity: the solution must keep its energy.
+    """
+    fixed, left, failed = solver.setting == "step", iter(values), False
     for value in left:
         solved = solver.solve(value, patience)
         if solved.outcome == TOO_SLOW:
             if fixed:
                 return
             next(left, None)  # a little looser takes as long
-        elif len(solved.rows):
+        elif not len(solved.rows):
+            failed = not fixed
+        elif not (failed and _drifts(solver.names, solved.rows)):
             how = f"{solver.method} at {solver.setting} {value:.3g}"
             yield ReferenceSolution(
                 how, solver.method, value, solver.names, solved.rows, solved.events
             )
             if not fixed:
                 return
+
+
+def _drifts(columns: Sequence[str], rows: Floats) -> bool:
+    """Whether energy less work changes by more than UNEXPLAINED of the kinetic energy.
+
+    The kinetic energy is the largest of the rows; where it is no column, the energy.
+    """
+    residuals = ResidualMonitor(columns)
+    residuals.add(rows)
+    name = "kinetic" if "kinetic" in columns else "energy"
+    size = float(np.max(np.abs(rows[:, columns.index(name)])))
+    return not residuals.drift.size <= UNEXPLAINED * size
 
 
 def _by_own(
